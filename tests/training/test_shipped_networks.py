@@ -10,9 +10,11 @@ import pytest
 import torch
 
 import hw_model as hw
+import locsnn_compile as lc
 from hw_model.values import IntArray
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import read_layout
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -362,3 +364,34 @@ def test_the_best_network_of_objects_on_the_chip() -> None:
         in card
     )
     assert float((played_alike(test) == test.labels).mean()) == tests[0]
+
+
+GRASPS = ROOT / "examples/recordings/grasps.npz"
+GRASPS_CONFIG = ROOT / "examples/configs/grasps-hybrid.yaml"
+
+
+def test_a_network_of_grasps_ships_with_its_recordings_and_their_licence() -> None:
+    found = read_checkpoint(model("grasps-hybrid"))
+    assert found.recordings is not None
+    given = vars(config_from_mapping(read_config(GRASPS_CONFIG)))
+    # Options that came later have no entry in the file: they are as they were, at their defaults.
+    defaults = vars(TrainingConfig(defaults="fixed"))
+    none = 9
+    trained_with = {key: found.training.get(key, defaults[key]) for key in given}
+    assert trained_with == given | {"tie": none}
+    card = model("grasps-hybrid").with_suffix(".md").read_text(encoding="utf-8")
+    for words in ("Copyright 2012 Harold Soh", "H. Soh, Y. Su, Y. Demiris", "IROS 2012"):
+        assert words in card
+    assert "locsnn train --data examples/recordings/grasps.npz" in card
+
+
+def test_the_network_of_grasps_reaches_its_test_accuracy() -> None:
+    found = read_checkpoint(model("grasps-hybrid"))
+    sensor = read_layout(ROOT / "examples/recordings/icub-hand.yaml")
+    test = read_recordings(GRASPS, split="test", sensor=sensor, test_share=0.2, fold=1)
+    compiled = lc.compile(found, strategy="delay-line", events=test, diagnosis=False)
+    accuracy = compiled.report["accuracy"]
+    assert accuracy["reference"] == found.training["test_accuracy"]
+    card = model("grasps-hybrid").with_suffix(".md").read_text(encoding="utf-8")
+    row = f"| 1 | {accuracy['reference']:.3f} | {accuracy['chip']:.3f} |"
+    assert row in card
