@@ -29,7 +29,7 @@ bench: .venv/installed-dev  ## measure speed and memory next to public simulator
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
 
 hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/research/hardware/resources-and-clock.md (ONLY=BOARD or ONLY=core, SEEDS=N)
-	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python tests/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
+	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python docs/research/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
 
 mutants: .venv/installed-dev  ## plant small faults in the code, one at a time: do the tests tell them? writes tests/mutants/results.csv; then all of the core's; an hour on two cores
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))

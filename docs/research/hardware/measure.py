@@ -29,7 +29,7 @@ from locsnn_compile.api import compile
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.frontends import load
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 sys.path.insert(0, str(ROOT / "tests/benchmarks"))
 from page_section import put_section, section_of  # noqa: E402
 

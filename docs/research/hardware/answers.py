@@ -1,6 +1,6 @@
 """How long the answer takes after the last word of a recording: cycles of the RTL and the prediction, into a page of docs/research.
 
-    python tests/hardware/answers.py [--programs FOLDER]
+    python docs/research/hardware/answers.py [--programs FOLDER]
 
 ``--programs``: what play_all.py keeps.
 """

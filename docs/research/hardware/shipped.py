@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 STRATEGIES = ("dendrite", "delay-line", "reset")
 HYBRIDS = ("objects-hybrid", "containers-hybrid")
 TRAINED = (

@@ -2,7 +2,7 @@
 
 Everything is compared with the simulator.
 
-    python tests/hardware/play_all.py [--data FOLDER] [--programs FOLDER]
+    python docs/research/hardware/play_all.py [--data FOLDER] [--programs FOLDER]
 
 ``--data`` holds Ev-Objects.zip and Ev-Containers.zip, of which the first 20 test recordings are played; without it, the
 recordings of examples/ are. Rows that played.csv has are left out: delete it to begin anew. ``--programs`` keeps what
@@ -18,7 +18,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from shipped import MODELS, example_files, model_file
+from shipped import MODELS, ROOT, example_files, model_file
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -26,7 +26,7 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 from locsnn_compile.request.recordings import recordings_for
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "peers"))
+sys.path.insert(0, str(ROOT / "tests/peers"))
 from peer_runs import networks_of
 from quirks import PEERS
 
