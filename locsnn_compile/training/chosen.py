@@ -38,6 +38,9 @@ SHORT_STEPS = 50
 SHORT_THETA = 2.0
 """In recordings of so few steps, potentials hardly reach the published threshold. On grasps of 24 steps, a threshold of
 2 instead of 10 doubled the accuracy of ``hybrid``."""
+LARGEST_SCORE = 10.0
+"""Of a class whose output spikes in every step. Where it is smaller, a loss asks for ever more spikes, and hidden
+neurons end in spiking all the time."""
 UNEVEN_FROM = 2.0
 """Ratio of the commonest and the rarest class from which classes are made to count alike."""
 
@@ -144,6 +147,8 @@ def _choose_all(
         return
     if structure.neurons in ("srm", "lif"):
         _choose_for_spiking(choices, recordings)
+    if structure.neurons == "xylo":
+        _choose_for_xylo(choices, recordings)
     rarest = int(recordings_of_class[recordings_of_class > 0].min())
     commonest = int(recordings_of_class.max())
     if commonest >= UNEVEN_FROM * rarest and choices.config.optimizer != "prototypes":
@@ -203,6 +208,16 @@ def _choose_for_spiking(choices: _Choices, recordings: Recordings) -> None:
         choices.settle(f"recordings have {steps} steps", theta=SHORT_THETA)
     if "location" in structure.branches and config.grid is not None:
         choices.settle("neighbours on the grid are near on this walk", order="hilbert")
+
+
+def _choose_for_xylo(choices: _Choices, recordings: Recordings) -> None:
+    """Choose what a spike of an output adds to the score of its class."""
+    config = choices.config
+    steps = recordings.spikes.shape[1]
+    count_scale = float(f"{LARGEST_SCORE / steps:.2g}")
+    if config.loss == "cross-entropy" and count_scale != config.count_scale:
+        why = f"an output spikes at most once in each of {counted(steps, 'step')}"
+        choices.settle(why, count_scale=count_scale)
 
 
 def _model(config: TrainingConfig, given: frozenset[str]) -> tuple[str, str]:

@@ -29,7 +29,7 @@ USUAL: dict[str, dict[str, Any]] = {
         "initial_scale": 1.0,
         "weight_decay": 0.01,
         "hidden": 64,
-        "learning_rate": 0.005,
+        "learning_rate": 0.01,
         "event_dropout": 0.2,
         "channel_dropout": 0.0,
     },

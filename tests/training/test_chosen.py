@@ -71,6 +71,31 @@ def test_what_was_given_stays(values: dict[str, Any], wanted: dict[str, Any]) ->
     assert {name: getattr(config, name) for name in wanted} == wanted
 
 
+@pytest.mark.parametrize(
+    ("steps", "count_scale", "line"),
+    [
+        pytest.param(
+            25,
+            0.4,
+            "  count_scale 0.4: an output spikes at most once in each of 25 steps",
+            id="short",
+        ),
+        pytest.param(
+            320,
+            0.031,
+            "  count_scale 0.031: an output spikes at most once in each of 320 steps",
+            id="long",
+        ),
+    ],
+)
+def test_scores_of_a_xylo_reach_as_far_in_short_recordings_as_in_long_ones(
+    steps: int, count_scale: float, line: str
+) -> None:
+    chosen = choose({"target": "xylo-imu", "channels": 12}, groups(channels=12, steps=steps))
+    assert chosen.config.count_scale == count_scale
+    assert line in chosen.lines
+
+
 def test_with_fixed_defaults_nothing_is_chosen() -> None:
     values = {"channels": 40, "defaults": "fixed"}
     chosen = choose(values, groups())
