@@ -1,6 +1,6 @@
 """The sizes of the open core, as a chip file gives them: what its memories hold, and what they can be made of."""
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from hw_model.errors import InputError
 from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Must, between
@@ -55,6 +55,14 @@ class MemoryWords(Frozen):
     phases: Annotated[int, between(8, 512)]
     states: Annotated[int, between(2, 1 << 20)] = 1 << 20
     sums: Annotated[int, between(1, 1 << 20)] = 1 << 20
+
+
+class MemoryUse(NamedTuple):
+    """The words of a memory that a program fills, all of them, and the bits of a word."""
+
+    used_words: int
+    words: int
+    word_bits: int
 
 
 class Macro(Frozen):

@@ -11,7 +11,7 @@ from hw_model.accounting.usage import PhaseUsage, measure
 from hw_model.accounting.worst_case import WorstCase
 from hw_model.description.chip import Chip
 from hw_model.description.counts import Counts
-from hw_model.description.open_core import Sizes
+from hw_model.description.open_core import MemoryUse, Sizes
 from hw_model.description.profile import UNPRICED
 from hw_model.program.chip_program import ChipProgram
 from hw_model.targets.target import LimitUse, Target
@@ -86,6 +86,13 @@ class OpenCoreTarget(Target):
             for name, (used, limit) in uses(needs, self.sizes).items()
             if name not in _CHOSEN_BY_THE_CHIP
         }
+
+    def memories_used(self, program: ChipProgram, rows: int) -> dict[str, MemoryUse]:
+        """Return how full a program makes each memory of the core."""
+        from hw_model.rtl.device import on_core
+        from hw_model.rtl.memory_use import memory_uses
+
+        return memory_uses(on_core(program, rows, self.chip))
 
     def measure(
         self,

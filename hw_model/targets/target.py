@@ -10,6 +10,7 @@ from hw_model.accounting.usage import PhaseUsage
 from hw_model.accounting.worst_case import WorstCase
 from hw_model.description.chip import Chip
 from hw_model.description.counts import Counts
+from hw_model.description.open_core import MemoryUse
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import ByteArray, Frozen
 
@@ -82,6 +83,10 @@ class Target(Frozen, ABC):
     @abstractmethod
     def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
         """Return what a program uses of each limit, by the limit's name."""
+
+    def memories_used(self, program: ChipProgram, rows: int) -> dict[str, MemoryUse]:
+        """Return how full each memory is, by its name; nothing where only limits are known."""
+        return {}
 
     @abstractmethod
     def measure(

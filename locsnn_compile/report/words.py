@@ -24,9 +24,13 @@ def words(key: str) -> str:
     return str(_VOCABULARY["words"].get(key, key.replace("_", " ")))
 
 
-def limit_words(name: str) -> str:
-    """Return a limit of the chip in words."""
-    return words(name) if name == "cores" else f"{words(name)} of a core"
+def limit_words(name: str, *, of_cores: bool) -> str:
+    """Return a limit of the chip in words; ``of_cores``: its cores have limits of their own."""
+    if name == "synapses" and not of_cores:
+        return "places for synapses, two in a word"
+    if name == "cores" or not of_cores:
+        return words(name)
+    return f"{words(name)} of a core"
 
 
 def share_of(value: float, whole: float) -> float:

@@ -230,15 +230,49 @@ def test_the_fullest_limit_of_an_open_core_is_something_that_a_program_fills(
     document: dict[str, Any],
 ) -> None:
     document["resources"]["limits"] = OF_OPEN_CORE
-    assert fits(figures(document)).facts[0].value == "synapses of a core, 12,942 of 16,384 (79.0 %)"
+    assert fits(figures(document)).facts[0].value == (
+        "places for synapses, two in a word, 12,942 of 16,384 (79.0 %)"
+    )
+
+
+MEMORIES = {
+    "synapse_pairs": {"used_words": 6_471, "words": 8_192, "word_bits": 48},
+    "waiting_charges": {"used_words": 816, "words": 8_192, "word_bits": 18},
+}
+
+
+def test_an_open_core_names_its_fullest_memory_in_bits(document: dict[str, Any]) -> None:
+    document["resources"] |= {"limits": OF_OPEN_CORE, "memories": MEMORIES}
+    verdict = fits(figures(document))
+    assert (verdict.status, verdict.figure) == ("yes", "79.0 %")
+    assert verdict.figure_label == "of the fullest memory, synapses, two in a word"
+    # 6,471 of 8,192 words of 48 bits, and 816 of 8,192 words of 18.
+    assert [(fact.label, fact.value) for fact in verdict.facts] == [
+        ("fullest memory", "synapses, two in a word, 310,608 of 393,216 bits (79.0 %)"),
+        ("all memories", "325,296 of 540,672 bits (60.2 %)"),
+        ("compartments", "12"),
+        ("synapses", "80 in 320 B"),
+    ]
+
+
+def test_one_open_core_has_no_table_of_cores(document: dict[str, Any]) -> None:
+    """A program in two phases was shown as core 0 and core 1 of a device that holds one core."""
+    document["resources"] |= {"limits": OF_OPEN_CORE, "memories": MEMORIES}
+    report = compose(figures(document))
+    captions = {
+        block.caption
+        for section in report.sections
+        for block in section.unfolded
+        if isinstance(block, Table)
+    }
+    assert "Memories of the core in bits, the fullest first" in captions
+    assert not {caption for caption in captions if " core" in caption and "by core" in caption}
+    assert "Core by core" not in captions
 
 
 def test_a_width_that_is_too_small_is_named(document: dict[str, Any]) -> None:
     document["resources"]["limits"] = OF_OPEN_CORE | {"join": {"used": 29, "limit": 28}}
-    assert (
-        fits(figures(document)).facts[0].value
-        == "bits of joined voltages of a core, 29 of 28 (103.6 %)"
-    )
+    assert fits(figures(document)).facts[0].value == "bits of joined voltages, 29 of 28 (103.6 %)"
 
 
 MODELLED = "Energy and latency are models: counts times published costs. No board was used."

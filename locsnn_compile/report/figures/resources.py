@@ -6,6 +6,7 @@ from typing import Annotated
 import hw_model as hw
 from hw_model.description.chip import Mesh
 from hw_model.description.counts import total
+from hw_model.description.open_core import MemoryUse
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.targets import target_of
 from hw_model.values import AnyArray, IntArray
@@ -23,6 +24,24 @@ class LimitUse(Entry):
 
     used: int
     limit: int
+
+
+class MemoryFigures(Entry):
+    """The words of a memory that a program fills, all of them, and the bits of a word."""
+
+    used_words: int
+    words: int
+    word_bits: int
+
+    @property
+    def used_bits(self) -> int:
+        """The bits that the program fills."""
+        return self.used_words * self.word_bits
+
+    @property
+    def bits(self) -> int:
+        """The bits of the whole memory."""
+        return self.words * self.word_bits
 
 
 class MeshSize(Entry):
@@ -66,10 +85,14 @@ class ProgramUse(Entry):
 
 
 class ResourceFigures(ProgramUse):
-    """``resources``: what the program takes of the chip, and of each core."""
+    """``resources``: what the program takes of the chip, and of each core.
+
+    ``memories`` are those of an open core; a mesh has the limits of its cores instead.
+    """
 
     mesh: MeshSize
     by_core: tuple[CoreUse, ...]
+    memories: IfKnown[Mapping[str, MemoryFigures]] = None
 
 
 class SkippedFigures(Entry):
@@ -125,7 +148,14 @@ def resource_figures(program: ChipProgram, steps: int) -> ResourceFigures:
         limits={name: LimitUse(use.used, use.limit) for name, use in uses.items()},
         mesh=MeshSize(program.chip.chips, program.chip.limits.cores_per_chip, program.chip.mesh),
         by_core=by_core,
+        memories=_memories(target.memories_used(program, steps)),
     )
+
+
+def _memories(uses: Mapping[str, MemoryUse]) -> dict[str, MemoryFigures] | None:
+    """Return the figures of memories; None if the target does not tell any."""
+    figures = {name: MemoryFigures(*use) for name, use in uses.items()}
+    return figures or None
 
 
 def _core_use(program: ChipProgram, core: Core) -> CoreUse:

@@ -3,15 +3,17 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from locsnn_compile.network.quantized import KernelFit
-from locsnn_compile.report.content import Bar, Bullets, Facts, Folded, Section, Table
+from locsnn_compile.report.content import Bar, Block, Bullets, Cell, Facts, Folded, Section, Table
 from locsnn_compile.report.figures.checks import CandidateFigures, ChoiceFigures
 from locsnn_compile.report.figures.document import GateFigures, ReportFigures, SharedFigures
 from locsnn_compile.report.figures.entries import keys_of
 from locsnn_compile.report.figures.resources import (
     CoreUse,
     LimitUse,
+    MemoryFigures,
     PopulationNumbers,
     ProvenRange,
+    ResourceFigures,
 )
 from locsnn_compile.report.format import (
     any_value,
@@ -71,20 +73,56 @@ def resources(report: ReportFigures) -> Section:
         "Resources",
         f"How much of {report.target} the program uses.",
         Facts.of(facts),
-        _limits(figures.limits),
-        Folded.of("What each core holds", _by_core(figures.by_core)),
+        *_memories_and_limits(figures, of_cores=counts_cores(report)),
     )
 
 
-def _limits(limits: Mapping[str, LimitUse]) -> Table:
+def _memories_and_limits(figures: ResourceFigures, *, of_cores: bool) -> tuple[Block | None, ...]:
+    """Return the limits of cores and what each core holds, or the memories of the one open core."""
+    limits = _limits(figures.limits, of_cores=of_cores)
+    if of_cores:
+        return limits, Folded.of("What each core holds", _by_core(figures.by_core))
+    if figures.memories is None:
+        return (limits,)
+    return _memories(figures.memories), Folded.of("Parameters of the core", limits)
+
+
+def _memories(memories: Mapping[str, MemoryFigures]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for name, use in sorted(
+        memories.items(), key=lambda named: -named[1].used_bits / named[1].bits
+    ):
+        full = use.used_bits / use.bits
+        bar = Bar(full, f"{share(full)} used")
+        rows.append(_memory_row(words(name), bar, use.used_bits, use.bits))
+    used_bits = sum(use.used_bits for use in memories.values())
+    bits = sum(use.bits for use in memories.values())
+    rows.append(_memory_row("all", "", used_bits, bits))
+    return Table(
+        "Memories of the core in bits, the fullest first",
+        ("memory", "", "used", "of", "share"),
+        tuple(rows),
+        total=True,
+    )
+
+
+def _memory_row(name: str, bar: Cell, used_bits: int, bits: int) -> tuple[Cell, ...]:
+    return name, bar, count(used_bits), count(bits), share(used_bits / bits)
+
+
+def _limits(limits: Mapping[str, LimitUse], *, of_cores: bool) -> Table:
     given = ((name, use) for name, use in limits.items() if use.used or use.limit)
     rows = []
     for name, use in sorted(given, key=lambda named: -fullness(named[1])):
         full = share(fullness(use))
         bar = Bar(fullness(use), f"{full} used")
-        rows.append((limit_words(name), bar, count(use.used), count(use.limit), full))
+        limit = limit_words(name, of_cores=of_cores)
+        rows.append((limit, bar, count(use.used), count(use.limit), full))
+    caption = "Limits, the fullest first"
+    if of_cores:
+        caption = f"{caption}; for limits of a core, its fullest core"
     return Table(
-        "Limits, the fullest first; for limits of a core, its fullest core",
+        caption,
         ("limit", "", "used", "of", "share"),
         tuple(rows),
     )

@@ -3,7 +3,7 @@
 For the open core cycles are exact, and activity stands in for energy that is not known.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from locsnn_compile.report.content import (
     Bar,
@@ -44,7 +44,12 @@ from locsnn_compile.report.sections.cost_tables import (
     stack,
     time_cost,
 )
-from locsnn_compile.report.sections.verdict import against_anns, against_real_time, pace
+from locsnn_compile.report.sections.verdict import (
+    against_anns,
+    against_real_time,
+    counts_cores,
+    pace,
+)
 from locsnn_compile.report.sections.worst_time import slowest_step
 from locsnn_compile.report.words import share_of, words
 
@@ -82,7 +87,9 @@ def energy_section(report: ReportFigures, figures: EnergyFigures) -> Section:
         stack(figures.breakdown_pj, f"Where the energy goes, profile {figures.profile}"),
         _by_operation(figures),
         Folded.of(
-            "Energy by branch, population, core and class", *_by_place(figures), cost.by_class()
+            "Energy by branch, population, core and class",
+            *_by_place(figures, of_cores=counts_cores(report)),
+            cost.by_class(),
         ),
         Folded.of(
             "Static energy, and what is not included",
@@ -102,8 +109,8 @@ def _by_operation(figures: EnergyFigures) -> Table:
     return shares("operation", caption, operations, patterned=True)
 
 
-def _by_place(figures: EnergyFigures) -> tuple[Table, ...]:
-    """Return the energy by branch, population and core."""
+def _by_place(figures: EnergyFigures, *, of_cores: bool) -> Iterator[Table]:
+    """Yield the energy by branch and population and, where there are several, by core."""
     profile = figures.profile
     mean = f"mean per recording, profile {profile}"
     columns = {profile: figures.by_branch_pj, **figures.other_profiles_by_branch_pj}
@@ -112,15 +119,14 @@ def _by_place(figures: EnergyFigures) -> tuple[Table, ...]:
         elsewhere.append(("outside the cores", figures.elsewhere_pj))
     populations = [(name, used.pj) for name, used in figures.by_population_pj.items()]
     cores = [(core_words(core.place), core.pj) for core in figures.by_core_pj]
-    return (
-        by_branch(columns, "Energy by branch and profile, mean per recording", energy),
-        shares(
-            "population",
-            f"Energy by population, including its dendrites, {mean}",
-            populations + elsewhere,
-        ),
-        shares("core", f"Energy by core, {mean}", cores + elsewhere),
+    yield by_branch(columns, "Energy by branch and profile, mean per recording", energy)
+    yield shares(
+        "population",
+        f"Energy by population, including its dendrites, {mean}",
+        populations + elsewhere,
     )
+    if of_cores:
+        yield shares("core", f"Energy by core, {mean}", cores + elsewhere)
 
 
 def _about_static(static: StaticEnergy) -> str:

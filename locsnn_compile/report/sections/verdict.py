@@ -8,7 +8,7 @@ from locsnn_compile.report.figures.energy import EnergyFigures
 from locsnn_compile.report.figures.latency import LatencyFigures
 from locsnn_compile.report.figures.match import MatchFigures
 from locsnn_compile.report.figures.operations import ConventionalNetwork
-from locsnn_compile.report.figures.resources import LimitUse
+from locsnn_compile.report.figures.resources import LimitUse, MemoryFigures
 from locsnn_compile.report.format import (
     NONE,
     SILENT,
@@ -227,26 +227,63 @@ def fits(report: ReportFigures) -> Verdict:
         limits,
         key=lambda name: (name in over, _is_filled(name, limits[name]), fullness(limits[name])),
     )
+    if resources.memories is not None and not over:
+        return _fits_memories(report, resources.memories)
     of_cores = "the open core"
     if counts_cores(report):
         cores = limits["cores"]
         of_cores = f"{count(cores.used)} of {plural(cores.limit, 'core')}"
     use = limits[worst]
+    limit = limit_words(worst, of_cores=counts_cores(report))
     facts = {
-        "fullest limit": f"{limit_words(worst)}, {count(use.used)} of {count(use.limit)} "
+        "fullest limit": f"{limit}, {count(use.used)} of {count(use.limit)} "
         f"({share(fullness(use))})",
-        "compartments": count(resources.compartments),
-        "synapses": f"{count(resources.synapses)} in {memory(resources.synapse_bits)}",
+        **_size(report),
     }
     return Verdict(
         question="Does it fit?",
         status="no" if over else "yes",
         answer="No" if over else "Yes",
         figure=of_cores,
-        figure_label=f"of {report.target}",
+        figure_label=f"of {report.target}; {limit} {share(fullness(use))} full",
         sentence=f"The program runs on {of_cores} of {report.target}.",
         facts=Facts.of(facts).facts,
     )
+
+
+def _fits_memories(report: ReportFigures, memories: Mapping[str, MemoryFigures]) -> Verdict:
+    """Answer by the fullest memory, of an open core that holds the program."""
+    fullest = max(memories, key=lambda name: memories[name].used_bits / memories[name].bits)
+    use = memories[fullest]
+    filled = use.used_bits / use.bits
+    all_used = sum(each.used_bits for each in memories.values())
+    all_bits = sum(each.bits for each in memories.values())
+    facts = {
+        "fullest memory": f"{words(fullest)}, {count(use.used_bits)} of {count(use.bits)} bits "
+        f"({share(filled)})",
+        "all memories": f"{count(all_used)} of {count(all_bits)} bits "
+        f"({share(all_used / all_bits)})",
+        **_size(report),
+    }
+    return Verdict(
+        question="Does it fit?",
+        status="yes",
+        answer="Yes",
+        figure=share(filled),
+        figure_label=f"of the fullest memory, {words(fullest)}",
+        sentence=f"The open core of {report.target} holds the program, with {share(1 - filled)} of "
+        "its fullest memory free.",
+        facts=Facts.of(facts).facts,
+    )
+
+
+def _size(report: ReportFigures) -> dict[str, str]:
+    """Return what the program consists of."""
+    resources = report.resources
+    return {
+        "compartments": count(resources.compartments),
+        "synapses": f"{count(resources.synapses)} in {memory(resources.synapse_bits)}",
+    }
 
 
 def _is_filled(name: str, use: LimitUse) -> bool:
