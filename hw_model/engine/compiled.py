@@ -34,7 +34,7 @@ CHECK_KINDS = "LOCSNN_CHECK_KINDS"
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that takes no Python objects and holds no lock: it may run in threads."""
-    options = OPTIONS | options
+    options = OPTIONS | private_numba.OF_A_WHOLE | options
     try:
         dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:

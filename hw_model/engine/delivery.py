@@ -4,14 +4,16 @@ A spike adds its synapses to the charges of the row in which they are due: the n
 says. A link is held as a matrix, of which every spike adds a row, or as lists, which every spike follows.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from hw_model.engine import packed
 from hw_model.engine.chunks import add_weights, fill
-from hw_model.engine.compiled import absorbed, inner
-from hw_model.engine.layout import LANES, LIST, MATRIX
-from hw_model.engine.state import MOST_LISTED
+from hw_model.engine.compiled import absorbed, address, call_at, inner, shared
+from hw_model.engine.layout import LANES, LIST, MATRIX, FastLayout
+from hw_model.engine.state import MOST_LISTED, NO_PATHS, TILE, Paths, first_state
 from hw_model.values import AnyArray
 
 LONG = 128
@@ -20,6 +22,7 @@ LONG = 128
 # Unsigned, or each index would be tested for being negative.
 _LANES = np.uint64(LANES)
 _NEXT = np.uint64(1)
+_NO_STEP = np.int64(0)
 _PARTS = np.uint64(4)
 """Parts of a list of spikes that are delivered in turn: neighbours in one would wait for each other's charges."""
 
@@ -38,17 +41,37 @@ def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[n
     """Add the synapses of a link's spikes in rows ``rows_from..rows_to`` to the rows in which they are due."""
     links = tables.links
     if links.kind[link] != MATRIX:
-        _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory)
+        by_lists = memory.paths.by_lists
+        call_at(by_lists, (link, rows_from, rows_to, listed, tables, memory.state))
         return
     first, last = listed.begin[rows_from, listed.node], listed.begin[rows_to, listed.node]
     if links.width[link] < LONG and last - first <= MOST_LISTED:
         _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory)
     else:
-        _deliver_by_rows(link, rows_from, rows_to, listed, tables, memory)
+        by_rows = memory.paths.by_rows
+        call_at(by_rows, (link, rows_from, rows_to, listed, tables, memory.state))
 
 
-@absorbed
-def _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+@lru_cache(maxsize=8)
+def paths_of(layout: FastLayout) -> Paths:
+    """Return where the code lies that a phase needs of :func:`by_lists` and :func:`by_rows`."""
+    links, sizes = layout.tables.links, layout.tables.nodes.size
+    is_matrix = links.kind == MATRIX
+    is_long = links.width >= LONG
+    may_send_more = sizes[links.source] * TILE > MOST_LISTED
+    listed = Listed(np.zeros(0, np.int32), _NO_STEP, np.zeros((1, 1), np.int64), 0)
+    state = packed.pack(first_state(layout, tile=1))
+    arguments = (_NO_STEP, _NO_STEP, _NO_STEP, listed, layout.packed_tables, state)
+    paths = NO_PATHS
+    if not is_matrix.all():
+        paths = paths._replace(by_lists=address(by_lists, *arguments))
+    if (is_matrix & (is_long | may_send_more)).any():
+        paths = paths._replace(by_rows=address(by_rows, *arguments))
+    return paths
+
+
+@shared
+def by_lists(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no-untyped-def]
     """Follow the list of each spike's source."""
     event, base, begin, m = listed
     nodes, links = tables.nodes, tables.links
@@ -61,12 +84,13 @@ def _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory):  # type
             first = np.uint64(links.list_start[source])
             last = np.uint64(links.list_start[source + _NEXT])
             if links.kind[link] == LIST:
-                _follow(link, due, first, last, memory, links, links.word)
+                _follow(link, due, first, last, state, links, links.word)
             else:
-                _follow(link, due, first, last, memory, links, links.wide_word)
+                _follow(link, due, first, last, state, links, links.wide_word)
         if begin[r + _NEXT, m] > begin[r, m]:
             for late in range(rows_touched):
-                _touch_all(links.target_node[link], due + late, nodes, memory.state.touched)
+                _touch_all(links.target_node[link], due + late, nodes, state.touched)
+    return 0
 
 
 @absorbed
@@ -83,12 +107,12 @@ def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  #
             touched[r + ahead, np.uint64(chunk)] |= any_spike
 
 
-@absorbed
-def _deliver_by_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+@shared
+def by_rows(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no-untyped-def]
     """Add matrix rows of the spikes of one row after the other."""
     event, base, begin, m = listed
     nodes, links = tables.nodes, tables.links
-    charge = memory.state.charge
+    charge = state.charge
     offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
     ahead = np.uint64(1 + links.delay[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
@@ -101,7 +125,8 @@ def _deliver_by_rows(link, rows_from, rows_to, listed, tables, memory):  # type:
                 start = np.uint64(offset + event[base + e] * width)
                 for j in range(np.uint64(width)):
                     charge[due, low + j] += links.matrix[start + j]
-            _touch_all(links.target_node[link], due, nodes, memory.state.touched)
+            _touch_all(links.target_node[link], due, nodes, state.touched)
+    return 0
 
 
 @inner
@@ -139,9 +164,9 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow(link, at, first, last, memory, links, words):  # type: ignore[no-untyped-def]
+def _follow(link, at, first, last, state, links, words):  # type: ignore[no-untyped-def]
     """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
-    charge, touched = memory.state.charge, memory.state.touched
+    charge, touched = state.charge, state.touched
     low, shift = links.target[link], links.weight_shift[link]
     slot_bits, late_bits = links.slot_bits[link], links.late_bits[link]
     slot_mask, late_mask = (1 << slot_bits) - 1, (1 << late_bits) - 1

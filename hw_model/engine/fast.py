@@ -8,6 +8,7 @@ import numpy as np
 
 from hw_model.engine import packed
 from hw_model.engine.compiled import address, call_at, compiled, entry, inner
+from hw_model.engine.delivery import paths_of
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, Tables
 from hw_model.engine.packed import Packed
@@ -95,7 +96,7 @@ def _run_part(
     try:
         memory = memories.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
-        memory = packed.pack(Memory(first_state(layout), workspace(layout)))
+        memory = packed.pack(Memory(first_state(layout), workspace(layout), paths_of(layout)))
     if not code:
         code.append(_machine_code(given, layout.packed_tables, memory, skip, written))
     tile_at, loop = code[0]

@@ -11,6 +11,7 @@ import numpy as np
 from hw_model.values import AnyArray
 
 R = TypeVar("R", bound=tuple[Any, ...])
+INTEGERS = (int, np.integer)
 Value = Any
 """What a record holds: arrays in C order, integers, truths, tuples of integers, and other records."""
 
@@ -49,7 +50,7 @@ def pack(record: R) -> Packed[R]:
 
 def is_record(value: Value) -> bool:
     """Tell whether a value is a named tuple of more than integers, whose fields are read one by one."""
-    return hasattr(value, "_fields") and not all(isinstance(part, int) for part in value)
+    return hasattr(value, "_fields") and not all(isinstance(part, INTEGERS) for part in value)
 
 
 def _named(record: Any) -> list[tuple[str, Value]]:

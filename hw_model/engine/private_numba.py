@@ -10,13 +10,14 @@ words, a *dispatcher* is a compiled function with the code of each set of kinds 
 have and how they lie in memory.
 """
 
+import gc
 import hashlib
 import logging
 import os
 import pickle
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -57,13 +58,14 @@ WITHOUT_RUNTIME = {"_nrt": False, "no_cfunc_wrapper": True}
 """Without its runtime (nrt) loops count no references to arrays, which would take a locked
 instruction each and most of the time of short loops; nor can they make any. A wrapper for C would
 be compiled for nobody."""
-WITH_RUNTIME = {"_nrt": True, "no_cfunc_wrapper": True}
+WITH_RUNTIME = {"_nrt": True, "no_cfunc_wrapper": True, "pipeline_class": Compiler}
 NOT_FROM_PYTHON = {"no_cpython_wrapper": True}
 """Half a second of compiling for a function of many arrays that only compiled ones call."""
 
 
-# Code that others take in. Without it, numba optimises every function at each level that takes it
-# in: take the class out of `OF_A_PART`, and compiling takes longer.
+# Compilers. Numba's own does the same, and takes longer: take the classes out of `OF_A_WHOLE` and
+# `OF_A_PART`. The second is of code that others take in, which numba optimises at each level that
+# takes it in.
 
 
 class _Part(JITCodeLibrary):  # type: ignore[misc]
@@ -87,15 +89,34 @@ class _Part(JITCodeLibrary):  # type: ignore[misc]
         return 0
 
 
-class _PartCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, which puts what it makes into a :class:`_Part`."""
+NEVER_NEEDED = ("InlineClosureLikes", "InlineInlinables", "InlineOverloads", "NopythonRewrites")
+"""Steps of numba that look for what no loop has: closures, functions to be written out before
+they are compiled, and sums of whole arrays."""
+
+
+class _WholeCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler without the steps that no loop needs."""
 
     def define_pipelines(self) -> Any:
-        """Return numba's own steps; they write to the library that the state has."""
+        """Return the steps that are left."""
+        managers = super().define_pipelines()
+        for manager in managers:
+            manager.passes = [
+                step for step in manager.passes if step[0].__name__ not in NEVER_NEEDED
+            ]
+        return managers
+
+
+class _PartCompiler(_WholeCompiler):
+    """The same, which puts what it makes into a :class:`_Part`."""
+
+    def define_pipelines(self) -> Any:
+        """Return the steps; they write to the library that the state has."""
         self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
 
+OF_A_WHOLE = {"pipeline_class": _WholeCompiler}
 OF_A_PART = NOT_FROM_PYTHON | {"pipeline_class": _PartCompiler}
 
 
@@ -208,15 +229,30 @@ def code_of(function: Any, kinds: tuple[Any, ...]) -> Callable[..., Any]:
 
     It does not look at them.
     """
-    code: Callable[..., Any] = function.compile(kinds)
+    with _no_garbage_collected():
+        code: Callable[..., Any] = function.compile(kinds)
     return code
 
 
 def address_of(function: Any, kinds: tuple[Any, ...]) -> np.int64:
     """Return where the machine code of a function for arguments of these kinds begins."""
-    function.compile(kinds)
+    with _no_garbage_collected():
+        function.compile(kinds)
     overload = function.overloads[kinds]
     return np.int64(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+
+@contextmanager
+def _no_garbage_collected() -> Iterator[None]:
+    """Compile without looking for garbage, which finds next to none and takes a twentieth of the time."""
+    if not gc.isenabled():
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -257,7 +293,7 @@ class _Field(NamedTuple):
     is_address: bool
 
 
-class _Record(types.Type):  # type: ignore[misc]
+class _Record(types.Type):
     """The kind of a :class:`hw_model.engine.packed.Packed`."""
 
     def __init__(self, name: str, fields: dict[str, _Field]) -> None:
@@ -290,7 +326,7 @@ def _field(value: Any, word: int) -> _Field:
     return _Field(word, typeof(value), is_address=False)
 
 
-@register_model(_Record)  # type: ignore[untyped-decorator]
+@register_model(_Record)
 class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
     """In compiled code a record is the address of its words."""
 
@@ -336,7 +372,7 @@ def _read_field(context: Any, builder: Any, record: _Record, address: Any, name:
         data = word(0, context.get_data_type(kind.dtype).as_pointer())
         shape = [word(1 + axis) for axis in range(kind.ndim)]
         return _array(context, builder, kind, data, shape)
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, types.BaseTuple):  # type: ignore[attr-defined]
         return context.make_tuple(builder, kind, [word(number) for number in range(len(kind))])
     if not isinstance(kind, _Record):
         return context.cast(builder, word(0), types.int64, kind)

@@ -14,8 +14,8 @@ from hw_model.values import AnyArray
 
 TILE = 64
 """Steps that one block runs before the next does: their charges stay in the cache."""
-MOST_LISTED = 1 << 12
-"""Spikes that are delivered together at most."""
+MOST_LISTED = 1 << 14
+"""Spikes that are delivered together at most: all that 256 sources can send in a tile."""
 
 
 class State(NamedTuple):
@@ -49,11 +49,22 @@ class Workspace(NamedTuple):
     row_of: AnyArray
 
 
+class Paths(NamedTuple):
+    """Where code lies that not every phase needs; 0 where this one does not, so that it need not be compiled."""
+
+    by_lists: int | np.int64
+    by_rows: int | np.int64
+
+
+NO_PATHS = Paths(by_lists=0, by_rows=0)
+
+
 class Memory(NamedTuple):
-    """All that the loops write on their way."""
+    """All that the loops write on their way, and where the rest of their code lies."""
 
     state: State
     work: Workspace
+    paths: Paths
 
 
 class Tile(NamedTuple):

@@ -21,7 +21,7 @@ from hw_model.engine.chunks import (
     list_flips,
     pass_on,
 )
-from hw_model.engine.compiled import absorbed, compiled, entry, inner
+from hw_model.engine.compiled import absorbed, address, call_at, compiled, entry, inner, shared
 from hw_model.engine.layout import (
     FIELDS,
     KEPT_FIELDS,
@@ -91,7 +91,10 @@ class History(NamedTuple):
 
 
 class _Phase(NamedTuple):
-    """All that the loop over rows reads and writes; ``registers`` are those of the chunks, in the order of updates."""
+    """All that the loop over rows reads and writes; ``registers`` are those of the chunks, in the order of updates.
+
+    ``by_pairs``: where the code of :func:`_run_pair` lies; 0 where there are no pairs, so that it need not be compiled.
+    """
 
     visits: Visits
     read: Read
@@ -99,9 +102,13 @@ class _Phase(NamedTuple):
     order: Order
     registers: AnyArray
     history: History
+    by_pairs: int | np.int64
 
 
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
+_NO_STEP = np.uint64(0)
+_NONE = np.int64(0)
+"""Of a type, as a variable is: loops are compiled anew for each literal that they are called with."""
 _ONE_MORE, _KEPT = np.uint64(1), np.uint64(KEPT_FIELDS * LANES)
 
 
@@ -120,9 +127,10 @@ class Replay:
         registers = aligned((chunks.registers.size,), chunks.registers.dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
         order = _order(layout, read)
-        self._phase = packed.pack(
-            _Phase(visits, read, layout.packed_tables, order, registers, self._history)
-        )
+        phase = _Phase(visits, read, layout.packed_tables, order, registers, self._history, 0)
+        if order.is_pair.any():
+            phase = phase._replace(by_pairs=_by_pairs(phase))
+        self._phase = packed.pack(phase)
         # A row without events, and room for what is noted after it.
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._columns = np.zeros((1, layout.columns), dtype=np.int64)
@@ -161,6 +169,11 @@ class Replay:
         """Return the spikes of every step, (steps, columns) of 0 and 1."""
         lanes = (self._history.masks[:, :, None] >> np.arange(LANES)) & 1
         return lanes.reshape(self._steps, -1)[:, self._layout.slot].astype(np.uint8)
+
+
+def _by_pairs(phase: _Phase) -> np.int64:
+    """Return where the code of :func:`_run_pair` lies."""
+    return address(_run_pair, _NO_STEP, np.int64(1), _NO_STEP, packed.pack(phase))
 
 
 def _visits(inputs: Sequence[Input]) -> Visits:
@@ -236,12 +249,12 @@ def _order(layout: FastLayout, read_columns: Read) -> Order:
 def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]
     """Add rows from row ``before`` on, and note what every column gives after each in ``counts``."""
     visits, read, order, history = phase.visits, phase.read, phase.order, phase.history
-    tables, registers = phase.tables, phase.registers
+    tables = phase.tables
     steps = len(history.masks)
     for row in range(len(rows)):
         time = before + row
         for node in range(len(visits.rows)):
-            found = 0
+            found = _NONE
             for channel in range(visits.first_channel[node], visits.first_channel[node + 1]):
                 if rows[row, channel] and time < visits.rows[node]:
                     history.event[found] = visits.first_line[channel] + time
@@ -253,7 +266,7 @@ def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:
-                _run_again(block, start, tables, order, registers, history)
+                _run_again(block, start, phase)
                 ran = True
         if ran:
             for j in range(len(read.columns)):
@@ -328,8 +341,10 @@ def _synapse(form, k, links):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _run_again(block, start, tables, order, registers, history):  # type: ignore[no-untyped-def]
+def _run_again(block, start, phase):  # type: ignore[no-untyped-def]
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
+    tables, order = phase.tables, phase.order
+    registers, history = phase.registers, phase.history
     chunks = tables.chunks
     steps = len(history.masks)
     for member in range(
@@ -343,15 +358,7 @@ def _run_again(block, start, tables, order, registers, history):  # type: ignore
         for bundle in range(chunks.of_block[block], chunks.of_block[block + 1]):
             low, high = np.uint64(chunks.bundle[bundle]), np.uint64(chunks.bundle[bundle + 1])
             if order.is_pair[low]:
-                if (
-                    chunks.plain[chunks.member[low]]
-                    and chunks.plain[chunks.member[low + _ONE_MORE]]
-                ):
-                    _run_pair(np.uint64(first), stride, low, chunks, registers, history, ())
-                else:
-                    _run_pair(
-                        np.uint64(first), stride, low, chunks, registers, history, chunks.widths
-                    )
+                call_at(phase.by_pairs, (np.uint64(first), stride, low, phase))
                 continue
             for row in range(np.uint64(first), np.uint64(first + stride)):
                 mask = np.int32(0)
@@ -365,9 +372,22 @@ def _run_again(block, start, tables, order, registers, history):  # type: ignore
     history.run[0] += steps - start
 
 
-@inner
-def _run_pair(first, many, index, chunks, registers, history, widths):  # type: ignore[no-untyped-def]
+@shared
+def _run_pair(first, many, index, phase):  # type: ignore[no-untyped-def]
     """Update two dendrites and their sum in ``many`` steps, with what its spikes pass to them one step late."""
+    chunks = phase.tables.chunks
+    is_plain = chunks.plain[chunks.member[index]]
+    if is_plain and chunks.plain[chunks.member[index + _ONE_MORE]]:
+        _advance_pair(first, many, index, phase, ())
+    else:
+        _advance_pair(first, many, index, phase, chunks.widths)
+    return 0
+
+
+@absorbed
+def _advance_pair(first, many, index, phase, widths):  # type: ignore[no-untyped-def]
+    """Do it; without ``widths``, an empty tuple, both dendrites are plain."""
+    chunks, registers, history = phase.tables.chunks, phase.registers, phase.history
     at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
     one, other = (
         np.uint64(chunks.member[index]) * _LANES,
@@ -418,7 +438,7 @@ def _pass_flips_on(node, low, high, tables, order, history):  # type: ignore[no-
     All of them first, without branches: which steps have any would be guessed wrong too often.
     """
     nodes, chunks, links = tables.nodes, tables.chunks, tables.links
-    found, base = np.int64(0), nodes.first[node]
+    found, base = _NONE, nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
             first, flips, spikes = (

@@ -7,6 +7,7 @@ import numpy as np
 
 from hw_model.engine import packed, state
 from hw_model.engine.compiled import absorbed, address, call_at, compiled, entry
+from hw_model.engine.delivery import paths_of
 from hw_model.engine.events import list_row
 from hw_model.engine.layout import CACHE_LINE, FastLayout, Tables
 from hw_model.engine.packed import Packed
@@ -75,7 +76,7 @@ class Live:
         self._room = _room(layout, potential)
         first_state = state.first_state(layout, TILE)
         self._state = packed.pack(first_state)
-        memory = state.Memory(first_state, state.workspace(layout, TILE))
+        memory = state.Memory(first_state, state.workspace(layout, TILE), paths_of(layout))
         place = np.full(layout.columns, -1, dtype=np.int64)
         place[read.columns] = np.arange(columns_read)
         kept = state.Kept(

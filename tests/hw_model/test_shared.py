@@ -11,8 +11,8 @@ import pytest
 from hybrids import random_hybrid
 
 import hw_model as hw
-from hw_model.engine import compiled, fast, tiles
-from hw_model.streaming import time_phase
+from hw_model.engine import compiled, delivery, fast, tiles
+from hw_model.streaming import location_phase, time_phase
 
 
 def kinds_given(function: object) -> list[tuple[object, ...]]:
@@ -46,6 +46,28 @@ def test_a_tile_is_given_what_it_is_compiled_for(loop):
     found = kinds_given(loop)
     assert found
     assert set(found) <= set(tiles.run_tile.overloads)
+
+
+def test_what_a_tile_calls_is_given_what_it_is_compiled_for():
+    for seed in range(6):
+        program, recording = random_hybrid(seed, together=1)
+        hw.simulate(program, recording)
+    kinds_given(tiles.run_tile)  # compiles what a tile takes in, of which a cache knows nothing
+    given = set(kinds_given(delivery.deliver))
+    assert given
+    for function in (delivery.by_lists, delivery.by_rows):
+        assert set(function.overloads) <= given
+    assert delivery.by_lists.overloads
+
+
+def test_pairs_are_given_what_they_are_compiled_for():
+    for seed in range(12):
+        program, recording = random_hybrid(seed, together=1)
+        hw.Session(program).push(recording)
+    kinds_given(location_phase._push)
+    given = set(kinds_given(location_phase._run_again))
+    assert given
+    assert set(location_phase._run_pair.overloads) <= given
 
 
 @compiled.shared

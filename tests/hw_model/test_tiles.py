@@ -416,9 +416,9 @@ def test_children_at_the_lower_end():
         assert found.counts.spikes == 0, engine
 
 
-@pytest.mark.parametrize("lines", [64, 65], ids=["the most in a tile", "one line more"])
+@pytest.mark.parametrize("lines", [256, 257], ids=["the most in a tile", "one line more"])
 def test_more_spikes_than_are_delivered_together(lines):
-    assert 64 * TILE == MOST_LISTED
+    assert 256 * TILE == MOST_LISTED
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", lines)
     n = builder.add_compartments("n", 20, decay_u=1024, decay_v=128, threshold=4000)
