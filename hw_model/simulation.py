@@ -290,6 +290,14 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     return partial(engine_fast.run_phase, skip=skip), Player(list_events, transpose)
 
 
+def start_compiling() -> None:
+    """Compile the fast engine's loops in other processes, as far as they are known there, if nothing is compiled."""
+    if _compiles():
+        from hw_model.engine.fast import start_ahead_if_missing
+
+        start_ahead_if_missing()
+
+
 @cache
 def _compiles() -> bool:
     """Tell whether there is a fast engine here; warn, once, where there is none."""

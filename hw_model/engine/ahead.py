@@ -1,4 +1,4 @@
-"""Loops that another process compiles, while this one compiles others: numba compiles one function at a time."""
+"""Loops that other processes compile, while this one compiles others: numba compiles one function at a time."""
 
 import atexit
 import os
@@ -8,27 +8,46 @@ from pathlib import Path
 
 from hw_model.engine.threads import cores
 
-_processes: dict[str, subprocess.Popen[bytes] | None] = {}
-"""By module: the process that compiles the loops of its package, None until something is found not compiled."""
+
+class _Helper:
+    """A module that compiles loops, those of ``modules``, when it is run as a process."""
+
+    def __init__(self, name: str, modules: tuple[str, ...]) -> None:
+        self._name = name
+        self.modules = modules
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start the process, once."""
+        if self.process is None:
+            self.process = _started(self._name)
 
 
-def compile_ahead(module: str) -> None:
-    """Let ``module``, run as a process, compile the loops of its package as soon as others are compiled here.
+_helpers: dict[str, _Helper] = {}
+"""By name: they are started as soon as something is found not compiled."""
 
-    Loops of that package then wait for its end. With one core nothing happens.
+
+def compile_ahead(name: str, modules: tuple[str, ...]) -> None:
+    """Let module ``name``, run as a process, compile the loops of ``modules`` as soon as others are compiled here.
+
+    Who needs these loops then waits for its end. With one core nothing happens.
     """
-    if module not in _processes and cores() > 1 and sys.executable:
-        _processes[module] = None
+    if name not in _helpers and cores() > 1 and sys.executable:
+        _helpers[name] = _Helper(name, modules)
 
 
-def compiled_ahead(package: str) -> bool:
-    """Wait for the process that compiles the loops of a package, if there is one; else start those of others."""
-    for module, process in _processes.items():
-        if module.startswith(package + ".") and process is not None:
-            return process.wait() == 0
-    for module, process in _processes.items():
-        if process is None:
-            _processes[module] = _started(module)
+def start_ahead() -> None:
+    """Start what compiles ahead: something is not compiled, or soon will be missed."""
+    for helper in _helpers.values():
+        helper.start()
+
+
+def compiled_ahead(module: str) -> bool:
+    """Start all that compiles ahead; wait for what compiles the loops of a module, and tell whether it did."""
+    start_ahead()
+    for helper in _helpers.values():
+        if module in helper.modules and helper.process is not None:
+            return helper.process.wait() == 0
     return False
 
 

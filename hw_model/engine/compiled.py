@@ -40,8 +40,7 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     except RuntimeError:
         # Neither the package's folder nor the user's cache can be written: compile every time.
         return numba.njit(**options)(function)
-    package = function.__module__.rpartition(".")[0]
-    private_numba.keep_in(dispatcher, package, _stamp_of_loops())
+    private_numba.keep_in(dispatcher, function.__module__, _stamp_of_loops())
     return dispatcher
 
 

@@ -7,11 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hw_model.engine import packed
+from hw_model.engine.ahead import start_ahead
 from hw_model.engine.compiled import address, call_at, compiled, entry, inner
 from hw_model.engine.delivery import paths_of
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, Tables
 from hw_model.engine.packed import Packed
+from hw_model.engine.private_numba import is_missing
 from hw_model.engine.state import (
     NOTHING_KEPT,
     Arriving,
@@ -63,6 +65,12 @@ def run_phase(
     written = _Trace(trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept)
     in_parts(partial(_run_part, layout, given, skip, written), len(trace.sent))
     return trace
+
+
+def start_ahead_if_missing() -> None:
+    """Start what compiles loops in other processes, if the tile, which takes longest, is not compiled."""
+    if is_missing(run_tile):
+        start_ahead()
 
 
 class _Given(NamedTuple):

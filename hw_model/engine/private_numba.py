@@ -128,16 +128,27 @@ DIGEST_BYTES = hashlib.sha256().digest_size
 """The checksum that stands behind the code in a file."""
 
 
-def keep_in(dispatcher: Any, package: str, stamp: object) -> None:
-    """Let the cache of a function of ``package`` hold its code while the stamp of all loops stays."""
+def keep_in(dispatcher: Any, module: str, stamp: object) -> None:
+    """Let the cache of a function of ``module`` hold its code while the stamp of all loops stays."""
     cache = dispatcher._cache
     # The cache looks at the age of the function's own file, but its code holds that of what it
     # calls elsewhere too.
     own_stamp = cache._impl.locator.get_source_stamp()
     base = cache._impl.filename_base
     cache._cache_file = _CheckedFile(cache._cache_path, base, (own_stamp, stamp))
-    cache.load_overload = partial(_load, cache, package)
+    cache.load_overload = partial(_load, cache, module)
     cache.save_overload = partial(_save, cache)
+
+
+def is_missing(dispatcher: Any) -> bool:
+    """Tell whether a function has a cache, which holds no code of it for any kinds of arguments."""
+    cache_file = getattr(dispatcher._cache, "_cache_file", None)
+    if cache_file is None:
+        return False
+    try:
+        return not cache_file._load_index()
+    except Exception:  # as where it is loaded: what is damaged raises whatever it likes
+        return True
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
@@ -172,14 +183,14 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
             file.write(code + hashlib.sha256(code).digest())
 
 
-def _load(cache: Any, package: str, signature: Any, target: Any) -> Any:
+def _load(cache: Any, module: str, signature: Any, target: Any) -> Any:
     """Return code from a cache, or None.
 
     Numba's own way loads first all that only compiling needs, for a fifth of a second.
     """
     rtsys.initialize(target)
     code = cache._load_overload(signature, target)
-    if code is None and compiled_ahead(package):
+    if code is None and compiled_ahead(module):
         # Another process has compiled it meanwhile.
         code = cache._load_overload(signature, target)
     return code

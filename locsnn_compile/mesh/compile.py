@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import hw_model as hw
 from hw_model.engine.ahead import compile_ahead
+from hw_model.simulation import start_compiling
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -30,8 +31,15 @@ from locsnn_compile.verification.wide_registers import (
     overflowing_recordings,
 )
 
-AHEAD_OF_SESSIONS = "hw_model.streaming.ahead"
-"""The module that compiles the loops of sessions in a process of its own, without which nothing here imports them."""
+AHEAD_OF_TILES = (
+    "hw_model.engine.ahead_of_tiles",
+    ("hw_model.engine.tiles", "hw_model.engine.fast"),
+)
+AHEAD_OF_SESSIONS = (
+    "hw_model.streaming.ahead",
+    ("hw_model.streaming.time_phase", "hw_model.streaming.location_phase"),
+)
+"""Modules that compile loops in a process of their own, and the modules of these loops. Nothing here imports them."""
 
 
 def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
@@ -49,8 +57,10 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     fitted = network.fitted(recordings)
     calibration = calibration_for(network, recordings, request.setting.calibration)
     fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
+    compile_ahead(*AHEAD_OF_TILES)
     if check.diagnosis:
-        compile_ahead(AHEAD_OF_SESSIONS)
+        compile_ahead(*AHEAD_OF_SESSIONS)
+    start_compiling()
     with spread_over(check.scheduler) as spread:
         lowered = _lower(network, chip, request.setting, fitted_calibration, spread)
         levels = lowered.levels
