@@ -164,11 +164,21 @@ def _recordings(args: Namespace, network: Network) -> tuple[Recordings, Recordin
         for option in (*divided, *(() if used else given(args, FILE_OPTIONS))):
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
         return recordings_for(network, None), _calibration(args, network)
+    if network.host is not None:
+        return _values_through_host(args, network), _calibration(args, network)
     reading = {"model": network.expected, **asked_reading(args)}
     recordings = read_recordings(args.events, **reading)
     if divided and args.calibration == args.events:
         return recordings, read_recordings(args.events, split="train", **reading)
     return recordings, _calibration(args, network)
+
+
+def _values_through_host(args: Namespace, network: Network) -> Recordings:
+    """Return what the host sends for the numbers of --events; refuse options that describe events."""
+    for option in given(args, (*FILE_OPTIONS, "--split", "--fold", "--threshold")):
+        what = "it describes recordings of events, and layers on the host take arrays of numbers"
+        raise InputError(option, what, fix="Leave it out.")
+    return recordings_for(network, args.events)
 
 
 def _calibration(args: Namespace, network: Network) -> Recordings | None:

@@ -27,6 +27,7 @@ class LoadOptions:
     branches: str | Mapping[str, Sequence[str]] | None = None
     channel_order: str | None = None
     relay_delays: bool | None = None
+    host_layers: str | None = None
 
     @classmethod
     def of(cls, values: object) -> "LoadOptions":

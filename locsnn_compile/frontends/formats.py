@@ -69,7 +69,10 @@ def _read_torch_layers(source: ModelSource) -> "Network":
     options = source.options
     assert options.config is not None  # that makes it a state dict with its layers
     return load_torch_layers(
-        source.path, Path(options.config), relay_delays=bool(options.relay_delays)
+        source.path,
+        Path(options.config),
+        relay_delays=bool(options.relay_delays),
+        host_layers=options.host_layers,
     )
 
 
@@ -84,6 +87,7 @@ def _read_nir(source: ModelSource) -> "Network":
         options.discretisation,
         options.floor,
         relay_delays=bool(options.relay_delays),
+        host_layers=options.host_layers,
     )
 
 
@@ -127,6 +131,13 @@ FORMAT_OPTIONS = (
         "NIR, lava-dl, state dict: neurons that repeat spikes carry delays above 62 steps",
     ),
     FormatOption(
+        "host_layers",
+        "NIR, state dict: the first N layers of neurons, or those named, run in float on the host "
+        "and send spikes: recordings are arrays of numbers",
+        "N|NAME,...",
+        elsewhere="{called} takes spikes",
+    ),
+    FormatOption(
         "kernels",
         "slayerPytorch: full (default), or cut: the float reference cuts kernels off, "
         "as training did",
@@ -158,7 +169,7 @@ MODEL_FORMATS = (
         suffixes=(".nir", ".net", *HDF5),
         recognises=_has_nodes,
         read=_read_nir,
-        options=("dt", "reset", "discretisation", "floor", "relay_delays"),
+        options=("dt", "reset", "discretisation", "floor", "relay_delays", "host_layers"),
     ),
     ModelFormat(
         called="a lava-dl network",
@@ -176,7 +187,7 @@ MODEL_FORMATS = (
         suffixes=(".pt", ".pth"),
         recognises=_lists_layers,
         read=_read_torch_layers,
-        options=("config", "relay_delays"),
+        options=("config", "relay_delays", "host_layers"),
     ),
     ModelFormat(
         called="a slayerPytorch checkpoint",

@@ -27,6 +27,7 @@ def load(
     branches: str | Mapping[str, Sequence[str]] | None = None,
     channel_order: str | None = None,
     relay_delays: bool | None = None,
+    host_layers: str | int | None = None,
 ) -> Network:
     """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a state dict, a NIR graph or a lava-dl network.
 
@@ -44,6 +45,8 @@ def load(
       ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.
     - ``relay_delays``: reach delays above 62 steps by neurons that repeat spikes. Without it, lava-dl's delays are cut
       to 62, as its own reader does, and said to be; NIR graphs with such delays do not fit the chip.
+    - ``host_layers``: how many of the first layers of neurons run on the host, or the names of such layers, separated
+      by commas: in float, on arrays of numbers. The network is then the rest, and its ``host`` the layers.
     - ``channel_order``: how the inputs are numbered, by rows, columns and polarities: ``yxp`` or ``pyx``, as of images
       (C, H, W). For models that do not say so themselves.
 
@@ -60,6 +63,7 @@ def load(
         branches=branches,
         channel_order=channel_order,
         relay_delays=relay_delays,
+        host_layers=None if host_layers is None else str(host_layers),
     )
     if isinstance(model, Checkpoint):
         source = ModelSource(Path(), options, model)

@@ -46,6 +46,10 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
             measured=f"got {given}",
             fix="Read each with lc.load.",
         )
+    for network in networks:
+        if network.host is not None:
+            what = "it has layers on the host, and networks are joined without such layers"
+            raise InputError(f"model {network.name!r}", what, fix="Compile it by itself.")
     if len(weights) != len(networks) or not all(
         0 < w <= MOST_APART * min(weights) for w in weights
     ):

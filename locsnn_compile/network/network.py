@@ -19,7 +19,7 @@ from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.data.channels import Channels, Numbering
 from locsnn_compile.data.recordings import STEP_SECONDS, EventTimes, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.errors import InputError, check_most, counted
+from locsnn_compile.errors import InputError, check_most, counted, listed
 from locsnn_compile.network.first_touch import from_first_touch
 from locsnn_compile.network.neurons import Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection
@@ -188,6 +188,8 @@ class Network(Shown):
     """How the events that it was trained on were timed, if its file says so."""
     recorded: RecordedChannels | None = None
     """The sensor that it was trained on, where its channels are some of the sensor's, or merged."""
+    host: "HostLayers | None" = None
+    """The layers before it that run on the host, whose spikes are its recordings; None if there are none."""
 
     def population(self, name: str) -> Population:
         """Return a population by name."""
@@ -328,4 +330,54 @@ class Network(Shown):
             np.pad(recordings, ((0, 0), (0, self.steps - rows), (0, 0)))
             if rows < self.steps
             else recordings
+        )
+
+
+class HostOutput(Frozen):
+    """Spikes that the host sends: of a population, which fires ``depth`` steps behind the input."""
+
+    population: str
+    depth: int
+
+
+class HostLayers(Shown):
+    """The first layers of a network, which run in float on the host and send spikes to the chip.
+
+    - ``network``: the layers; its input takes numbers in place of spikes
+    - ``sends``: what it sends, in the order of the chip's input lines
+    - ``input_shape``: of the numbers of a step, such as (channels, height, width)
+    """
+
+    network: Network
+    sends: tuple[HostOutput, ...]
+    input_shape: tuple[int, ...]
+
+    @property
+    def lines(self) -> int:
+        """Lines that it sends."""
+        return sum(self.network.population(sent.population).size for sent in self.sends)
+
+    @property
+    def depth(self) -> int:
+        """Steps from an input to the latest spike that it causes on all paths."""
+        return max(sent.depth for sent in self.sends)
+
+    @property
+    def multiplications(self) -> dict[str, int]:
+        """Multiplications by weights in a step, by population; biases are additions."""
+        helpers = {population.name for population in self.network.populations if population.helper}
+        products = {population.name: 0 for population in self.network.own_populations}
+        for projection in self.network.projections:
+            if projection.target in products and projection.source not in helpers:
+                products[projection.target] += int(projection.fan_out.sum())
+        return products
+
+    @property
+    def sentence(self) -> str:
+        """What the host does, for the assumptions of a report."""
+        names = listed([repr(name) for name in self.multiplications])
+        products = sum(self.multiplications.values())
+        return (
+            f"Layers {names} run in float on the host (--host-layers): their {products} "
+            "multiplications a step are not among the chip's operations, energy and time."
         )

@@ -73,13 +73,14 @@ class ReferenceResult(Frozen, eq=False):
 
 def evaluate(
     network: Network,
-    recordings: ByteArray,
+    recordings: AnyArray,
     *,
     potentials: bool = False,
     registers: Registers | None = None,
 ) -> ReferenceResult:
     """Evaluate recordings (batch, steps, channels) with the network's own steps and channels.
 
+    For layers on the host, they hold numbers in float64 in place of spikes.
     On-grid populations wrap and clip in ``registers``, by default those of ``loihi-sim``.
     """
     registers = registers or hw.chip("loihi-sim").registers

@@ -51,6 +51,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
         accuracy.margins(report),
         _cores(report),
         behaviour.operations(report.operations),
+        behaviour.host_layers(report),
         behaviour.comparison(report),
         build.left_out(report),
         build.quantization(report),

@@ -12,11 +12,13 @@ from hw_model.values import ArrayLike
 from locsnn_compile.data.channels import frames_as_channels
 from locsnn_compile.data.joining import join_channels
 from locsnn_compile.data.read import read_recordings, recording_parts
+from locsnn_compile.data.real_values import read_real_values, real_values
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.network import Network
+from locsnn_compile.network.network import HostLayers, Network
+from locsnn_compile.reference.host import host_recordings
 from locsnn_compile.request.compile_request import Events
 
 SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
@@ -34,6 +36,8 @@ def recordings_for(
             "they belong to an array, and other events bring their own",
             fix="Leave labels out.",
         )
+    if network.host is not None and events is not None and not isinstance(events, Recordings):
+        return _through_host(network, network.host, events, labels)
     if events is None:
         if network.recordings is not None:
             return network.recordings
@@ -60,6 +64,20 @@ def recordings_for(
     return join_channels(recordings, network.expected)
 
 
+def _through_host(
+    network: Network, host: HostLayers, inputs: str | Path | ArrayLike, labels: ArrayLike | None
+) -> Recordings:
+    """Return the spikes that the host's layers send for arrays of numbers."""
+    if isinstance(inputs, str | Path):
+        values = read_real_values(inputs)
+    else:
+        values = real_values(inputs, labels)
+    recordings = host_recordings(host, values, None if network.any_length else network.steps)
+    if recordings.step_seconds is None:
+        recordings = replace(recordings, step_seconds=network.stated_step_seconds)
+    return recordings
+
+
 def calibration_recordings(
     network: Network, calibration: Events | None, reading: Mapping[str, Any] | None = None
 ) -> Recordings:
@@ -67,7 +85,7 @@ def calibration_recordings(
 
     ``reading``: what ``read_recordings`` has to know of the sensor.
     """
-    if not isinstance(calibration, str | Path):
+    if not isinstance(calibration, str | Path) or network.host is not None:
         return recordings_for(network, calibration)
     part = "train" if "train" in recording_parts(calibration) else None
     return read_recordings(calibration, split=part, model=network.expected, **reading or {})

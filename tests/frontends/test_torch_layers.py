@@ -141,8 +141,8 @@ LEAKY = {"type": "snntorch.Leaky", "reset_delay": False}
 REFUSED = {
     "max pooling of sums": (
         {"conv1": CONV, "pool": {"type": "MaxPool2d", "kernel_size": 2}},
-        "model 'net.pt', layer 'pool': max pooling is exact for spikes, and 'conv1' sends sums of "
-        "weights. Train with the pooling behind the neurons, or with AvgPool2d.",
+        "model 'net.pt', layer 'pool': max pooling is exact for spikes, and 'conv1' sends "
+        "numbers. Train with the pooling behind the neurons, or with AvgPool2d.",
     ),
     "a type that is not read": (
         {"conv1": {"type": "Conv2D"}},

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from scipy import sparse
 
-from hw_model.values import FloatArray
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.data.channels import Channels, image_channels
 from locsnn_compile.data.recordings import STEP_SECONDS
 from locsnn_compile.errors import InputError, check_known, check_same, listed
@@ -26,6 +26,7 @@ from locsnn_compile.frontends.nir.flat import (
     targets_of,
 )
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
+from locsnn_compile.frontends.nir.host_layers import divide_graph
 from locsnn_compile.frontends.nir.neurons import (
     DT_SECONDS,
     WITH_FLOOR,
@@ -41,7 +42,13 @@ from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.parts import STEPS, Parts
 from locsnn_compile.frontends.relays import add_relays
-from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.network import (
+    HostLayers,
+    HostOutput,
+    InputView,
+    Network,
+    Population,
+)
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
 
@@ -61,6 +68,7 @@ def load_nir(
     floor: float | None = None,
     *,
     relay_delays: bool = False,
+    host_layers: str | None = None,
 ) -> Network:
     """Read a NIR file and return its network; options as in :func:`locsnn_compile.frontends.load`."""
     where = f"model {path.name!r}"
@@ -73,23 +81,59 @@ def load_nir(
     if floor is not None and not flat.named(*WITH_FLOOR):
         what = "no neuron of this graph has a potential that a floor would hold"
         raise InputError(f"{where}, --floor", what, fix="Leave it out.")
-    parts, assumed = parts_of(flat, dict.fromkeys(flat.nodes, reading), where, relays=relay_delays)
+    readings = dict.fromkeys(flat.nodes, reading)
+    built, host = divided_parts(flat, readings, where, host_layers, relays=relay_delays)
+    parts = built.parts
     open_questions = (
         *nir_assumptions(flat, known_dt, reset, discretisation),
         *integration_assumptions(flat, known_dt, where),
     )
     origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
     said: dict[str, Any] = {"any_length": True, "origin": origin}
-    said["assumptions"] = (*open_questions, *assumed)
+    said["assumptions"] = (*open_questions, *built.assumed)
     said["inputs"] = image_of(flat)
+    if host is not None:
+        said |= {"host": host, "inputs": None, "origin": None}
+        said["assumptions"] += (host.sentence,)
     usual = _number(graph, "step_seconds")
     return parts.network_of_file(path, data, parts.views[0].lines, STEPS, usual, **said)
 
 
+class GraphParts(Frozen, eq=False):
+    """The parts of a graph's network, and a sentence for each thing that was assumed.
+
+    ``depths``: how many steps behind the input each population fires, by name.
+    """
+
+    parts: Parts
+    assumed: tuple[str, ...]
+    depths: Mapping[str, int]
+
+
+def divided_parts(
+    flat: FlatGraph,
+    readings: Mapping[str, Reading],
+    where: str,
+    host_layers: str | None,
+    *,
+    relays: bool,
+) -> tuple[GraphParts, HostLayers | None]:
+    """Return the parts that run on the chip, and the layers before them that run on the host, if any do."""
+    if host_layers is None:
+        return parts_of(flat, readings, where, relays=relays), None
+    divided = divide_graph(flat, host_layers, _in_order(flat), where)
+    first = parts_of(divided.host, readings, where, relays=False)
+    sends = tuple(HostOutput(name, first.depths[name]) for name in divided.sent)
+    lines = first.parts.views[0].lines
+    network = first.parts.network(name="host", channels=lines, steps=STEPS, any_length=True)
+    rest = parts_of(divided.chip, readings, where, relays=relays)
+    return rest, HostLayers(network, sends, divided.input_shape)
+
+
 def parts_of(
     flat: FlatGraph, readings: Mapping[str, Reading], where: str, *, relays: bool
-) -> tuple[Parts, tuple[str, ...]]:
-    """Return the parts of a graph's network, and a sentence for each thing that was assumed.
+) -> GraphParts:
+    """Return the parts of a graph's network.
 
     ``readings`` has how the neurons of each node are read, by its name; all count in the same step.
     ``relays``: neurons carry delays that are too long for a synapse.
@@ -120,7 +164,8 @@ def parts_of(
     outputs = _outputs(flat, where)
     parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
     relayed = add_relays(parts) if relays else ()
-    return parts, (*relayed, *_slow_loops(arriving, paths), *_left_out(flat))
+    assumed = (*relayed, *_slow_loops(arriving, paths), *_left_out(flat))
+    return GraphParts(parts, assumed, paths.depths)
 
 
 def image_of(flat: FlatGraph) -> Channels | None:

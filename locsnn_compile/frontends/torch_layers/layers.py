@@ -205,7 +205,7 @@ class MaxPool2d(Pooling, Frozen):
     def add_to(self, chain: Chain, name: str) -> None:
         """Add the sum of each window, and neurons that any one spike brings over their threshold."""
         if not chain.spiking:
-            what = f"max pooling is exact for spikes, and {chain.last!r} sends sums of weights"
+            what = f"max pooling is exact for spikes, and {chain.last!r} sends numbers"
             fix = "Train with the pooling behind the neurons, or with AvgPool2d."
             raise InputError(chain.place(name), what, fix=fix)
         sums = self.node("SumPool2d", dilation=np.array(self.dilation))

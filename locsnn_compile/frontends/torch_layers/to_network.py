@@ -12,7 +12,7 @@ from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_known, check_most
 from locsnn_compile.frontends.linear_maps import check_shape
 from locsnn_compile.frontends.nir.flat import flatten_graph
-from locsnn_compile.frontends.nir.to_network import image_of, parts_of
+from locsnn_compile.frontends.nir.to_network import divided_parts, image_of
 from locsnn_compile.frontends.parts import STEPS
 from locsnn_compile.frontends.state_dict import SAVE_A_STATE_DICT, WHOLE_NUMBERS, state_tensors
 from locsnn_compile.frontends.torch_layers.chain import Chain, readings_of
@@ -77,20 +77,28 @@ def _layer(reader: RecordReader, entry: Any, name: str) -> Layer:
     return RecordReader(reader.where).record(LAYER_TYPES[kind], options, key)
 
 
-def load_torch_layers(path: Path, config: Path, *, relay_delays: bool = False) -> Network:
+def load_torch_layers(
+    path: Path, config: Path, *, relay_delays: bool = False, host_layers: str | None = None
+) -> Network:
     """Read a state dict and its description, and return the network; ``InputError`` if they cannot be used."""
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
     description = read_description(config)
     state = load_plain(data, where, fix=SAVE_A_STATE_DICT)
     tensors = state_tensors(state, where, (*FLOATS, *WHOLE_NUMBERS))
-    chain = Chain(where, tensors, axes=len(description.input))
+    takes_spikes = host_layers is None
+    chain = Chain(where, tensors, axes=len(description.input), spiking=takes_spikes)
     for name, layer in description.layers.items():
         layer.add_to(chain, name)
     flat = flatten_graph(chain.graph(description.input), where)
-    parts, assumed = parts_of(flat, readings_of(chain), where, relays=relay_delays)
-    said: dict[str, Any] = {"any_length": True, "inputs": image_of(flat)}
-    said["assumptions"] = (*chain.assumed, *assumed)
+    readings = readings_of(chain)
+    built, host = divided_parts(flat, readings, where, host_layers, relays=relay_delays)
+    parts = built.parts
+    said: dict[str, Any] = {"any_length": True, "inputs": image_of(flat), "host": host}
+    said["assumptions"] = (*chain.assumed, *built.assumed)
+    if host is not None:
+        said["inputs"] = None
+        said["assumptions"] += (host.sentence,)
     lines = parts.views[0].lines
     return parts.network_of_file(path, data, lines, STEPS, description.step_seconds, **said)
 

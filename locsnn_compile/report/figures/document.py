@@ -31,6 +31,7 @@ from locsnn_compile.report.figures.entries import (
     IfKnown,
     LeftOut,
 )
+from locsnn_compile.report.figures.host import HostFigures, host_figures
 from locsnn_compile.report.figures.latency import LatencyFigures, latency_figures
 from locsnn_compile.report.figures.match import (
     Accuracy,
@@ -114,6 +115,7 @@ class ReportFigures(Entry):
     chance: IfKnown[ChanceFigures]
     classes: IfKnown[tuple[str, ...]]
     operations: OperationFigures
+    host: IfKnown[HostFigures]
     energy: Annotated[EnergyFigures | None, NULLS]
     activity: IfKnown[Mapping[str, Mapping[str, float]]]
     latency: LatencyFigures
@@ -268,6 +270,7 @@ def report_figures(
         chance=chance_figures(match.chance),
         classes=tuple(network.class_names or ()) or None,
         operations=operations,
+        host=host_figures(network),
         energy=energy,
         activity=target.memory_accesses(program, network.steps, counts, match.samples),
         latency=latency_figures(program, match, network.steps, grounds.step_seconds),

@@ -46,6 +46,10 @@ _OPERATIONS = (
     "updates at rest. The published method counts on paper: spikes of the trained network times their "
     "fan-out, and the events that are transposed for the location branch."
 )
+_HOST = (
+    "These layers run in float outside the chip, on numbers, and send spikes to it over {lines}. They are "
+    "not in the program: its operations, energy and time begin with these spikes."
+)
 _COMPARISON = (
     "A multiplication and an addition of a conventional network are one operation each, at this "
     "network's input size. The trained network's operations are an estimate by the published method; "
@@ -87,6 +91,23 @@ def operations(figures: OperationFigures) -> Section:
         _OPERATIONS,
         Table("Counted on the chip, mean per recording", ("operation", *columns), tuple(rows)),
         _published(figures.published_method),
+    )
+
+
+def host_layers(report: ReportFigures) -> Section | None:
+    """The layers on the host, and what they compute in float; None without such layers."""
+    if report.host is None:
+        return None
+    rows = tuple(
+        (name, count(layer.neurons), count(layer.multiplications), count(layer.neuron_updates))
+        for name, layer in report.host.layers.items()
+    )
+    columns = ("layer", "neurons", "multiplications", "neuron updates")
+    return Section.of(
+        "host",
+        "Layers on the host",
+        _HOST.format(lines=plural(report.host.lines, "line")),
+        Table("Computed in float on the host, for each recording", columns, rows),
     )
 
 
