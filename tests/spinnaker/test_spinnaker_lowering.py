@@ -10,7 +10,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.arithmetic import spinnaker
 from hw_model.errors import TargetError
-from hw_model.mapping.graph import CompartmentGraph, Readout
+from hw_model.mapping.graph import CompartmentGraph, Readout, Synapses
 from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.network import SpinnakerNetwork
@@ -222,6 +222,59 @@ def random_layer(random: np.random.Generator) -> tuple[CompartmentGraph, np.ndar
     part = replace(part, delay=random.integers(0, 6, len(part.mantissa)))
     rows = (random.random((200, lines)) < random.uniform(0.02, 0.3)).astype(np.int64)
     return graph(part, lines=lines, groups=(group,)), rows
+
+
+def test_potentials_are_nearer_to_exact_ones_than_the_integers_they_come_from():
+    """What differs from ``loihi`` is its own truncation, next to the error of SpiNNaker's decay."""
+    random = np.random.default_rng(3)
+    lines = 30
+    unreachable = cells(4, decay_u=390, decay_v=390, threshold=(1 << 17) - 1)
+    layer = synapses(random.integers(-100, 128, (4, lines)) * 2)
+    of = graph(layer, lines=lines, groups=(unreachable,))
+    rows = (random.random((400, lines)) < 0.05).astype(np.int64)
+    charge = np.zeros((len(rows), 4))
+    charge[1:] = rows[:-1] @ dense(layer, 4, lines).T
+
+    network = lowered(of).network
+    population = network.population("cells")
+    result = play_fast(network, "time", rows)
+    ours = result.potential / (population.potential_unit * spinnaker.ONE)
+    kept_of_current = int(population.constants.synapse_decay[0, 0]) / spinnaker.SPAN
+    assert np.abs(ours - exact(charge, kept_of_current, 3706 / 4096)).max() < 0.02
+
+    kept = 3706 / 4096
+    truncated = potentials_of_loihi(charge, 390)
+    assert np.abs(truncated - exact(charge, kept, kept)).max() > 0.5
+
+
+def dense(part: Synapses, size: int, lines: int) -> np.ndarray:
+    weights = np.zeros((size, lines), dtype=np.int64)
+    weights[part.target_index, part.source_index] = part.mantissa
+    return weights
+
+
+def exact(charge: np.ndarray, kept_of_u: float, kept_of_v: float) -> np.ndarray:
+    """Return potentials (steps, n) of real numbers, in weights of 1."""
+    u = np.zeros(charge.shape[1])
+    v = np.zeros(charge.shape[1])
+    potentials = np.zeros_like(charge)
+    for t, arrived in enumerate(charge):
+        u = kept_of_u * u + arrived
+        v = kept_of_v * v + u
+        potentials[t] = v
+    return potentials
+
+
+def potentials_of_loihi(charge: np.ndarray, decay: int) -> np.ndarray:
+    """Return potentials (steps, n) of ``loihi``, which truncates u and v to 64ths of a weight of 1."""
+    u = np.zeros(charge.shape[1], dtype=np.int64)
+    v = np.zeros(charge.shape[1], dtype=np.int64)
+    potentials = np.zeros_like(charge)
+    for t, arrived in enumerate(charge.astype(np.int64)):
+        u = np.sign(u) * (np.abs(u) * (4096 - decay) >> 12) + 64 * arrived
+        v = np.sign(v) * (np.abs(v) * (4096 - decay) >> 12) + u
+        potentials[t] = v / 64
+    return potentials
 
 
 def play_loihi(of: CompartmentGraph, rows: np.ndarray) -> np.ndarray:
