@@ -21,6 +21,7 @@ from locsnn_compile.request.recordings import calibration_for, recordings_for, w
 from locsnn_compile.request.without_overflows import search_without_overflows, spread_of
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
+from locsnn_compile.verification.event_peaks import event_peaks
 from locsnn_compile.verification.excerpt import take_excerpt
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
@@ -69,7 +70,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         match = compare(observed, progress=check.progress, spread=spread)
     network = _with_bounds_of(choice, network, request.setting)
     wide = compare_wide(observed, match)
-    diagnosis, followed, excerpt, search = None, None, None, None
+    diagnosis, followed, excerpt, search, peaks = None, None, None, None, None
     if check.diagnosis:
         if matters(wide):
             overflowing = spread_of(fitted, overflowing_recordings(match))
@@ -77,6 +78,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
                 network, chip, lowered.setting, fitted_calibration, overflowing
             )
         diagnosis = find_diagnosis(observed, match.first_divergence)
+        peaks = event_peaks(levels.program, fitted.spikes)
         followed = over_time(observed, PSI if network.psi is None else network.psi)
         excerpt = take_excerpt(observed, match.first_divergence)
     grounds = grounds_of(
@@ -87,7 +89,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         chosen=choice is not None,
         rounded=levels.quantized.populations,
     )
-    findings = Findings(diagnosis, followed, choice, wide, search)
+    findings = Findings(diagnosis, followed, choice, wide, search, peaks)
     figures = report_figures(levels, match, grounds, findings)
     return CompiledModel(observed, match, figures, choice, excerpt)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_checks import error_budget, margins, over_time, overflows
+from small_checks import bounds, error_budget, margins, over_time, overflows
 from small_costs import ann, energy, latency
 
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
@@ -201,6 +201,7 @@ def document() -> dict[str, Any]:
             for name in ("time_output", "location_output")
         },
         "overflows": overflows(),
+        "bounds": bounds(),
         "range": {
             "time_output/dendrite": {
                 "compartments": 4,

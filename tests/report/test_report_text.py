@@ -94,6 +94,7 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
         "events_source": "synthetic touches",
     }
     match["events_origin"] = "made up"
+    del document["bounds"]
     document["overflows"] = {
         "matters": "nothing overflows",
         "recordings": 0,

@@ -503,7 +503,7 @@ def test_every_row_has_every_column(document: dict[str, Any]) -> None:
         for block in section.unfolded
         if isinstance(block, Table)
     ]
-    assert len(tables) == 34
+    assert len(tables) == 35
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
 
 

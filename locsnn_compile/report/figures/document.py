@@ -10,6 +10,7 @@ from hw_model.targets import target_of
 from hw_model.values import Frozen
 from locsnn_compile.network.network import Member
 from locsnn_compile.pipeline import Levels
+from locsnn_compile.report.figures.bounds import BoundFigures, bound_figures
 from locsnn_compile.report.figures.checks import (
     BudgetFigures,
     CauseFigures,
@@ -66,6 +67,7 @@ from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.request.choose_strategy import Choice
 from locsnn_compile.request.without_overflows import OverflowSearch
 from locsnn_compile.verification.diagnosis import Diagnosis
+from locsnn_compile.verification.event_peaks import EventPeaks
 from locsnn_compile.verification.matching import Match
 from locsnn_compile.verification.over_time import OverTime
 from locsnn_compile.verification.wide_registers import WideComparison
@@ -128,6 +130,7 @@ class ReportFigures(Entry):
     quantization: Mapping[str, PopulationNumbers]
     range: Mapping[str, ProvenRange]
     overflows: IfKnown[OverflowFigures]
+    bounds: IfKnown[BoundFigures]
     error_budget: Annotated[BudgetFigures | None, LeftOut(without="margins")]
     margins: IfKnown[MarginFigures]
     over_time: IfKnown[OverTimeFigures | NotFollowed]
@@ -234,6 +237,7 @@ class Findings(Frozen, eq=False):
     A diagnosis gives the error budget, the margins and the cause of the first divergence;
     ``followed`` are predictions over time, or why there are none. ``wide`` is the match with wide
     registers, or why there is none, and ``search`` what settings do without wraps and clips.
+    ``peaks`` are the rates of events that bounds are stated for.
     """
 
     diagnosis: Diagnosis | None = None
@@ -241,6 +245,7 @@ class Findings(Frozen, eq=False):
     choice: Choice | None = None
     wide: WideComparison | str | None = None
     search: OverflowSearch | None = None
+    peaks: EventPeaks | None = None
 
 
 _NOTHING = Findings()
@@ -285,6 +290,7 @@ def report_figures(
         quantization=population_numbers(levels.quantized),
         range=proven_ranges(program),
         overflows=overflow_figures(network, match, findings.wide, findings.search),
+        bounds=bound_figures(program, match, network.steps, findings.peaks, grounds.step_seconds),
         error_budget=None if diagnosis is None else budget_figures(diagnosis),
         margins=None if diagnosis is None else margin_figures(diagnosis),
         over_time=over_time,

@@ -35,6 +35,7 @@ from locsnn_compile.report.format import (
     share,
     time,
 )
+from locsnn_compile.report.sections.bounds import bounds_table
 from locsnn_compile.report.sections.cost_tables import (
     by_branch,
     constants,
@@ -182,6 +183,7 @@ def latency_section(report: ReportFigures, mesh: MeshTimes) -> Section:
         _LATENCY,
         cost.span(),
         real_time(figures),
+        bounds_table(report.bounds),
         Facts.of(_facts_of_latency(figures, cost.facts())),
         Folded.of(
             "Time by branch, core, link and class",
@@ -344,6 +346,7 @@ def cycles_section(report: ReportFigures) -> Section:
         _CYCLES,
         cost.span(),
         real_time(figures),
+        bounds_table(report.bounds),
         Facts.of(facts),
         Folded.of("Time by class", cost.by_class()),
     )

@@ -4,6 +4,7 @@ from locsnn_compile.report.content import Facts, Verdict
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.latency import LatencyFigures, RealTime
 from locsnn_compile.report.format import plural, ratio, time
+from locsnn_compile.report.sections.bounds import bound_facts
 from locsnn_compile.report.sections.verdict import counts_cores, pace
 
 QUESTION = "How fast at worst?"
@@ -33,7 +34,7 @@ def worst_time(report: ReportFigures) -> Verdict:
         figure=slowest,
         figure_label=f"the slowest of {plural(report.match.samples, 'recording')}",
         sentence=f"The slowest recording takes {slowest}{_against_recorded(latency)}.",
-        facts=_facts(latency).facts,
+        facts=_facts(report).facts,
     )
 
 
@@ -43,13 +44,15 @@ def _against_recorded(latency: LatencyFigures) -> str:
     return f", {pace(latency.over_samples_ns.max, latency.recording_ns)}"
 
 
-def _facts(latency: LatencyFigures) -> Facts:
+def _facts(report: ReportFigures) -> Facts:
+    latency = report.latency
     after = latency.after_last_row_ns
     return Facts.of(
         {
             "worst recording": f"recording {latency.worst_recording.recording}",
             "answer": None if after is None else f"at most {time(after.max)} after the last row",
             "slowest step": None if latency.real_time is None else slowest_step(latency.real_time),
+            **bound_facts(report.bounds),
         }
     )
 

@@ -1,0 +1,112 @@
+"""Entry of report.json on bounds: what any input can take that keeps a rate of events, next to what was measured."""
+
+from typing import NamedTuple
+
+import hw_model as hw
+from hw_model.targets import target_of
+from locsnn_compile.report.figures.entries import Entry
+from locsnn_compile.verification.event_peaks import EventPeaks
+from locsnn_compile.verification.matching import Match
+
+
+class Bounded(Entry):
+    """A bound, the most over the recordings of the check, and its share of the bound; None if not known."""
+
+    bound: float
+    measured: float | None
+    share: float | None
+
+
+class RateBounds(Entry):
+    """Bounds for any recording with at most ``events_per_step`` events in a step."""
+
+    events_per_step: int
+    slowest_step_ns: Bounded
+    answer_ns: Bounded
+    recording_ns: Bounded
+    queued_packets: Bounded
+    buffered_events: Bounded
+
+
+class BoundFigures(Entry):
+    """``bounds``: at the rate of the busiest step of the recordings, and if all ``channels`` always have events.
+
+    ``sustained_events_per_step``: the most events whose step is always done within ``step_ns``; None
+    if even inner spikes may take longer, if the length of a step is not known, or if no phase plays
+    rows as they arrive.
+    """
+
+    channels: int
+    as_recorded: RateBounds
+    any_input: RateBounds
+    step_ns: float | None
+    sustained_events_per_step: int | None
+
+
+class _Measured(NamedTuple):
+    """The most over the recordings of the check; None where nothing is measured."""
+
+    slowest_step_ns: float | None
+    answer_ns: float | None
+    recording_ns: float
+    queued_packets: float | None
+    buffered_events: float | None
+
+
+def bound_figures(
+    program: hw.ChipProgram,
+    match: Match,
+    steps: int,
+    peaks: EventPeaks | None,
+    step_seconds: float | None,
+) -> BoundFigures | None:
+    """Return ``bounds`` for recordings of ``steps`` steps; None if nobody asked, or no time is known."""
+    target = target_of(program.chip)
+    if peaks is None or not target.timed:
+        return None
+    channels = sum(program.streams.values())
+    measured = _measured(match, peaks, times_cores=target.times_cores)
+    any_input = hw.worst_case(program, steps, channels)
+    step_ns = None if step_seconds is None else step_seconds * 1e9
+    sustained = None
+    if step_ns is not None and any_input.slowest_step_ns:
+        sustained = hw.sustained_events(program, steps, step_ns)
+    return BoundFigures(
+        channels=channels,
+        as_recorded=_bounds(hw.worst_case(program, steps, peaks.of_step), measured),
+        any_input=_bounds(any_input, measured),
+        step_ns=step_ns,
+        sustained_events_per_step=sustained,
+    )
+
+
+def _measured(match: Match, peaks: EventPeaks, *, times_cores: bool) -> _Measured:
+    """Return what was measured: the open core has exact times of whole recordings alone."""
+    recording_ns = max(latency.total_ns for latency in match.latencies)
+    if not times_cores:
+        return _Measured(None, None, recording_ns, None, peaks.of_buffer)
+    return _Measured(
+        slowest_step_ns=max(latency.slowest_step_ns for latency in match.latencies),
+        answer_ns=max(latency.after_last_row_ns for latency in match.latencies),
+        recording_ns=recording_ns,
+        queued_packets=max(int(used.link_most.max(initial=0)) for used in match.usage.values()),
+        buffered_events=peaks.of_buffer,
+    )
+
+
+def _bounds(worst: hw.WorstCase, measured: _Measured) -> RateBounds:
+    return RateBounds(
+        events_per_step=worst.events_per_step,
+        slowest_step_ns=_bounded(worst.slowest_step_ns, measured.slowest_step_ns),
+        answer_ns=_bounded(worst.answer_ns, measured.answer_ns),
+        recording_ns=_bounded(worst.recording_ns, measured.recording_ns),
+        queued_packets=_bounded(worst.queued_packets, measured.queued_packets),
+        buffered_events=_bounded(worst.buffered_events, measured.buffered_events),
+    )
+
+
+def _bounded(bound: float, measured: float | None) -> Bounded:
+    if measured is None:
+        return Bounded(float(bound), None, None)
+    share = measured / bound if bound else None
+    return Bounded(float(bound), float(measured), share)

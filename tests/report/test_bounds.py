@@ -1,0 +1,99 @@
+"""Bounds in the report: what the summary says of them, and their figures of a build, against the definition."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_report import figures
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.report.sections.bounds import bound_facts, bounds_table
+from locsnn_compile.report.sections.worst_time import worst_time
+
+sys.path.append(str(Path(__file__).parents[1] / "compiler"))
+
+from networks import hybrid, recordings
+
+
+def test_the_summary_says_what_no_recording_exceeds(document: dict[str, Any]) -> None:
+    facts = {fact.label: fact.value for fact in worst_time(figures(document)).facts}
+    assert facts["bound"] == (
+        "no recording with up to 3 events in a step takes more than 5.00 ms, its answer 1.04 ms after "
+        "the last row; with all 5 channels 6.00 ms"
+    )
+    assert facts["sustained"] == (
+        "events of all 5 channels in every step are done within the 20.0 ms between two rows"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        pytest.param(
+            {"sustained_events_per_step": 2},
+            "up to 2 events of 5 in every step are done within the 20.0 ms between two rows",
+            id="some",
+        ),
+        pytest.param(
+            {"sustained_events_per_step": None},
+            "none: inner spikes alone may take more than the 20.0 ms between two rows",
+            id="none",
+        ),
+        pytest.param({"step_ns": None}, None, id="length of a step not known"),
+    ],
+)
+def test_the_rate_that_is_sustained(
+    document: dict[str, Any], changes: dict[str, Any], said: str | None
+) -> None:
+    document["bounds"] |= changes
+    assert bound_facts(figures(document).bounds).get("sustained") == said
+
+
+def test_bounds_of_nothing_have_no_row(document: dict[str, Any]) -> None:
+    table = bounds_table(figures(document).bounds)
+    assert table is not None
+    assert table.rows == (
+        ("step of a row", "4.00 µs", "40.0 µs", "10.0 %", "50.0 µs"),
+        ("answer after the last row", "900 µs", "1.04 ms", "86.5 %", "1.05 ms"),
+        ("recording", "2.80 ms", "5.00 ms", "56.0 %", "6.00 ms"),
+        ("events in the transpose buffer", "80", "300", "26.7 %", "500"),
+    )
+
+
+@pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f"])
+def test_a_build_reports_bounds_at_the_rate_of_its_recordings(target: str) -> None:
+    network = hybrid(channels=6, steps=30)
+    played = recordings(network, samples=4, rate=0.4)
+    compiled = lc.compile(network, target, events=played, strategy="dendrite")
+    bounds = compiled.report["bounds"]
+    busiest = int(played.sum(axis=2).max())
+    assert bounds["channels"] == 6
+    assert bounds["as_recorded"]["events_per_step"] == busiest
+    assert bounds["any_input"]["events_per_step"] == 6
+    for entry, events in (("as_recorded", busiest), ("any_input", 6)):
+        worst = hw.worst_case(compiled.program, 30, events)
+        slowest = max(latency.total_ns for latency in compiled.match.latencies)
+        assert bounds[entry]["recording_ns"] == {
+            "bound": worst.recording_ns,
+            "measured": slowest,
+            "share": slowest / worst.recording_ns,
+        }
+        assert bounds[entry]["buffered_events"]["measured"] == played.sum(axis=(1, 2)).max()
+        assert bounds[entry]["buffered_events"]["bound"] == 30 * events
+    assert bounds["sustained_events_per_step"] == 6
+    full = np.ones((1, 30, 6), dtype=np.uint8)
+    again = lc.compile(network, target, events=full, strategy="dendrite", calibration=played)
+    entry = again.report["bounds"]["any_input"]["recording_ns"]
+    assert again.report["bounds"]["as_recorded"] == again.report["bounds"]["any_input"]
+    assert 0.5 < entry["share"] <= 1
+
+
+def test_without_a_diagnosis_nothing_is_bounded() -> None:
+    network = hybrid()
+    compiled = lc.compile(network, "loihi-sim", events=recordings(network), diagnosis=False)
+    assert "bounds" not in compiled.report
