@@ -14,13 +14,17 @@ XyloName = Literal["xylo-audio2", "xylo-audio3", "xylo-imu"]
 
 
 class XyloChip(Shown, eq=True):
-    """Neurons and lines of a chip; ``states`` are the currents of a hidden neuron."""
+    """Neurons and lines of a chip.
+
+    ``states`` are the currents of a hidden neuron; ``simulator`` is the module of rockpool that simulates the chip.
+    """
 
     name: str
     inputs: Annotated[int, between(1, 1024)]
     hidden: Annotated[int, between(1, 65_536)]
     outputs: Annotated[int, between(1, 1024)]
     states: Annotated[int, between(1, 2)]
+    simulator: str
     source: str
     notes: str = ""
 

@@ -10,22 +10,16 @@ from hw_model.xylo.playing import play_rows, rows_of
 from hw_model.xylo.program import XyloProgram
 
 FOLDER = "xylo"
-MODULES = {
-    "xylo-audio2": "rockpool.devices.xylo.syns61201",
-    "xylo-audio3": "rockpool.devices.xylo.syns65302",
-    "xylo-imu": "rockpool.devices.xylo.syns63300",
-}
-"""Where rockpool 3.1 keeps the simulator of each chip."""
 
 
 def xylo_folder(program: XyloProgram, recording: ByteArray) -> dict[str, bytes]:
     """Return the files by name, for a recording (steps, inputs); equal input gives equal bytes."""
     script = (files(__package__) / "run.py.txt").read_text("utf-8")
-    chip = program.chip.name
+    chip = program.chip
     return {
         f"{FOLDER}/specification.npz": pack_arrays(specification(program), compressed=True),
         f"{FOLDER}/expected.npz": pack_arrays(expected(program, recording), compressed=True),
-        f"{FOLDER}/run.py": script.format(chip=chip, module=MODULES[chip]).encode(),
+        f"{FOLDER}/run.py": script.format(chip=chip.name, module=chip.simulator).encode(),
     }
 
 
