@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -27,6 +28,7 @@ JOBS = {
     "large, one recording": 8,
     "sparse lists, one recording": 5,
     "sparse lists with delays, one recording": 5,
+    "full layers with delays, one recording": 8,
     "objects-hybrid, a session row by row": 5,
     "objects-hybrid, a session at once": 12,
     "objects-hybrid, location branch anew for each row": 1,
@@ -36,7 +38,8 @@ HEAD = """## Against the version before
 
 `git worktree add ../before {commit} && python tests/benchmarks/against.py ../before --page docs/research/benchmarks.md`: a process of each
 version, in turn and on one core, the least processor time of {turns} turns. Measured on {processor}, next to other work.
-*Sparse lists* is 2000-2000-2000-2000, one pair in ten connected, 100 steps, 3 % input.
+*Sparse lists* is 2000-2000-2000-2000, one pair in ten connected, 100 steps, 3 % input; *full layers* 500-500-500, all
+connected, each pair with one of three delays.
 
 | job | before, µs | now, µs | ratio |
 | --- | ---: | ---: | ---: |
@@ -73,7 +76,11 @@ def job(name: str) -> Callable[[], object]:
         drawn = (small if network == "small" else large)().networks[0]
         program, recordings = drawn.program(), drawn.recordings
     elif network.startswith("sparse"):
-        program, recordings = sparse_program(3 if "delays" in network else 1)
+        program, recordings = drawn_program(
+            (2000,) * 4, share=0.1, delays=3 if "delays" in network else 1
+        )
+    elif network.startswith("full"):
+        program, recordings = drawn_program((500,) * 3, share=1.0, delays=3)
     else:
         levels = example_levels("objects")
         program, recordings = levels.program, published_test_part("objects").spikes
@@ -93,8 +100,8 @@ def job(name: str) -> Callable[[], object]:
     return lambda: hw.simulate(program, played)
 
 
-def sparse_program(delays: int):  # type: ignore[no-untyped-def]
-    """Return a program of sparse layers, with so many delays, and recordings for it."""
+def drawn_program(sizes: tuple[int, ...], share: float, delays: int):  # type: ignore[no-untyped-def]
+    """Return a program of layers, of whose pairs a share is connected, with so many delays, and recordings for it."""
     import numpy as np
     from scipy import sparse
 
@@ -102,13 +109,13 @@ def sparse_program(delays: int):  # type: ignore[no-untyped-def]
 
     r = np.random.default_rng(0)
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
-    before = builder.add_input("x", 2000)
-    for k in range(3):
-        here = builder.add_compartments(f"h{k}", 2000, decay_u=1024, decay_v=128, threshold=1500)
-        weights = sparse.random(2000, 2000, 0.1, random_state=k, format="csr")
+    before = builder.add_input("x", sizes[0])
+    for k, (sources, targets) in enumerate(pairwise(sizes)):
+        here = builder.add_compartments(f"h{k}", targets, decay_u=1024, decay_v=128, threshold=1500)
+        weights = sparse.random(targets, sources, share, random_state=k, format="csr")
         weights.data = 2 * r.integers(1, 128, weights.nnz) * r.choice([-1, 1], weights.nnz)
         late = sparse.csr_array(
-            (r.integers(0, delays, weights.nnz), weights.indices, weights.indptr), (2000, 2000)
+            (r.integers(0, delays, weights.nnz), weights.indices, weights.indptr), weights.shape
         )
         builder.connect(
             before,
@@ -117,7 +124,7 @@ def sparse_program(delays: int):  # type: ignore[no-untyped-def]
             delay=late if delays > 1 else 0,
         )
         before = here
-    return builder.build(), (r.random((1, 100, 2000)) < 0.03).astype(np.uint8)
+    return builder.build(), (r.random((1, 100, sizes[0])) < 0.03).astype(np.uint8)
 
 
 def main() -> None:
