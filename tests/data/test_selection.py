@@ -10,11 +10,11 @@ import pytest
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.mapping.recorded import ChannelSelection, RecordedChannels
+from hw_model.mapping.recorded import ChannelSelection, RecordedChannels, recorded_of
 from hw_model.targets.programs import load_any_program
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.data.read import read_recordings
-from locsnn_compile.data.selection import selected_layout
+from locsnn_compile.data.selection import recorded_in, selected_layout
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 
 TAXELS = 10
@@ -262,3 +262,52 @@ def test_in_memory_recordings_are_taken_as_they_are():
         "training option 'merge_channels': recordings 'array' are in memory, as they are (got 10). Leave "
         "it out, or give a file."
     )
+
+
+ENTRIES = {
+    "recorded_columns": 10,
+    "recorded_rows": 1,
+    "recorded_polarities": 2,
+    "merge_polarities": True,
+    "only_taxels": None,
+    "only_polarity": None,
+    "merge_channels": 5,
+}
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        pytest.param({"recorded_rows": None}, id="a size that is missing"),
+        pytest.param({"recorded_columns": 0}, id="no columns"),
+        pytest.param({"recorded_polarities": "2"}, id="a size that is a text"),
+        pytest.param({"merge_channels": 6}, id="another number of channels"),
+        pytest.param({"merge_channels": 11}, id="more channels than the sensor has"),
+        pytest.param({"only_taxels": "1-99999"}, id="taxels that the sensor has not"),
+        pytest.param({"only_polarity": 0}, id="a polarity, merged"),
+    ],
+)
+def test_a_training_that_contradicts_its_network_says_nothing_of_a_sensor(entries):
+    assert recorded_in(ENTRIES, 5) == MERGED
+    assert recorded_in(ENTRIES | entries, 5) is None
+
+
+def test_a_program_of_a_sensor_that_cannot_be_is_refused():
+    document = MERGED.document()
+    assert recorded_of("program.yaml", document) == MERGED
+    with pytest.raises(lc.InputError) as error:
+        recorded_of("program.yaml", document | {"polarities": 3})
+    assert str(error.value) == (
+        "program.yaml: recorded.polarities: it must be a whole number from 1 to 2 (got 3). Compile again."
+    )
+
+
+def test_a_polarity_of_0_is_kept_in_files():
+    rising = RecordedChannels(4, 4, 2, ChannelSelection(only_polarity=0))
+    assert rising.document() == {
+        "columns": 4,
+        "rows": 4,
+        "polarities": 2,
+        "selection": {"only_polarity": 0},
+    }
+    assert recorded_of("program.yaml", rising.document()) == rising
