@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -18,7 +20,9 @@ from trainings import COLUMNS, Task, Training, read_rows, task_of, write_rows
 from views import WHOLE, View, counts, measure, read_figures
 
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.training.config import config_from_mapping, read_config
 from locsnn_compile.training.event_counts import ridge_scores
+from locsnn_compile.training.rates import rate_for_updates
 
 STUDY = Path(run_senses.__file__).parent
 ROUNDS = Sense(name="made_up", file="made_up.npz", grid="4x1", tie="still", test_share=0.2)
@@ -146,8 +150,6 @@ def test_a_study_goes_on_from_its_table(
 
 
 def test_every_task_of_the_study_can_be_trained() -> None:
-    from locsnn_compile.training.config import config_from_mapping
-
     entries = run_senses.entries_of(STUDY / "tasks.yaml")
     asked = list(run_senses.tasks(entries))
     assert len(set(asked)) == len(asked)
@@ -231,3 +233,35 @@ def test_the_views_of_the_page_are_those_of_the_table(cells: list[str]) -> None:
     expected += [mean_of(figures, "location", "", WHOLE)]
     expected += [mean_of(figures, "location", walk, width) for width in (20, 5)]
     assert [*time, steps_alone, coarse, fine] == [f"{figure:.3f}" for figure in expected]
+
+
+CONFIGURED = {
+    "grasps-hybrid": ("icub_grasp", 160, {"theta": 2.0}),
+    "fsdd-hybrid": ("fsdd", 2_700, {}),
+}
+"""Configuration -> its set, the recordings it learns from, and what their length chooses."""
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+def test_configurations_are_those_that_the_study_reports(name: str) -> None:
+    """The study leaves the walk and the learning rate open; the configuration says what was chosen."""
+    sense, recordings, by_length = CONFIGURED[name]
+    written = read_config(STUDY.parents[2] / f"examples/configs/{name}.yaml")
+    updates = written["epochs"] * math.ceil(recordings / 16)
+    chosen = {"order": "loop", "learning_rate": float(f"{rate_for_updates(updates):.2g}")}
+    asked = [
+        config_from_mapping(
+            task.config(run_senses.SENSES[sense], Path("data"))
+            | by_length
+            | chosen
+            | {"defaults": "fixed"}
+        )
+        for task in run_senses.tasks(run_senses.entries_of(STUDY / "tasks.yaml"))
+        if (task.sense, task.purpose, task.seed) == (sense, "report", 0)
+        and task.network == "hybrid"
+        and task.options != "{}"
+    ]
+    of_files = {"layout": None, "split": None, "step_seconds": None}
+    configuration = replace(config_from_mapping(written), **of_files)
+    assert asked
+    assert {replace(config, **of_files) for config in asked} == {configuration}

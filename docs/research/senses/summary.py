@@ -38,7 +38,12 @@ TITLES = {
     "braille": "Braille",
     "nmnist": "N-MNIST",
 }
-INK, BLUE, ORANGE, GREEN = "#808080", "#2f81c7", "#d98324", "#3f9c5a"
+INK, ORANGE, GREEN = "#808080", "#d98324", "#3f9c5a"
+BRANCHES = (
+    ("tactile-snn", ORANGE, "time neurons, trained"),
+    ("location-tactile-snn", GREEN, "location neurons, trained"),
+)
+"""Networks of one branch, and how they are drawn."""
 STYLE = {
     "svg.fonttype": "none", "svg.hashsalt": "senses", "font.size": 9, "font.family": "sans-serif",
     "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": INK,
@@ -86,17 +91,21 @@ def write_summary(path: Path, lines: Sequence[Mapping[str, str]]) -> None:
         writer.writerows(lines)
 
 
-def draw(figures: Sequence[Row], path: Path) -> None:
-    """Draw, for each set, the accuracy of both views against the width of their bins."""
+def draw(figures: Sequence[Row], lines: Sequence[Row], path: Path) -> None:
+    """Draw, for each set, the accuracy of both views against the width of their bins.
+
+    Next to it, as dots, what a branch of that kind reaches: the best of its ``lines`` of the summary.
+    """
     mpl.use("svg")
     with mpl.rc_context(STYLE):
         figure, panels = plt.subplots(1, len(SENSES), figsize=(10.4, 3.0), layout="constrained")
         for axes, sense in zip(panels, SENSES, strict=True):
             draw_views(axes, [row for row in figures if row["sense"] == sense])
+            draw_branches(axes, [row for row in lines if row["sense"] == sense])
             axes.set(title=TITLES[sense], ylim=(0, 1), xlabel="width of a bin")
         panels[0].set_ylabel("accuracy, held out")
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
         figure.savefig(path, transparent=True, metadata={"Date": None})
         plt.close(figure)
 
@@ -125,6 +134,19 @@ def draw_views(axes: Axes, rows: Sequence[Row]) -> None:
     axes.annotate(best, (ticks[-2], along[best][-2]), color=GREEN, fontsize=8)
 
 
+def draw_branches(axes: Axes, lines: Sequence[Row]) -> None:
+    """Draw what each branch alone learned to tell apart, without delays."""
+    for network, colour, label in BRANCHES:
+        accuracies = [
+            float(row["float_accuracy"])
+            for row in lines
+            if (row["network"], row["purpose"], row["delays"]) == (network, "choose", "")
+            and "location_delays" not in row["options"]
+        ]
+        if accuracies:
+            axes.plot(["trained"], [max(accuracies)], "o", color=colour, label=label)
+
+
 def mean_of(rows: Sequence[Row], axis: str, walk: str, width: int) -> float:
     """Return the mean accuracy of a view over folds."""
     return statistics.mean(
@@ -136,8 +158,9 @@ def mean_of(rows: Sequence[Row], axis: str, walk: str, width: int) -> float:
 
 def main() -> None:
     """Write the summary and the picture."""
-    write_summary(HERE / "summary.csv", summary(read_rows(HERE / "trainings.csv")))
-    draw(read_figures(HERE / "views.csv"), HERE.parent / "images/senses.svg")
+    lines = summary(read_rows(HERE / "trainings.csv"))
+    write_summary(HERE / "summary.csv", lines)
+    draw(read_figures(HERE / "views.csv"), lines, HERE.parent / "images/senses.svg")
 
 
 if __name__ == "__main__":
