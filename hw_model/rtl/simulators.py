@@ -23,6 +23,8 @@ Simulator = Literal["verilator", "icarus"]
 SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)
 _log = logging.getLogger("locsnn")
 _BINARY = {"verilator": "bench", "icarus": "bench.vvp"}
+PACKAGES = {"vvp": "iverilog"}
+"""Of Debian, where a tool is in a package of another name."""
 
 
 @cache
@@ -116,7 +118,7 @@ def said(command: list[str], folder: Path, where: str) -> str:
         f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}",
     )
     if shutil.which(command[0], path=path) is None:
-        fix = f"Install it with: apt-get install {tool} (Debian)."
+        fix = f"Install it with: apt-get install {PACKAGES.get(tool, tool)} (Debian)."
         if tool.startswith("yowasp"):
             fix = install_hint("rtl")
         raise InputError(where, f"{tool} is not installed", fix=fix)

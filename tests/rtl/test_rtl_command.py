@@ -98,6 +98,17 @@ def test_a_missing_simulator(no_core, arguments, capsys, monkeypatch):
     assert capsys.readouterr().err == wanted
 
 
+def test_what_plays_a_built_core_is_missing(cores_of_this_run, arguments, capsys, monkeypatch):
+    assert locsnn.main(arguments) == 0
+    capsys.readouterr()
+    monkeypatch.setenv("PATH", "")
+    assert locsnn.main(arguments) == 2
+    expected = (
+        "the open core: vvp is not installed. Install it with: apt-get install iverilog (Debian).\n"
+    )
+    assert capsys.readouterr().err == expected
+
+
 def test_building_the_core_is_named_and_done_once(no_core, arguments, caplog):
     caplog.set_level("INFO", logger="locsnn")
     built = "building the core with icarus, once for its sizes: up to a minute"
