@@ -3,6 +3,7 @@
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from hw_model.io.build_folder import check_folder, default_folder, write_build
@@ -45,7 +46,7 @@ from locsnn_compile.request.compile_request import (
     SettingRequest,
 )
 from locsnn_compile.request.recordings import calibration_recordings, recordings_for
-from locsnn_compile.settings import DIALS, check_matters
+from locsnn_compile.settings import AUTO, DIALS, check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
@@ -116,7 +117,14 @@ def _setting_request(
     # Where there is one setting, bounds are gates of the report alone.
     if family_of(target).bounds_choose:
         budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
-    return SettingRequest.of(setting, values, budget, calibration)
+    request = SettingRequest.of(setting, values, budget, calibration)
+    if args.spike_worth is None:
+        return request
+    weighs = request.setting.strategy == AUTO and network.by_strategy
+    if request.budget.given or not weighs:
+        what = "it weighs what --strategy auto chooses without bounds, which is not done here"
+        raise InputError("--spike-worth", what, fix="Leave it out.")
+    return replace(request, spike_worth=args.spike_worth)
 
 
 def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:

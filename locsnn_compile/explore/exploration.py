@@ -15,7 +15,7 @@ from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.report.format import energy, known, plural, share, time
 from locsnn_compile.settings import Setting
-from locsnn_compile.verification.error_bounds import ErrorBudget
+from locsnn_compile.verification.error_bounds import SPIKE_WORTH, ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
 FRONT_RULE = (
@@ -55,7 +55,10 @@ class Recommendation(Frozen):
 def recommend(
     points: Sequence[Point], budget: ErrorBudget, *, by_default: bool = False
 ) -> Recommendation:
-    """Take the cheapest point on the front that keeps the budget. At least one point has figures."""
+    """Take the cheapest point on the front that keeps the budget. At least one point has figures.
+
+    ``by_default``: the budget is that of ``auto``, which weighs errors against the cost as well.
+    """
     marks = on_front([point.figures for point in points])
     front = [
         (point, point.figures)
@@ -69,12 +72,24 @@ def recommend(
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
+    spike_worth = SPIKE_WORTH if by_default else 0.0
+    least_cost = min(figures.cost for _, figures in kept)
     taken, figures = min(
-        kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, *pair[1].losses)
+        kept,
+        key=lambda pair: (
+            pair[1].weighed(least_cost, spike_worth),
+            pair[1].chip_time_ns,
+            *pair[1].losses,
+        ),
     )
     least = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
+    if by_default:
+        bounds = f"{bounds}, with a percent of spikes worth {SPIKE_WORTH:g} % of the cost"
+        least = f"best weighed {least}"
+    else:
+        least = f"least {least}"
     why = (
-        f"the least {least} {time(figures.chip_time_ns)} per recording, of "
+        f"the {least} {time(figures.chip_time_ns)} per recording, of "
         f"{plural(len(kept), 'setting')} on the front within {bounds}"
     )
     return Recommendation(taken, why)

@@ -44,6 +44,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
         behaviour.agreement(report.match),
         build.resources(report),
         *_costs(report),
+        build.settings_chosen_from(report.strategy_choice),
         spikes(report.match, excerpt),
         accuracy.error_budget(report),
         over_time(report),

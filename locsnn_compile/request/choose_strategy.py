@@ -26,7 +26,12 @@ from locsnn_compile.pipeline import Levels, lower_by
 from locsnn_compile.reference.evaluate import Calibration, FloatRuns, calibrate
 from locsnn_compile.request.compile_request import SettingRequest
 from locsnn_compile.settings import STRATEGIES, Setting, first_settings
-from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
+from locsnn_compile.verification.error_bounds import (
+    ErrorBudget,
+    Losses,
+    default_budget,
+    weighed_best,
+)
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
 
@@ -44,7 +49,10 @@ class Candidate(Losses):
 
 
 class Choice(Shown):
-    """The candidate taken, its program, all candidates, and the number and source of the recordings."""
+    """The candidate taken, its program, all candidates, and the number and source of the recordings.
+
+    ``spike_worth`` is what errors were weighed by, None where a budget says what may be lost.
+    """
 
     taken: Candidate
     levels: Levels
@@ -52,6 +60,7 @@ class Choice(Shown):
     budget: ErrorBudget
     samples: int
     source: str
+    spike_worth: float | None = None
 
     @property
     def keeps_budget(self) -> bool:
@@ -67,6 +76,9 @@ def choose_strategy(
     spread: Spread = here,
 ) -> Choice | None:
     """Take the cheapest setting tried that keeps the budget or, if none does, the most accurate.
+
+    Without a budget, the cost is weighed against errors: a percent of the spikes is worth
+    ``spike_worth`` percent of the least cost.
 
     The setting that is ``asked`` for has one strategy or ``auto``, and the most weight bits to try.
     Settings that this chip cannot hold are skipped; if it holds none, the first ``TargetError`` is
@@ -93,12 +105,12 @@ def choose_strategy(
         _make_coarser(trial, asked.setting, budget)
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
-    # If nothing was compared, there is no reason to take a cheaper one.
-    taken = _cheapest(candidates, limits) if limits.given else None
-    if taken is None:
-        taken = min(candidates, key=lambda c: c.losses)
+    spike_worth = None if budget.given else asked.spike_worth
+    taken = _best(candidates, limits, spike_worth)
     levels = trial.levels[taken.setting]
-    return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
+    return Choice(
+        taken, levels, candidates, limits, len(recordings), recordings.source, spike_worth
+    )
 
 
 def _make_finer(
@@ -132,6 +144,18 @@ def _make_coarser(trial: "Trial", asked: Setting, budget: ErrorBudget) -> None:
             continue
         for value in dial.search.coarser(trial.chip, getattr(cheapest.setting, dial.name)):
             trial.measure(cheapest.setting.with_value(dial, value))
+
+
+def _best(
+    candidates: Sequence[Candidate], limits: ErrorBudget, spike_worth: float | None
+) -> Candidate:
+    """Return the cheapest within the limits, with errors weighed in if ``spike_worth`` is given."""
+    # If nothing was compared, there is no reason to take a cheaper one.
+    within_limits = [c for c in candidates if limits.given and c.keeps(limits)]
+    if not within_limits:
+        return min(candidates, key=lambda c: c.losses)
+    # Whoever gives a budget says what may be lost.
+    return weighed_best(within_limits, spike_worth or 0.0) or within_limits[0]
 
 
 def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate | None:

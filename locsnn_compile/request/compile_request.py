@@ -14,7 +14,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.settings import AUTO, Setting, Value
-from locsnn_compile.verification.error_bounds import ErrorBudget
+from locsnn_compile.verification.error_bounds import SPIKE_WORTH, ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
 Events = str | Path | Recordings | ArrayLike
@@ -32,12 +32,15 @@ class SettingRequest(Frozen, eq=False):
     - ``budget``: the bounds that the chosen setting keeps
     - ``calibration``: recordings for which weights are rounded and settings chosen; None stands for
       those in the model, or else synthetic ones, or else those of the check
+    - ``spike_worth``: without a budget, how many percent a setting has to save to lose another
+      percent of the spikes
     """
 
     setting: Setting
     given: frozenset[str] = frozenset()
     budget: ErrorBudget = NO_BOUNDS
     calibration: Events | None = None
+    spike_worth: float = SPIKE_WORTH
 
     @classmethod
     def of(

@@ -1,6 +1,7 @@
 """What a program may lose, and what a setting loses: the same bounds for ``auto`` and for ``locsnn explore``."""
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, TypeVar
 
 from hw_model.io.records import NOT_NEGATIVE, Checked, between
 from hw_model.values import Frozen
@@ -12,9 +13,20 @@ SCORE_TOLERANCE = 0.05
 """Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
 
 
+SPIKE_WORTH = 5.0
+"""What ``auto`` pays for exact spikes: to lose another percent of them, a setting has to save this many percent.
+
+At 5, the shipped networks keep half of the spike errors for 2.5 % more energy, and never trade them for the last
+cycles of a core, while a strategy that saves a third may lose a few percent.
+"""
+
+
 def within(error: float, most: float) -> bool:
     """Tell whether an error is not above a bound, apart from the last digits of floats: 1 - 0.99 is above 0.01."""
     return error <= most or round(error, 12) <= most
+
+
+LossesT = TypeVar("LossesT", bound="Losses")
 
 
 class ErrorBudget(Checked):
@@ -59,6 +71,16 @@ class Losses(Frozen):
         """What settings are ranked by: energy, or time if no energy is known."""
         return self.chip_time_ns if self.energy_pj is None else self.energy_pj
 
+    def weighed(self, least_cost: float, spike_worth: float) -> float:
+        """Return the cost, relative to the least of some settings, and what its errors are worth.
+
+        cost / least_cost + spike_worth * error, where the error is that of spikes or, without any,
+        that of class scores.
+        """
+        error = self.score_error if self.spike_error is None else self.spike_error
+        relative_cost = self.cost / least_cost if least_cost else self.cost
+        return relative_cost + spike_worth * (error or 0.0)
+
     @property
     def prediction_error(self) -> float | None:
         """Share of predictions that differ from the float network's."""
@@ -84,6 +106,12 @@ class Losses(Frozen):
     def losses(self) -> tuple[float, float, float]:
         """Errors of predictions, spikes and scores, to compare by; 0 for what was not compared."""
         return self.prediction_error or 0.0, self.spike_error or 0.0, self.score_error or 0.0
+
+
+def weighed_best(settings: Sequence[LossesT], spike_worth: float) -> LossesT | None:
+    """Return the setting that costs least with its errors weighed in; None without any."""
+    least_cost = min((setting.cost for setting in settings), default=0.0)
+    return min(settings, key=lambda setting: setting.weighed(least_cost, spike_worth), default=None)
 
 
 def default_budget(first: Losses) -> ErrorBudget:

@@ -38,6 +38,7 @@ def folder(tmp_path, monkeypatch):
 
 INTEGERS = "the weights of this model are integers of the chip already"
 NO_CHIP = "it would change nothing: the network is trained in float, and no chip holds it. Add --target CHIP."
+WORTH = "--spike-worth: it weighs what --strategy auto chooses without bounds, which is not done here. Leave it out."
 BINS = "'d.npz' holds bins, not single events to count. Leave it out."
 OTHER = (
     "recordings 'd.npz': their channels are not those of sensor '200 channels' (78 against 200). Say which sensor it was: "
@@ -57,6 +58,9 @@ REFUSED = [
     ("compile, calibration of integers", f"locsnn-compile {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),
     ("compile, a recording of nothing", f"locsnn-compile {FLOAT} --recording 1 --emit network", "--recording: no emitted file shows a single recording. Add --emit vectors, rtl, vcd, trace, sanafe, lava, xylo or pynn."),
     ("compile, a probe of nothing", f"locsnn-compile {FLOAT} --probe time_output[0]", "--probe: no emitted file shows a neuron. Add --emit vcd."),
+    ("compile, the worth of spikes of a strategy", f"locsnn-compile {FLOAT} --strategy reset --spike-worth 2", WORTH),
+    ("compile, the worth of spikes within bounds", f"locsnn-compile {FLOAT} --max-spike-error 0.1 --spike-worth 2", WORTH),
+    ("compile, the worth of spikes of integers", f"locsnn-compile {GRID} --spike-worth 2", WORTH),
     ("compile, junit of nothing", f"locsnn-compile {FLOAT} --junit g.xml", "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-score-error, --max-energy-nj, --max-latency-us, --max-cores."),
     ("compile, a description of a checkpoint", f"locsnn-compile {FLOAT} --config bits.yaml", f"model '{FLOAT}': config was given, but a checkpoint contains this itself. Leave config out."),
     ("compile, a step of a checkpoint", f"locsnn-compile {FLOAT} --dt 1e-3", f"model '{FLOAT}': dt was given, but a checkpoint contains this itself. Leave dt out."),

@@ -18,7 +18,13 @@ from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.request.choose_strategy import Candidate, Choice, choose_strategy
 from locsnn_compile.request.compile_request import SettingRequest
 from locsnn_compile.settings import DIALS, Dial, Search, Setting
-from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget
+from locsnn_compile.verification.error_bounds import (
+    SCORE_TOLERANCE,
+    SPIKE_TOLERANCE,
+    ErrorBudget,
+    Losses,
+    weighed_best,
+)
 
 CHIP = hw.chip("loihi-sim")
 PAIRED = "paired-dendrite"
@@ -83,7 +89,47 @@ def test_without_a_budget_no_more_is_lost_than_with_dendrites(choose):
     assert choice.budget == ErrorBudget(dendrite.prediction_agreement, spikes, scores)
     assert not reset.keeps(choice.budget)
     kept = [candidate for candidate in (dendrite, delay_line) if candidate.keeps(choice.budget)]
-    assert choice.taken == min(kept, key=lambda candidate: candidate.energy_pj)
+    least = min(candidate.energy_pj for candidate in kept)
+    assert choice.taken == min(
+        kept, key=lambda candidate: candidate.energy_pj / least + 5 * candidate.spike_error
+    )
+
+
+def losses(spike_error, cost, score_error=0.0):
+    return Losses(1.0, None if spike_error is None else 1 - spike_error, score_error, cost, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("exact", "cheap", "spike_worth", "taken"),
+    [
+        # As measured of objects-hybrid: 1 % more of the spikes for 0.06 % of the cycles, and for
+        # 2.5 % of the energy.
+        pytest.param(losses(0.0083, 2_459_142), losses(0.0182, 2_457_662), 5, "exact", id="cycles"),
+        pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 5, "exact", id="energy"),
+        # 5 % more of the spikes have to save 25 %.
+        pytest.param(losses(0.05, 100), losses(0.10, 79), 5, "cheap", id="saves a fifth"),
+        pytest.param(losses(0.05, 100), losses(0.10, 81), 5, "exact", id="saves less"),
+        pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 1, "cheap", id="worth less"),
+        pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 0, "cheap", id="cost alone"),
+        pytest.param(losses(None, 100, 0.01), losses(None, 99, 0.04), 5, "exact", id="scores"),
+        pytest.param(losses(0.1, 0), losses(0.1, 0), 5, "exact", id="no cost, no difference"),
+    ],
+)
+def test_errors_are_weighed_against_the_cost(exact, cheap, spike_worth, taken):
+    """The cheapest setting was taken, whatever it lost within a percent of the spikes."""
+    assert weighed_best([exact, cheap], spike_worth) is {"exact": exact, "cheap": cheap}[taken]
+
+
+def test_what_a_spike_is_worth_can_be_said(network):
+    def taken(spike_worth):
+        asked = SettingRequest(Setting("auto", 8), spike_worth=spike_worth)
+        return choose_strategy(network, CHIP, asked, played(network))
+
+    exact, cheap = taken(1e6), taken(0.0)
+    kept = [candidate for candidate in cheap.candidates if candidate.keeps(cheap.budget)]
+    assert exact.taken.spike_error == min(candidate.spike_error for candidate in kept)
+    assert cheap.taken.energy_pj == min(candidate.energy_pj for candidate in kept)
+    assert (exact.spike_worth, cheap.spike_worth) == (1e6, 0.0)
 
 
 @pytest.mark.parametrize(

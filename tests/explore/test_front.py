@@ -108,8 +108,8 @@ def test_what_auto_keeps_is_said():
     found = recommend(points, ErrorBudget(1.0, 0.11), by_default=True)
     assert str(found.taken.setting) == "dendrite, 8-bit"
     assert found.why == (
-        "the least energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within what auto keeps by "
-        "default, --min-agreement 1 and --max-spike-error 0.11"
+        "the best weighed energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within what auto "
+        "keeps by default, --min-agreement 1 and --max-spike-error 0.11, with a percent of spikes worth 5 % of the cost"
     )
 
 

@@ -26,6 +26,7 @@ from locsnn_compile.cli.declarations.shared import (
 from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.frontends.formats import models_in_words
 from locsnn_compile.settings import DIALS
+from locsnn_compile.verification.error_bounds import SPIKE_WORTH
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -101,6 +102,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
         spikes="exit 3 if more than this share of spikes differs (0..1)",
         scores=(
             "exit 3 if class scores differ by more than this share of their spread between classes"
+        ),
+    )
+    parser.add_argument(
+        "--spike-worth",
+        metavar="X",
+        type=number("--spike-worth", float, low=0),
+        help=(
+            "without bounds, --strategy auto loses another percent of the spikes only to save X "
+            f"percent of the cost (default {SPIKE_WORTH:g})"
         ),
     )
     parser.add_argument(

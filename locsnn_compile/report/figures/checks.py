@@ -7,11 +7,11 @@ import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import picked
-from locsnn_compile.report.figures.entries import INLINED, Entry, Inlined
+from locsnn_compile.report.figures.entries import INLINED, Entry, IfKnown, Inlined
 from locsnn_compile.request.choose_strategy import Candidate, Choice
 from locsnn_compile.settings import DIALS, Setting
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
-from locsnn_compile.verification.error_bounds import ErrorBudget
+from locsnn_compile.verification.error_bounds import ErrorBudget, Losses
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
 from locsnn_compile.verification.over_time import OverTime
@@ -130,6 +130,18 @@ class CandidateFigures(Entry):
     chip_time_ns: float
     within_budget: bool
 
+    @property
+    def losses(self) -> Losses:
+        """The figures that settings are ranked by."""
+        spike_error = self.spike_error
+        return Losses(
+            self.prediction_agreement,
+            None if spike_error is None else 1 - spike_error,
+            self.score_error,
+            self.energy_pj,
+            self.chip_time_ns,
+        )
+
 
 class ChoiceFigures(Entry):
     """``strategy_choice``: the settings compared, and the one that was taken."""
@@ -140,6 +152,14 @@ class ChoiceFigures(Entry):
     kept: bool
     taken: Annotated[Setting, _TAKEN]
     candidates: tuple[CandidateFigures, ...]
+    spike_worth: IfKnown[float] = None
+
+    def weighed(self, candidate: CandidateFigures) -> float | None:
+        """Return what a candidate costs relative to the cheapest, errors weighed in; None if they are not."""
+        if self.spike_worth is None:
+            return None
+        costs = [each.losses.cost for each in self.candidates if each.within_budget]
+        return candidate.losses.weighed(min(costs), self.spike_worth) if costs else None
 
 
 def budget_figures(diagnosis: Diagnosis) -> BudgetFigures | None:
@@ -252,6 +272,7 @@ def choice_figures(choice: Choice | None) -> ChoiceFigures | None:
         kept=choice.keeps_budget,
         taken=choice.taken.setting,
         candidates=tuple(_candidate(choice, candidate) for candidate in choice.candidates),
+        spike_worth=choice.spike_worth,
     )
 
 

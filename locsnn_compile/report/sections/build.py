@@ -231,14 +231,12 @@ def provenance(report: ReportFigures) -> Section:
     """What was compiled, for which target, with which options, checked on which recordings; what is assumed."""
     strategies = report.strategy.split(", ")
     notes = tuple(_kept_in_mind(report, strategies))
-    choice = report.strategy_choice
     return Section.of(
         "provenance",
         "Provenance",
         PROVENANCE,
         origin(report),
         gates(report.gates),
-        None if choice is None else settings_compared(choice),
         Bullets("Keep in mind", notes) if notes else None,
     )
 
@@ -292,9 +290,31 @@ def gates(bounds: Sequence[GateFigures]) -> Table | None:
     )
 
 
+def settings_chosen_from(choice: ChoiceFigures | None) -> Section | None:
+    """The setting that was chosen, by which rule, and all that were compared; None if none was."""
+    if choice is None:
+        return None
+    lead = "The setting of the program was chosen among these, on calibration recordings."
+    return Section.of(
+        "choice", "Choice of the setting", lead, _weighing(choice), settings_compared(choice)
+    )
+
+
+def _weighing(choice: ChoiceFigures) -> str | None:
+    """Say the rule, where it is not the user's budget."""
+    if choice.spike_worth is None or not choice.kept:
+        return None
+    return (
+        f"A setting that loses another percent of the spikes has to save {choice.spike_worth:g} % "
+        "of the cost (--spike-worth). Weighed is the cost, relative to the cheapest setting within "
+        "the error budget, with that added."
+    )
+
+
 def settings_compared(choice: ChoiceFigures) -> Table:
     """Return a table of the settings that were compared."""
     priced = choice.candidates[0].energy_pj is not None
+    weighed_column = () if choice.weighed(choice.candidates[0]) is None else ("weighed",)
     recordings = f"{plural(choice.calibration_samples, 'recording')} of {choice.calibration_source}"
     return Table(
         f"Settings compared on {recordings}; taken: {choice.taken}, {_reason(choice)}",
@@ -304,13 +324,17 @@ def settings_compared(choice: ChoiceFigures) -> Table:
             "spikes that differ",
             "error of class scores",
             "energy" if priced else "time",
+            *weighed_column,
             "within the error budget",
         ),
-        tuple(_candidate(candidate, priced=priced) for candidate in choice.candidates),
+        tuple(_candidate(choice, candidate, priced=priced) for candidate in choice.candidates),
     )
 
 
-def _candidate(candidate: CandidateFigures, *, priced: bool) -> tuple[str, ...]:
+def _candidate(
+    choice: ChoiceFigures, candidate: CandidateFigures, *, priced: bool
+) -> tuple[str, ...]:
+    weighed = choice.weighed(candidate)
     cost = time(candidate.chip_time_ns)
     if priced:
         cost = known(candidate.energy_pj, energy, "")
@@ -320,6 +344,7 @@ def _candidate(candidate: CandidateFigures, *, priced: bool) -> tuple[str, ...]:
         known(candidate.spike_error, share, "silent"),
         known(candidate.score_error, share, "all tie"),
         cost,
+        *(() if weighed is None else (f"{weighed:.3f}",)),
         any_value(candidate.within_budget),
     )
 
@@ -346,6 +371,8 @@ def unmet_budget(choice: Choice) -> str:
 def _reason(choice: ChoiceFigures) -> str:
     if not choice.budget.given:
         return "the most exact one, as nothing was compared"
+    if choice.kept and choice.spike_worth is not None:
+        return "the least weighed cost within the error budget"
     if choice.kept:
         return "the cheapest within the error budget"
     return "the most accurate, as none is within the error budget"
