@@ -9,6 +9,9 @@ example:
 A folder or .zip gets a file for each recording, of the kind of --members: npy, events (arrays with the fields t, x, p,
 as in Tonic), bs1, bs2 or tact. If a format cannot hold something, the options that restore it on reading are printed.
 No option restores the names of classes: a line says that they are left out.
+
+--encode turns an array of numbers in a .npy or .npz file into spikes first, and prints what is lost: by rate (numbers
+from 0 to 1, the chance of a spike), by latency (from 0 to 1, the larger the earlier), or where signals cross levels.
 """
 
 import argparse
@@ -16,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hw_model.io.files import replace_file
+from locsnn_compile.cli.encoded_values import check_encoder_options, encoded_values
 from locsnn_compile.cli.options import recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import say
@@ -41,7 +45,11 @@ def run(args: argparse.Namespace) -> int:
     writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
     # A folder is written only if it is new or empty.
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
-    recordings = read_recordings(args.file, split=args.part, **asked_reading(args))
+    encoded = None if args.encode is None else encoded_values(args)
+    if encoded is not None:
+        recordings = encoded.recordings
+    else:
+        recordings = read_recordings(args.file, split=args.part, **asked_reading(args))
     number = recording_of(args.recording, recordings)
     sensor = _laid_out(args)
     found = event_statistics(recordings, sensor)
@@ -49,6 +57,9 @@ def run(args: argparse.Namespace) -> int:
     said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
     said += assumption_lines(recordings)
     found = {**found, "assumptions": list(recordings.assumed)}
+    if encoded is not None:
+        said.append(encoded.line)
+        found["encoding"] = encoded.document
     say(args, found, [*said, *_raster(recordings, number), *written])
     return 0
 
@@ -171,6 +182,7 @@ def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor
 
 def _check_options(args: argparse.Namespace) -> None:
     """Refuse options that would change nothing."""
+    check_encoder_options(args)
     if args.output is not None and args.output.suffix != ".svg":
         raise InputError(
             f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg."

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from locsnn_compile.cli.declarations.kinds import choice
+from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
     EVENT_FILES,
     add_division,
@@ -31,6 +31,21 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_times(parser)
     add_division(parser)
     add_sensor(parser)
+    parser.add_argument(
+        "--encode",
+        metavar="KIND",
+        **choice("--encode", ("rate", "latency", "levels")),
+        help="FILE holds numbers: encode them by rate, latency (both with --steps) or levels",
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=int, help="with --encode rate: the seed of chance (default 0)"
+    )
+    parser.add_argument(
+        "--level",
+        metavar="X",
+        type=number("--level", float, above=0),
+        help="with --encode levels: by how much a signal moves for a spike",
+    )
     parser.add_argument(
         "--recording", metavar="K", type=int, help="the recording of the raster, from 0 (default 0)"
     )
