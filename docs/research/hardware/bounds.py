@@ -1,0 +1,165 @@
+"""Play random and hostile recordings to programs of shipped models, and keep how near each comes to its bound.
+
+    python docs/research/hardware/bounds.py --recordings 10000 --state build/bounds.json [--csv bounds.csv]
+
+Bounds hold for the busiest step of each recording. What is done is kept in the state, so that an
+interrupted run goes on; it ends with an error at the first recording that exceeds a bound.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import hw_model as hw
+import locsnn_compile as lc
+from hw_model.io.files import replace_file
+from hw_model.targets import target_of
+
+MODELS = (
+    "objects-hybrid",
+    "containers-hybrid",
+    "objects-hybrid-loihi",
+    "containers-hybrid-loihi",
+    "two-fingertips",
+    "containers-window-16",
+    "containers-best",
+    "objects-best",
+)
+TOGETHER = 50
+"""Recordings that are played at a time, and after which the state is written."""
+SLACK = 1 + 1e-9
+"""What the sums of floats may differ by in another order."""
+Shape = tuple[int, int, int]
+"""Recordings, steps and channels."""
+
+
+def at_any_rate(r: np.random.Generator, shape: Shape) -> np.ndarray:
+    """Every recording has a rate of its own."""
+    return r.random(shape) < r.random((shape[0], 1, 1))
+
+
+def by_channel(r: np.random.Generator, shape: Shape) -> np.ndarray:
+    """Every channel has a rate of its own; most are silent or loud."""
+    return r.random(shape) < r.beta(0.2, 0.2, (shape[0], 1, shape[2]))
+
+
+def bursts(r: np.random.Generator, shape: Shape) -> np.ndarray:
+    """All channels at once, from time to time."""
+    bursting = r.random((shape[0], shape[1], 1)) < r.random((shape[0], 1, 1))
+    return np.broadcast_to(bursting, shape)
+
+
+def few_channels(r: np.random.Generator, shape: Shape) -> np.ndarray:
+    """The same few channels in every step: inner spikes cost most of such a recording."""
+    many = r.integers(1, shape[2] + 1, (shape[0], 1, 1))
+    order = np.argsort(r.random((shape[0], 1, shape[2])), axis=2)
+    return np.broadcast_to(order < many, shape)
+
+
+def without_some(r: np.random.Generator, shape: Shape) -> np.ndarray:
+    """All channels, but for some at some steps: nearly the most that there can be."""
+    return r.random(shape) >= 0.3 * r.random((shape[0], 1, 1)) ** 3
+
+
+KINDS: dict[str, Callable[[np.random.Generator, Shape], np.ndarray]] = {
+    "any rate": at_any_rate,
+    "by channel": by_channel,
+    "bursts": bursts,
+    "few channels": few_channels,
+    "nearly all": without_some,
+}
+
+
+def program_of(model: str, target: str) -> hw.ChipProgram:
+    """Compile a shipped model as the command does."""
+    path = Path(__file__).parents[3] / "examples/models" / f"{model}.pt"
+    return lc.compile(lc.load(path), target, diagnosis=False).program
+
+
+def shares(program: hw.ChipProgram, rows: int, recordings: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the share of its bound that each recording takes, by quantity."""
+    target = target_of(program.chip)
+    result = hw.simulate(program, recordings, probe=("spikes", "activity"))
+    latencies, _ = target.measure(program, recordings, result.activity, result.spikes)
+    busiest = recordings.sum(axis=2, dtype=np.int64).max(axis=1)
+    bounds = {int(events): hw.worst_case(program, rows, int(events)) for events in set(busiest)}
+    found: dict[str, list[float]] = {"step": [], "answer": [], "recording": []}
+    for latency, events in zip(latencies, busiest.tolist(), strict=True):
+        bound = bounds[events]
+        found["recording"].append(latency.total_ns / bound.recording_ns)
+        if target.times_cores:
+            found["answer"].append(latency.after_last_row_ns / bound.answer_ns)
+        if target.times_cores and bound.slowest_step_ns:
+            found["step"].append(latency.slowest_step_ns / bound.slowest_step_ns)
+    return {name: np.array(values) for name, values in found.items() if values}
+
+
+def play_more(name: str, done: dict[str, Any], program: hw.ChipProgram, rows: int) -> None:
+    """Play the next recordings of a program, and note in ``done`` how near they come."""
+    first = done["recordings"]
+    kind = list(KINDS)[first // TOGETHER % len(KINDS)]
+    r = np.random.default_rng([first, len(name)])
+    channels = sum(program.streams.values())
+    recordings = KINDS[kind](r, (TOGETHER, rows, channels)).astype(np.uint8)
+    for quantity, values in shares(program, rows, recordings).items():
+        most = float(values.max())
+        if most > SLACK:
+            raise SystemExit(
+                f"{name}: {kind}, recordings from {first} on: {quantity} is {most} of its bound"
+            )
+        nearest = done["nearest"].setdefault(quantity, [0.0, ""])
+        if most > nearest[0]:
+            done["nearest"][quantity] = [most, kind]
+    done["recordings"] += TOGETHER
+
+
+def play(name: str, wanted: int, state: dict[str, Any], path: Path) -> None:
+    """Play recordings to a program until there are so many."""
+    done = state.setdefault(name, {"recordings": 0, "nearest": {}})
+    if done["recordings"] >= wanted:
+        return
+    model, target = name.split(" on ")
+    program = program_of(model, target)
+    rows = lc.load(Path(__file__).parents[3] / "examples/models" / f"{model}.pt").steps
+    while done["recordings"] < wanted:
+        play_more(name, done, program, rows)
+        replace_file(path, json.dumps(state, indent=1).encode(), "--state")
+
+
+def table(state: dict[str, Any]) -> list[list[str]]:
+    """Return a row for every program: recordings, and the largest share of each bound with its kind."""
+    rows = [["program", "target", "recordings", "step", "answer", "recording", "kind"]]
+    for name, done in state.items():
+        model, target = name.split(" on ")
+        nearest = done["nearest"]
+        cells = [f"{nearest[key][0]:.3f}" if key in nearest else "" for key in rows[0][3:6]]
+        rows.append([model, target, str(done["recordings"]), *cells, nearest["recording"][1]])
+    return rows
+
+
+def main() -> None:
+    """Play what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--recordings", type=int, default=10_000)
+    parser.add_argument("--target", default="loihi-sim")
+    parser.add_argument("--models", nargs="*", default=list(MODELS))
+    parser.add_argument("--state", type=Path, required=True)
+    parser.add_argument("--csv", type=Path)
+    args = parser.parse_args()
+    state: dict[str, Any] = json.loads(args.state.read_text()) if args.state.exists() else {}
+    for model in args.models:
+        play(f"{model} on {args.target}", args.recordings, state, args.state)
+    if args.csv:
+        with args.csv.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(table(state))
+
+
+if __name__ == "__main__":
+    main()

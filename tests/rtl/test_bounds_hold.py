@@ -1,0 +1,68 @@
+"""Random and hostile recordings keep the bounds of shipped programs: modelled times, predicted cycles, and the core's own."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import bounds
+import numpy as np
+import pytest
+
+import hw_model as hw
+import locsnn_compile as lc
+
+MODEL = "two-fingertips"
+ON_CORES = (("objects-hybrid", "ecp5-85f"), (MODEL, "ecp5-85f"), ("containers-hybrid", "ice40up5k"))
+
+
+def test_recordings_of_every_kind_keep_the_bounds_of_a_shipped_program(tmp_path: Path) -> None:
+    state = tmp_path / "state.json"
+    done: dict[str, dict[str, object]] = {}
+    wanted = bounds.TOGETHER * len(bounds.KINDS)
+    bounds.play(f"{MODEL} on loihi-sim", wanted, done, state)
+    assert json.loads(state.read_text()) == done
+    (found,) = done.values()
+    assert found["recordings"] == wanted
+    assert 0.9 < found["nearest"]["recording"][0] <= 1
+    # An interrupted run goes on where it was.
+    before = state.read_bytes()
+    bounds.play(f"{MODEL} on loihi-sim", wanted, json.loads(before), state)
+    assert state.read_bytes() == before
+
+
+def test_a_bound_that_does_not_hold_ends_the_run(tmp_path: Path, monkeypatch) -> None:
+    held = hw.worst_case
+
+    def too_low(program: hw.ChipProgram, rows: int, events: int) -> hw.WorstCase:
+        return held(program, rows, 0)
+
+    monkeypatch.setattr(bounds.hw, "worst_case", too_low)
+    with pytest.raises(SystemExit, match=f"{MODEL} on loihi-sim: any rate, recordings from 0 on: "):
+        bounds.play(f"{MODEL} on loihi-sim", bounds.TOGETHER, {}, tmp_path / "state.json")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", bounds.MODELS)
+def test_ten_thousand_recordings_keep_the_bounds(model: str, tmp_path: Path) -> None:
+    bounds.play(f"{model} on loihi-sim", 10_000, {}, tmp_path / "state.json")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+@pytest.mark.parametrize(("model", "target"), ON_CORES)
+def test_the_core_itself_keeps_the_bounds(model: str, target: str) -> None:
+    program = bounds.program_of(model, target)
+    rows = lc.load(f"examples/models/{model}.pt").steps
+    channels = sum(program.streams.values())
+    r = np.random.default_rng(1)
+    parts = [np.ones((1, rows, channels), dtype=np.uint8)]
+    for kind in bounds.KINDS.values():
+        parts.append(kind(r, (1, rows, channels)).astype(np.uint8))
+    recordings = np.concatenate(parts)
+    result = hw.cosimulate(program, recordings, simulator="verilator")
+    busiest = recordings.sum(axis=2, dtype=np.int64).max(axis=1)
+    for counts, events in zip(result.per_recording, busiest.tolist(), strict=True):
+        bound = hw.worst_case(program, rows, events)
+        assert counts.cycles <= bound.recording_ns * program.chip.clock_ghz * (1 + 1e-9)
