@@ -102,7 +102,7 @@ class _Held:
             self.matrices.append(matrix.ravel())
             self._matrix_size += matrix.size
             return
-        words, bits = _packed(slot, weight, delay, (slots_of_target - 1).bit_length())
+        words, bits = packed_synapses(slot, weight, delay, (slots_of_target - 1).bit_length())
         kind = LIST if words.dtype == np.int32 else WIDE_LIST
         late_rows = int(delay.max() - delay.min()) + 1
         if len(slot) < REACH_SHARE * sources * late_rows * slots_of_target // LANES:
@@ -201,7 +201,7 @@ def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
     return tuple(column[order].astype(np.int64) for column in together)
 
 
-def _packed(
+def packed_synapses(
     slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
 ) -> tuple[Lanes, tuple[int, int, int]]:
     """Return synapses in a word each, of 64 bits where one does not fit 32; and slot_bits, late_bits, weight_shift."""

@@ -88,13 +88,13 @@ def play_on_core(
             "".join(f"{word:x}\n" for one in recordings for word in words_of(core, one))
         )
         run(binary, folder, patience)
-        answers = _numbers(folder / "answers", (batch, len(ANSWER)))
-        scores = _numbers(folder / "scores", (batch, classes)) / core.scale
+        answers = bench_numbers(folder / "answers", (batch, len(ANSWER)))
+        scores = bench_numbers(folder / "scores", (batch, classes)) / core.scale
         runs = [
             len(p.span(one)) * len(core.numbers[p.name]) for one in recordings for p in core.phases
         ]
         ends = np.cumsum([0, *runs])
-        updates = _numbers(folder / "updates", (int(ends[-1]), len(UPDATE)))
+        updates = bench_numbers(folder / "updates", (int(ends[-1]), len(UPDATE)))
 
     names, played_so_far = [phase.name for phase in core.phases], dict.fromkeys(core.numbers, 0)
 
@@ -121,7 +121,7 @@ def words_of(core: CoreProgram, recording: ByteArray) -> list[int]:
     return [*ticked.tolist(), END]
 
 
-def _numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
+def bench_numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
     """Return the numbers of a file in a shape; ``UNKNOWN`` stands for undefined ones, and -1 for those that lack.
 
     A core that fails may give more, or fewer.

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _train(args: argparse.Namespace, output: Path) -> int:
     start = None if args.from_model is None else read_checkpoint(args.from_model)
-    config, values = _config(args, start)
+    config, values = training_config(args, start)
     needed("torch", "train", "locsnn train")
 
     from locsnn_compile.training.chosen import choose
@@ -175,7 +175,7 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
         )
 
 
-def _config(
+def training_config(
     args: argparse.Namespace, start: Checkpoint | None
 ) -> tuple[TrainingConfig, dict[str, Any]]:
     """Return the configuration that the options give, and those of its values that were given."""

@@ -44,7 +44,7 @@ class RegisterWidths(Frozen):
 Exponent = Annotated[int, between(*EXPONENTS)]
 OwnSynapse = tuple[Annotated[int, between(-255, 255)], Exponent, Annotated[int, between(0, 65_534)]]
 """Mantissa, exponent and delay of a synapse of a neuron to itself."""
-_OWN_MOST = {"dendrite": 1, "delay-line": 512, "reset": 0}
+MOST_OWN_SYNAPSES = {"dendrite": 1, "delay-line": 512, "reset": 0}
 """Strategy -> most synapses of a neuron to itself."""
 
 
@@ -145,7 +145,7 @@ def parse_chip_entry(
     reader.entries(chip.populations, "chip.populations", dict.fromkeys(shapes, True))
     for name, part in chip.populations.items():
         strategy = "reset" if name in windows else chip.strategy
-        if len(part.own) > (most := _OWN_MOST[strategy]):
+        if len(part.own) > (most := MOST_OWN_SYNAPSES[strategy]):
             where, measured = (
                 f"chip.populations.{name}.own",
                 f"{counted(len(part.own), 'synapse')} against 0..{most}",

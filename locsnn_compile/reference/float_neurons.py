@@ -48,12 +48,12 @@ class SrmSteps:
         return self._fired, potential
 
 
-def _cut_after(taps: float, a: float) -> "_Cut | None":
+def _cut_after(taps: float, a: float) -> "KernelCut | None":
     """Return what ends a kernel; None for one that goes on."""
-    return None if math.isinf(taps) else _Cut(int(taps), a)
+    return None if math.isinf(taps) else KernelCut(int(taps), a)
 
 
-class _Cut:
+class KernelCut:
     """Ends a kernel ``k a^(k-1)`` after its first K values, counting lag 0, by changing the input of its filter.
 
     From lag K on, the kernel equals K a^(K-1) times itself K - 1 steps later, minus (K - 1) a^K times itself K steps

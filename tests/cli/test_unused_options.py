@@ -13,7 +13,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.cli.main import parser as main_parser
-from locsnn_compile.cli.train import _config
+from locsnn_compile.cli.train import training_config
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.settings import check_matters
@@ -167,7 +167,7 @@ def test_the_commands_of_the_results_hold_no_unused_options(monkeypatch):
     """Configurations are shared between networks, and options lie over them."""
     monkeypatch.chdir(ROOT)
     for command in commands_of_the_results():
-        _config(main_parser().parse_args(command), None)
+        training_config(main_parser().parse_args(command), None)
 
 
 def test_what_matters_to_a_model():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from locsnn_compile.reference.float_neurons import _Cut
+from locsnn_compile.reference.float_neurons import KernelCut
 
 STEPS = 40
 DECAY = 0.8
@@ -22,7 +22,7 @@ def response(x: np.ndarray, taps: int = STEPS) -> np.ndarray:
 def test_a_kernel_is_the_full_one_up_to_its_end(taps, first):
     x = np.random.default_rng(taps).integers(0, 2, STEPS).astype(float)
     x[0] = first
-    cut = _Cut(taps, DECAY)
+    cut = KernelCut(taps, DECAY)
     given = np.array([cut.step(np.array([[value]]))[0, 0] for value in x])
     assert np.allclose(response(given), response(x, taps), rtol=0, atol=1e-12)
     if taps < STEPS - 1:

@@ -11,7 +11,7 @@ from networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
-from locsnn_compile.models.chip_entry import _OWN_MOST
+from locsnn_compile.models.chip_entry import MOST_OWN_SYNAPSES
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.quantize import quantize
@@ -204,7 +204,7 @@ def test_every_strategy_has_its_kind_of_neuron():
 
 def test_every_table_of_strategies_has_all_of_them():
     assert list(LAYOUTS) == list(STRATEGIES)
-    assert list(_OWN_MOST) == list(TRAINABLE)
+    assert list(MOST_OWN_SYNAPSES) == list(TRAINABLE)
     assert [quantized(strategy).strategy for strategy in STRATEGIES] == list(STRATEGIES)
 
 

@@ -21,7 +21,7 @@ from hw_model.errors import InputError, TargetError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.memory_needs import arrays_of
-from locsnn_compile.report.figures.energy import _left_out
+from locsnn_compile.report.figures.energy import rows_left_out
 
 NEEDS_LIBRARY = pytest.mark.skipif(
     not (runs.LIBRARY / runs.CELLS).is_file(),
@@ -163,7 +163,7 @@ def test_every_price_is_within_its_range():
 
 def test_a_report_bounds_what_cleaning_takes_and_nothing_else_that_is_left_out():
     profile = hw.chip("locsnn-130nm").profile("ihp-sg13g2")
-    rows = _left_out(hw.Counts(), profile, 3, None)
+    rows = rows_left_out(hw.Counts(), profile, 3, None)
     cleaning = profile.not_included[0].bound_recording_pj
     assert 10_000 < cleaning < 1e6
     assert [(row.what, row.at_most_pj, row.bound_source) for row in rows] == [

@@ -13,7 +13,7 @@ import hw_model as hw
 from hw_model.engine.delivery import LONG
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import WIDE_LIST
-from hw_model.engine.links import _packed
+from hw_model.engine.links import packed_synapses
 from hw_model.engine.state import MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
 
@@ -374,7 +374,7 @@ def test_wide_synapses_are_in_a_list_of_their_own():
 )
 def test_a_packed_weight_has_a_sign(widest, fits):
     """One bit is the slot's, so that 31 are left for the weight and its sign."""
-    words, _ = _packed(np.array([0, 1]), np.array([widest, -widest]), np.array([3, 3]), 1)
+    words, _ = packed_synapses(np.array([0, 1]), np.array([widest, -widest]), np.array([3, 3]), 1)
     assert words.dtype == (np.int32 if fits else np.int64)
     assert (words >> 1).tolist() == [widest, -widest]
 

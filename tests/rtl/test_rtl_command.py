@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hw_model.rtl import simulators
-from hw_model.rtl.cosimulation import UNKNOWN, _numbers
+from hw_model.rtl.cosimulation import UNKNOWN, bench_numbers
 from locsnn_compile.cli import main as locsnn
 
 pytestmark = pytest.mark.skipif(
@@ -63,7 +63,7 @@ def test_a_fault(cores_of_this_run, arguments, capsys, monkeypatch):
 
 def test_what_the_logic_leaves_undefined_equals_nothing(tmp_path):
     (tmp_path / "updates").write_text("3 x 0\nX z -1\n")
-    found = _numbers(tmp_path / "updates", (2, 4))
+    found = bench_numbers(tmp_path / "updates", (2, 4))
     assert found.tolist() == [[3, UNKNOWN, 0, UNKNOWN], [UNKNOWN, -1, -1, -1]]
 
 

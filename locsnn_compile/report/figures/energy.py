@@ -161,7 +161,7 @@ def energy_figures(
         for phase, of_phase in match.counts_by_phase.items()
     }
     others = {other: costs for other, costs in program.chip.profiles.items() if other != name}
-    left_out = _left_out(counts, profile, samples, static)
+    left_out = rows_left_out(counts, profile, samples, static)
     return EnergyFigures(
         profile=name,
         source=profile.source,
@@ -289,7 +289,7 @@ def _static(
     )
 
 
-def _left_out(
+def rows_left_out(
     counts: Counts, profile: hw.Profile, samples: int, static: StaticEnergy | None
 ) -> tuple[NotIncluded, ...]:
     """Return what the energy leaves out; static energy is left out of the dynamic one."""
