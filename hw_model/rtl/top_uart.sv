@@ -21,7 +21,7 @@ module top_uart #(
     parameter integer SPIKES = 256       // spikes that wait for the host; a power of two
 ) (
     input  logic       clk,
-    input  logic       button,  // high: reset; 0 where there is none
+    input  logic       button,  // high: reset, as a button or a PLL without lock asks for it; 0 where there is neither
     input  logic       rx,      // from the host
     output logic       tx,      // to the host
     output logic [3:0] leds     // high: a program is there; a recording runs; turns with every answer; an error since reset
