@@ -152,8 +152,16 @@ def _resources(build: _Build) -> dict[str, Any]:
         kind: sum(number for name, number in used.items() if name.startswith(beginnings))
         for kind, beginnings in CELLS.items()
     }
+    available = {
+        kind: sum(
+            entry.get("available", 0)
+            for name, entry in reports[0]["utilization"].items()
+            if name.startswith(beginnings)
+        )
+        for kind, beginnings in CELLS.items()
+    }
     slowest = min(clock["achieved"] for report in reports for clock in report["fmax"].values())
-    return by_kind | {"fmax_mhz": slowest}
+    return by_kind | {"available": available, "fmax_mhz": slowest}
 
 
 def _too_much(log: Path) -> str:

@@ -31,6 +31,7 @@ KEYS = [
     "flip_flops",
     "block_rams",
     "multipliers",
+    "available",
     "fmax_mhz",
     "bitstream",
     "tools",
@@ -129,7 +130,8 @@ FAKES = {
         while test $# -gt 0; do case "$1" in --seed) seed="$2";; --report) report="$2";; --textcfg) text="$2";; esac; shift; done
         echo placed >> "$FAKE_PLACED"; touch "$text"
         echo '{"fmax": {"clk": {"achieved": '$((100 + (seed * 7) % 5))'.5}},
-               "utilization": {"TRELLIS_COMB": {"used": 20}, "TRELLIS_FF": {"used": 31}, "DP16KD": {"used": 4}, "MULT18X18D": {"used": 2}}}' > "$report"
+               "utilization": {"TRELLIS_COMB": {"used": 20, "available": 100}, "TRELLIS_FF": {"used": 31, "available": 200},
+               "DP16KD": {"used": 4, "available": 5}, "MULT18X18D": {"used": 2, "available": 8}}}' > "$report"
     """,
     "yowasp-ecppack": """
         echo "ecppack 1.0"; test "$1" = --version && exit
@@ -169,6 +171,7 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
         "device": "ecp5-25f",
         "fits": True,
         **used,
+        "available": {"luts": 100, "flip_flops": 200, "block_rams": 5, "multipliers": 8},
         "bitstream": bitstream,
         "tools": versions,
     }
@@ -181,6 +184,52 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
         "program fits the open core of ecp5-25f, which takes 20 LUTs, 31 flip-flops, 4 block RAMs and 2 multipliers\n"
         f"clock: 101.5 MHz, the slowest of 3 placements\nwrote {bitstream}\n"
     )
+
+
+ON_THE_DEVICE = """\
+## On the device
+
+What the open core takes of ecp5-25f, whatever program it holds.
+
+- fullest resource: block RAM, 80.0 %
+- clock: {clock}
+
+**Cells of the device**
+
+| resource | used | of | share |
+| --- | ---: | ---: | ---: |
+| block RAM | 4 | 5 | 80.0 % |
+| multipliers | 2 | 8 | 25.0 % |
+| LUTs | 20 | 100 | 20.0 % |
+| flip-flops | 31 | 200 | 15.5 % |
+"""
+
+
+def test_what_the_device_has_left_comes_back_to_the_report(tools, tmp_path, capsys):
+    folder = tmp_path / "build"
+    model = str(Path(__file__).parents[2] / "examples/models/containers-hybrid-loihi.pt")
+    assert compile_main([model, "--target", "ecp5-25f", "--quiet", "-o", str(folder)]) == 0
+    before = (folder / "report.md").read_text()
+    for seeds, clock in (
+        ("1", "102.5 MHz, the slowest of 1 placement"),
+        ("3", "101.5 MHz, the slowest of 3 placements"),
+    ):
+        assert locsnn(["rtl", "fit", str(folder), "--seeds", seeds]) == 0
+        report = (folder / "report.md").read_text()
+        section = ON_THE_DEVICE.format(clock=clock)
+        assert report.count("## On the device") == 1
+        assert section in report
+        assert report.replace(f"{section}\n", "") == before
+        page = (folder / "report.html").read_text()
+        assert page.count('<h2 id="device">') == page.count('href="#device"') == 1
+        assert clock in page
+    assert json.loads((folder / "report.json").read_text())["placed"] == {
+        "device": "ecp5-25f",
+        "used": {"luts": 20, "flip_flops": 31, "block_rams": 4, "multipliers": 2},
+        "available": {"luts": 100, "flip_flops": 200, "block_rams": 5, "multipliers": 8},
+        "fmax_mhz": 101.5,
+        "placements": 3,
+    }
 
 
 def test_fit_names_every_step_and_what_remains(saved, tools, caplog):

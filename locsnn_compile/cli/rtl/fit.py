@@ -1,7 +1,8 @@
 """``locsnn rtl fit``: make a bitstream of the open core for a board, and report its resources.
 
 Synthesise the open core for a board, place and route it, and write the bitstream next to the program. One bitstream
-serves all programs that fit the device; a program that does not fit is refused first. Nothing here runs on a board.
+serves all programs that fit the device; a program that does not fit is refused first. The report next to the program
+gets a section on the device: LUTs, block RAM and the clock. Nothing here runs on a board.
 
 example:
   locsnn rtl fit build/objects-hybrid --board ulx3s-25f --seeds 1
@@ -22,6 +23,7 @@ from hw_model.rtl.bitstream import fit
 from locsnn_compile.cli.shell import say
 from locsnn_compile.errors import InputError, listed
 from locsnn_compile.report.format import plain, plural
+from locsnn_compile.report.placed import REPORTS, PlacedCore, with_placed
 
 
 def run(args: argparse.Namespace) -> int:
@@ -31,8 +33,21 @@ def run(args: argparse.Namespace) -> int:
     path = Path(args.program) / found["bitstream"]
     replace_file(path, bitstream, where="bitstream")
     found["bitstream"] = str(path)
+    _add_to_report(Path(args.program), found, args.seeds)
     say(args, found, _lines(plain(program.name), found, args.seeds))
     return 0
+
+
+def _add_to_report(folder: Path, found: Mapping[str, Any], placements: int) -> None:
+    """Add what the device has left to the report next to the program, if there is one."""
+    paths = {name: folder / name for name in REPORTS}
+    if not all(path.is_file() for path in paths.values()):
+        return
+    used = {kind: found[kind] for kind in found["available"]}
+    placed = PlacedCore(found["device"], used, found["available"], found["fmax_mhz"], placements)
+    reports = {name: path.read_bytes() for name, path in paths.items()}
+    for name, content in with_placed(reports, placed).items():
+        replace_file(paths[name], content, where="report")
 
 
 def _lines(program: str, found: Mapping[str, Any], placements: int) -> list[str]:

@@ -35,7 +35,7 @@ def render_html(report: content.Report) -> str:
         verdicts=_verdicts(report),
         notices="".join(_notice(notice) for notice in report.notices),
         contents=_contents(report),
-        sections="".join(_section(section) for section in report.sections),
+        sections="".join(section_html(section) for section in report.sections),
     )
 
 
@@ -118,7 +118,8 @@ def _contents(report: content.Report) -> str:
     return f'<nav aria-label="Sections"><ul>{links}</ul></nav>'
 
 
-def _section(section: content.Section) -> str:
+def section_html(section: content.Section) -> str:
+    """Return a section in this form."""
     if section.folded:
         return _folded_section(section)
     key = text(section.key)

@@ -15,7 +15,7 @@ def render_markdown(report: content.Report) -> str:
     """Return the report as Markdown; equal content gives equal bytes."""
     verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     notices = "".join(_notice(notice) for notice in report.notices)
-    sections = "".join(_section(section) for section in report.sections)
+    sections = "".join(section_markdown(section) for section in report.sections)
     whole = f"""\
 # {text(report.title)}
 
@@ -53,7 +53,8 @@ def _notice(notice: content.Notice) -> str:
     return f"> **{text(notice.title)}** {text(notice.text)}\n\n"
 
 
-def _section(section: content.Section) -> str:
+def section_markdown(section: content.Section) -> str:
+    """Return a section in this form."""
     blocks = "".join(_block(block) for block in section.blocks)
     return f"""\
 ## {text(section.title)}
