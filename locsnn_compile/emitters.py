@@ -189,6 +189,17 @@ def _elsewhere(build: Build) -> Files:
     raise AssertionError(f"{build.program.chip.name} is another chip, which check_kinds has said")
 
 
+def _events(build: Build) -> Files:
+    from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.data.write import npz_bytes
+
+    compiled = build.model
+    observed = compiled.observed
+    step_seconds = compiled.network.stated_step_seconds
+    recordings = Recordings(observed.recordings, observed.labels, step_seconds, observed.source)
+    return {"events.npz": npz_bytes(recordings)}
+
+
 def _csv(build: Build) -> Files:
     from locsnn_compile.report.renderers.csv_files import csv_files
 
@@ -232,6 +243,7 @@ EMITTERS = (
     Emitter("xylo", "xylo/", _elsewhere, _ROCKPOOL, shows_recording=True, of_chip=XYLO),
     Emitter("pynn", "spinnaker/", _elsewhere, _SCRIPT, shows_recording=True, of_chip=SPINNAKER),
     Emitter("csv", "csv/", _csv, _TABLES),
+    Emitter("events", "events.npz", _events),
     Emitter("viewer", "viewer.html", _viewer),
 )
 """In the order of the help, which is the order in which files are listed."""

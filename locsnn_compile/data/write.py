@@ -79,6 +79,13 @@ def write_recordings(
     )
 
 
+def npz_bytes(recordings: Recordings) -> bytes:
+    """Return the content of a ``.npz`` file of recordings, which holds everything."""
+    recordings = by_pixel(recordings)
+    entries = _entries(recordings, "npz", f"recordings {recordings.source!r}", None)
+    return pack_arrays(entries, compressed=False)
+
+
 def _check_empty(path: Path) -> None:
     if path.is_dir() and any(path.iterdir()):
         what, fix = "it is not empty, and recordings would mix", "Name a new folder, or a .zip."

@@ -72,7 +72,7 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     image = recorded["inputs"][:1]
     np.savez(tmp_path / "image.npz", values=image, labels=[3])
     options = ["--config", str(description), "--host-layers", "if1", "--steps", str(STEPS)]
-    out = ["-o", str(tmp_path / "out"), "--json", "--emit", "network"]
+    out = ["-o", str(tmp_path / "out"), "--json", "--emit", "network", "events"]
     events = ["--events", str(tmp_path / "image.npz")]
     assert main(["compile", str(state), *options, *events, *out]) == 0
     report = json.loads(capsys.readouterr().out)
@@ -95,6 +95,11 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     ) in report["assumptions"]
     assert "## Layers on the host" in (tmp_path / "out" / "report.md").read_text()
     assert "conv" not in (tmp_path / "out" / "network.txt").read_text()
+    sent = tmp_path / "out" / "events.npz"
+    np.testing.assert_array_equal(lc.read_recordings(sent).spikes[0], recorded["if1"])
+    assert main(["run", str(tmp_path / "out"), "--events", str(sent)]) == 0
+    numbers = str(tmp_path / "image.npz")
+    assert main(["run", str(tmp_path / "out"), "--events", numbers]) == 2
 
 
 BAD_LAYERS = {
