@@ -1,0 +1,255 @@
+"""Train networks for a Xylo and for a Loihi on the same inputs, and play them: a row each in ``accuracy.csv``.
+
+    python docs/research/xylo/study.py FOLDER [--data NAME] [--purpose choose] [--xylosim PYTHON]
+
+Rows that the table has are not run again. To choose, networks learn from two thirds of the train part and are measured
+on the rest of it; to report, they learn from all of it and play the test part once.
+"""
+
+import argparse
+import csv
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import locsnn_compile as lc
+from hw_model.values import Frozen
+from hw_model.xylo.playing import play_all, rows_of
+from locsnn_compile.data.read import read_recordings, stratified_split
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import asked_layout
+
+HERE = Path(__file__).parent
+TABLE = HERE / "accuracy.csv"
+WITNESSED = 20
+"""Recordings of a test part that xylosim plays as well."""
+ROUNDS = 5
+"""In which recordings without a published test part are divided."""
+
+
+class Data(Frozen):
+    """What is read: a file below the folder of data, and the options that say what of its sensor.
+
+    ``tie``: the class of silent recordings. ``has_parts``: its authors divided it, so that seeds differ and not rounds.
+    """
+
+    name: str
+    file: str
+    grid: str
+    selection: Mapping[str, Any]
+    epochs: int
+    tie: str | None = None
+    has_parts: bool = True
+
+
+class Candidate(Frozen):
+    """A network by name, the chip on which it is played, and the options that train it."""
+
+    network: str
+    chip: str
+    options: Mapping[str, Any]
+
+
+class Row(Frozen):
+    """A training and its result on recordings that it did not learn from.
+
+    ``hidden`` is what was asked for, and ``hidden_neurons`` what the network has: windows ask for as
+    many as recordings need. ``unequal_spikes``: those of the chip that differ from the float
+    network's, or from those of training on the chip's integers. ``xylosim_values`` and
+    ``xylosim_unequal``: registers and spikes compared with the witness, if it was asked.
+    """
+
+    data: str
+    purpose: str
+    round: int
+    seed: int
+    network: str
+    chip: str
+    hidden: int
+    epochs: int
+    learned_from: int
+    played: int
+    accuracy: float
+    unequal_spikes: int
+    hidden_neurons: int = 0
+    xylosim_values: int = 0
+    xylosim_unequal: int = 0
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells a row from all others."""
+        return tuple(str(getattr(self, name)) for name in _KEYS)
+
+
+_KEYS = ("data", "purpose", "round", "seed", "network", "hidden", "epochs")
+DATA = (
+    Data(
+        "grasps, one finger",
+        "icub_grasp/grasps.npz",
+        "60x1",
+        {"only_taxels": "1-12", "only_polarity": 0},
+        epochs=100,
+        tie="none",
+        has_parts=False,
+    ),
+    Data(
+        "digits, 16 bands",
+        "fsdd/fsdd.zip",
+        "32x1",
+        {"merge_polarities": True, "merge_channels": 16},
+        epochs=30,
+    ),
+    Data("Braille", "braille/braille.zip", "12x1", {"merge_polarities": True}, 20, "Space"),
+)
+CANDIDATES = (
+    Candidate("xylo-snn", "xylo-audio3", {"target": "xylo-audio3"}),
+    Candidate("tactile-snn", "loihi-sim", {"model": "tactile-snn", "target": "loihi-sim"}),
+    Candidate("tactile-snn-lif", "loihi-sim", {"model": "tactile-snn-lif"}),
+    Candidate("window-snn", "loihi-sim", {"model": "window-snn"}),
+)
+
+
+def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Recordings, Recordings]:
+    """Return what a network learns from, and what it plays."""
+    read = partial(
+        read_recordings,
+        folder / data.file,
+        sensor=asked_layout(data.grid, None, None, None),
+        **data.selection,
+    )
+    if data.has_parts:
+        train, test = (read(split=part) for part in ("train", "test"))
+    else:
+        train, test = (
+            read(split=part, test_share=1 / ROUNDS, fold=division) for part in ("train", "test")
+        )
+    if purpose == "choose":
+        learned, held = stratified_split(train.needed_labels("learn"), 1 / 3, 0)
+        return train.subset(learned), train.subset(held)
+    steps = max(train.spikes.shape[1], test.spikes.shape[1])
+    return train.with_steps(steps), test.with_steps(steps)
+
+
+def run(
+    data: Data,
+    learned: Recordings,
+    played: Recordings,
+    candidate: Candidate,
+    row: Row,
+    xylosim: str | None,
+) -> Row:
+    """Return a row with the result of its training."""
+    # What its sensor was is not asked again: all that is left are channels.
+    options = {
+        "channels": learned.spikes.shape[2],
+        "hidden": row.hidden,
+        "epochs": row.epochs,
+        "seed": row.seed,
+        "tie": data.tie,
+        "validation_fraction": 0.0,
+        **candidate.options,
+    }
+    plain = replace(learned, channels=None, recorded=None)
+    with tempfile.TemporaryDirectory() as name:
+        checkpoint = Path(name) / "model.pt"
+        lc.train(plain, options, carried=0).save(checkpoint)
+        network = lc.load(checkpoint)
+    compiled = lc.compile(
+        network, target=candidate.chip, events=played.spikes, labels=played.labels
+    )
+    populations = compiled.match.by_population.values()
+    row = replace(
+        row,
+        learned_from=len(learned),
+        played=len(played),
+        accuracy=round(compiled.figures.accuracy.chip, 4),
+        unequal_spikes=sum(population.mismatches for population in populations),
+        hidden_neurons=sum(own.size for own in network.populations if "hidden" in own.name),
+    )
+    if xylosim is None or not candidate.chip.startswith("xylo"):
+        return row
+    values, unequal = witnessed(compiled.program.network, played.spikes[:WITNESSED], xylosim)
+    return replace(row, xylosim_values=values, xylosim_unequal=unequal)
+
+
+def witnessed(network: Any, recordings: np.ndarray, python: str) -> tuple[int, int]:
+    """Return how many registers and spikes xylosim was compared in, and how many differ."""
+    sys.path.insert(0, str(HERE.parents[2] / "tests" / "xylo"))
+    from record import ask_witness
+
+    rows = [rows_of(recording) for recording in recordings]
+    with tempfile.TemporaryDirectory() as name:
+        answers = ask_witness(python, [(network, of_one) for of_one in rows], Path(name))
+    values = unequal = 0
+    for result, answer in zip(play_all(network, rows), answers, strict=True):
+        for register, expected in answer.items():
+            ours = getattr(result, register)
+            values += expected.size
+            unequal += int(np.count_nonzero(ours != expected.reshape(ours.shape)))
+    return values, unequal
+
+
+def asked_rows(data: Data, candidate: Candidate, purpose: str, hidden: int) -> Iterator[Row]:
+    """Yield the rows of a network, without their results: one to choose, five to report."""
+    for number in range(1 if purpose == "choose" else ROUNDS):
+        division, seed = (0, number) if data.has_parts else (1 + number, 0)
+        yield Row(
+            data.name, purpose, division, seed, candidate.network, candidate.chip, hidden,
+            data.epochs, 0, 0, 0.0, 0,
+        )  # fmt: skip
+
+
+def known_rows() -> dict[tuple[str, ...], dict[str, str]]:
+    """Return the rows of the table by their keys."""
+    if not TABLE.exists():
+        return {}
+    with TABLE.open(newline="") as file:
+        return {tuple(entry[name] for name in _KEYS): entry for entry in csv.DictReader(file)}
+
+
+def append(row: Row) -> None:
+    """Write a row at the end of the table."""
+    is_new = not TABLE.exists()
+    with TABLE.open("a", newline="") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
+        if is_new:
+            writer.writeheader()
+        writer.writerow(asdict(row))
+
+
+def main() -> None:
+    """Run what is asked for and not yet in the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="folder of the recordings")
+    parser.add_argument("--data", choices=[data.name for data in DATA])
+    parser.add_argument("--network", choices=[candidate.network for candidate in CANDIDATES])
+    parser.add_argument("--purpose", choices=("choose", "report"), default="report")
+    parser.add_argument("--hidden", type=int, default=64)
+    parser.add_argument("--xylosim", metavar="PYTHON", help="one that has xylosim")
+    args = parser.parse_args()
+    for data in DATA:
+        for candidate in CANDIDATES:
+            is_asked = args.data in (None, data.name)
+            if is_asked and args.network in (None, candidate.network):
+                run_missing(data, candidate, args)
+
+
+def run_missing(data: Data, candidate: Candidate, args: argparse.Namespace) -> None:
+    """Run the rows of a network that are not in the table."""
+    for row in asked_rows(data, candidate, args.purpose, args.hidden):
+        if row.key in known_rows():
+            continue
+        learned, played = parts(args.folder, data, args.purpose, row.round)
+        measured = run(data, learned, played, candidate, row, args.xylosim)
+        append(measured)
+        print(measured, flush=True)
+
+
+if __name__ == "__main__":
+    main()
