@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -66,3 +67,17 @@ def test_the_core_itself_keeps_the_bounds(model: str, target: str) -> None:
     for counts, events in zip(result.per_recording, busiest.tolist(), strict=True):
         bound = hw.worst_case(program, rows, events)
         assert counts.cycles <= bound.recording_ns * program.chip.clock_ghz * (1 + 1e-9)
+
+
+def test_the_page_has_the_table_of_the_run() -> None:
+    folder = Path(bounds.__file__).parent
+    with (folder / "bounds.csv").open() as file:
+        header, *rows = csv.reader(file)
+    assert header == ["program", "target", "recordings", "step", "answer", "recording", "kind"]
+    page = (folder / "bounds.md").read_text("utf-8")
+    table = page.split("<!-- bounds: begin -->\n")[1].split("<!-- bounds: end -->")[0]
+    of_page = [
+        [cell.strip(" `") for cell in line.strip("|").split("|")] for line in table.splitlines()
+    ]
+    assert of_page[2:] == [[row[0], f"{int(row[2]):,}", *row[3:]] for row in rows]
+    assert all(float(share or 0) <= 1 for row in rows for share in row[3:6])
