@@ -265,3 +265,31 @@ def test_configurations_are_those_that_the_study_reports(name: str) -> None:
     configuration = replace(config_from_mapping(written), **of_files)
     assert asked
     assert {replace(config, **of_files) for config in asked} == {configuration}
+
+
+REPORTED = {
+    "`hybrid`, plain": ("hybrid", "{}"),
+    "`hybrid`, chosen options (`examples/models/grasps-hybrid.pt`)": ("hybrid", "tau_sr"),
+    "`window-snn`": ("window-snn", "{}"),
+    "`hybrid-window`, chosen options (best on the folds)": ("hybrid-window", "tau_sr"),
+}
+"""Row of the page's table of test figures -> its network, and what its options contain."""
+
+
+@pytest.mark.parametrize("label", REPORTED)
+def test_the_test_figures_of_grasps_are_means_over_five_rounds(label: str) -> None:
+    network, option = REPORTED[label]
+    rows = [
+        row
+        for row in read_rows(STUDY / "trainings.csv")
+        if (row["sense"], row["purpose"], row["seed"]) == ("icub_grasp", "report", "0")
+        and row["network"] == network
+        and option in row["options"]
+    ]
+    assert sorted(row["round"] for row in rows) == ["1", "2", "3", "4", "5"]
+    trained, on_chip, energy = (
+        np.mean([float(row[name]) for row in rows])
+        for name in ("float_accuracy", "chip_accuracy", "energy_nj")
+    )
+    page = (STUDY.parent / "senses.md").read_text("utf-8")
+    assert f"| {label} | {trained:.3f} | {on_chip:.3f} | {energy:,.0f} |" in page
