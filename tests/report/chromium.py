@@ -25,7 +25,12 @@ from typing import Any
 _ALL = "return {x: 0, y: 0, width: document.documentElement.clientWidth, height: HEIGHT}"
 _WHOLE = _ALL.replace("HEIGHT", "document.documentElement.scrollHeight")
 _PART = """
-  const box = name => document.getElementById(name).closest('section').getBoundingClientRect()
+  const shown = name => {
+    const section = document.getElementById(name).closest('section')
+    section.querySelectorAll(':scope > details').forEach(details => { details.open = true })
+    return section
+  }
+  const box = name => shown(name).getBoundingClientRect()
   const [from, to] = [box(FROM), box(TO)]
   return {x: 0, y: from.top + scrollY, width: document.documentElement.clientWidth, height: to.bottom - from.top}
 """
