@@ -2,7 +2,8 @@
 
     python docs/research/results/first_try.py RECORDINGS docs/research/results/first-try.csv --seeds 0 1 2
 
-RECORDINGS is what ``thirteen_sensors.py`` wrote. A row that the table has is not trained again, so a run that was
+RECORDINGS is a folder with ``NAME-train.npz`` and ``NAME-test.npz`` for each sensor, and ``options.txt``, which has a line
+for each, of its name and the options that describe it. A row that the table has is not trained again, so a run that was
 stopped goes on. The test part is played once, to the program of the chip; nothing is chosen by it.
 """
 
