@@ -1,7 +1,9 @@
 """How far registers of :mod:`hw_model.arithmetic.loihi` can go: closed forms, for proofs.
 
-They are stated upwards, and hold downwards with signs turned. Both u and v follow
-``x = kept(x, decay) + drive`` from x = 0; spikes and refractory steps only bring v back to 0.
+Both u and v follow ``x = kept(x, decay) + drive`` from x = 0, with ``kept(x, decay)`` = x times
+(4096 - decay) / 4096, truncated toward zero. Spikes and refractory steps only bring v back to 0.
+
+Functions bound x from above. From below, bound -x for the drive -d.
 """
 
 from functools import lru_cache
@@ -15,45 +17,64 @@ from hw_model.values import BoolArray, FloatArray, IntArray
 
 
 def has_fraction(x: IntArray, decay: Value) -> BoolArray:
-    """Tell where truncation takes something of what a decay leaves of x."""
+    """Tell where truncation takes something of what a decay leaves of x: x keep / 4096 is not whole."""
     return np.asarray(np.abs(x) * keep_of(decay) % DECAY_ONE != 0)
 
 
 def current_stays_below(limit: int, charge: FloatArray, decay: Value) -> BoolArray:
-    """Tell whether u stays within -limit..limit while every charge of a step lies within -charge..charge."""
+    """Tell whether u stays within -limit..limit while every charge of a step is in -charge..charge.
+
+    In real numbers u tends to charge * 4096 / decay; truncation toward zero only lowers it.
+    """
+    # Not divided by the decay, which may be 0.
     return np.asarray(charge * DECAY_ONE < decay * float(limit))
 
 
 def settles_at(drive: FloatArray, decays: IntArray) -> FloatArray:
     """Return the highest x = kept(x, decay) + d from x = 0, where d <= drive in every step.
 
-    That is the smallest x that loses the drive in a step, ceil(x * decay / 4096) >= drive.
+    ``drive`` holds whole numbers. A step takes ceil(x * decay / 4096) from x >= 0, so x grows until
+    that is the drive or more. For whole numbers ceil(y) >= drive means y > drive - 1, so it settles
+    at the smallest whole x above (drive - 1) * 4096 / decay. Without decay it grows for ever.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         settled = np.floor((drive - 1) * DECAY_ONE / decays) + 1
-    return np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
+    highest_if_driven = np.where(decays == 0, np.inf, settled)
+    return np.where(drive <= 0, 0.0, highest_if_driven)
 
 
 def settles_untruncated(drive: FloatArray, decays: IntArray) -> FloatArray:
     """Return the answer of the filter in real numbers to a drive in every step: drive * 4096 / decay.
 
-    Truncation may take less from a sum than from its parts, so answers that are added up must leave it out.
+    Truncation may take less from a sum than from its parts, so answers that are added up must
+    leave it out.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
+        # A drive of 0 settles at 0 without decay too, where the product is 0 * inf.
         settled: FloatArray = np.where(drive == 0, 0.0, drive * gain_at_rest(decays))
     return settled
 
 
 @lru_cache(maxsize=4096)
 def largest_answers(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
-    """Return the largest answers of u and of v, in real numbers, to a charge of 1 every ``period`` steps.
+    """Return the largest u and v, in real numbers, that a charge of 1 every ``period`` steps leads to.
 
-    m steps after a charge, u holds a^m of it and v holds h(m) = sum over i = 0..m of a^i b^(m-i). What is left of all
-    charges before is a geometric series.
+    With a and b for the shares that u and v keep in a step, and p for the period: m steps after a
+    charge, u holds a^m of it, and v holds h(m) = sum over i = 0..m of a^i b^(m-i), which is
+
+        (a^(m+1) - b^(m+1)) / (a - b), or (m+1) a^m where a = b.
+
+    With all charges before, v holds the sum over k >= 0 of h(m + k p), a geometric series:
+
+        (a^(m+1) / (1 - a^p) - b^(m+1) / (1 - b^p)) / (a - b), or
+        a^m ((m+1) / (1 - a^p) + p a^p / (1 - a^p)^2) where a = b.
+
+    It is largest at one of m = 0..p-1. u is largest just after a charge: 1 / (1 - a^p).
     """
     if decay_u == KEEPS_ALL:
         return np.inf, np.inf
-    a, b = share_kept(decay_u), share_kept(decay_v)
+    a = share_kept(decay_u)
+    b = share_kept(decay_v)
     of_u = 1.0 / (1.0 - a**period)
     if decay_v == KEEPS_ALL:
         return of_u, np.inf

@@ -116,12 +116,15 @@ class ChipNumbers(Frozen):
 
     def window_output(self, names: Sequence[str], mantissas: Mapping[str, IntArray]) -> ChipCuba:
         """Return the output neurons of windows, with their biases; ``names`` of weights and biases."""
-        (weights, offsets), held = (self.populations[name] for name in names), mantissas[names[1]]
-        return weights.resetting(len(held)).with_biases(held, offsets.exponent)
+        weights, offsets = (self.populations[name] for name in names)
+        biases = mantissas[names[1]]
+        return weights.resetting(len(biases)).with_biases(biases, offsets.exponent)
 
     def floats(self, mantissas: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
         """Return mantissas by population name in the float network's units."""
-        return {name: held * self.populations[name].unit for name, held in mantissas.items()}
+        return {
+            name: mantissa * self.populations[name].unit for name, mantissa in mantissas.items()
+        }
 
 
 def chip_entry(chip: ChipNumbers) -> dict[str, Any]:

@@ -1,6 +1,8 @@
-"""What a network trained on the arithmetic of a Xylo is made of, and the ``chip`` entry of its checkpoint.
+"""The integers of a network that was trained on the arithmetic of a Xylo.
 
-Nothing here imports torch, so that the compiler reads it too.
+They are the ``chip`` entry of its checkpoint. Mantissas of weights are integers of the chip; the
+float network counts the same weights in thresholds. Nothing here imports torch, so that the
+compiler reads it too.
 """
 
 from collections.abc import Mapping
@@ -18,7 +20,11 @@ Threshold = Annotated[int, between(1, xylo.STATE_MAX)]
 
 
 class XyloSynapses(Frozen):
-    """Weights of a group of synapses: a mantissa of 1 charges ``1 << shift``, and is ``unit`` thresholds."""
+    """Weights of a group of synapses.
+
+    A mantissa of 1 adds ``1 << shift`` to the synaptic current, and is ``unit`` thresholds in the
+    float network.
+    """
 
     shift: Annotated[int, between(0, 15)]
     unit: Annotated[float, POSITIVE]
@@ -36,7 +42,10 @@ class XyloSynapses(Frozen):
 
 
 class XyloNumbers(Frozen):
-    """The Xylo that a network was trained for, its thresholds, and its groups of synapses by weight name."""
+    """The Xylo that a network was trained for, its thresholds, and its groups of synapses.
+
+    Thresholds are in units of the potential. ``populations`` are by the name of their weights.
+    """
 
     target: Annotated[
         str, Must(lambda name: name.isprintable() and len(name) <= 200, "that is a plain name")
@@ -46,20 +55,27 @@ class XyloNumbers(Frozen):
     populations: Mapping[str, XyloSynapses]
 
     def floats(self, mantissas: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-        """Return mantissas by weight name in thresholds."""
-        return {name: held * self.populations[name].unit for name, held in mantissas.items()}
+        """Return the weights in thresholds, by name, of these mantissas."""
+        return {
+            name: mantissa * self.populations[name].unit for name, mantissa in mantissas.items()
+        }
 
 
 def xylo_entry(numbers: XyloNumbers) -> dict[str, Any]:
-    """Return the entry of a network's numbers."""
+    """Return the ``chip`` entry of a checkpoint that holds these numbers."""
     return asdict(numbers)
 
 
 def parse_xylo_entry(
     where: str, entry: object, shapes: Mapping[str, tuple[int, ...]]
 ) -> XyloNumbers:
-    """Return the numbers that an entry holds for weights of these names; ``InputError`` for what no Xylo holds."""
+    """Return the numbers that an entry holds for the weights that ``shapes`` names.
+
+    Raises ``InputError`` for what no Xylo holds, and unless there is one group for each name.
+    """
+    # Checkpoints are written whole: an entry may lack no field, not even one with a default.
     reader = RecordReader(where, WRITE_AGAIN, lacks=False)
     numbers = reader.record(XyloNumbers, entry, "chip")
-    reader.entries(numbers.populations, "chip.populations", dict.fromkeys(shapes, True))
+    required_names = dict.fromkeys(shapes, True)
+    reader.entries(numbers.populations, "chip.populations", required_names)
     return numbers

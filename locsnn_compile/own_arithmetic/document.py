@@ -183,10 +183,15 @@ def _per_sample(counts: ChipCounts, samples: int) -> OperationCounts:
 
 
 def _published(match: ProgramMatch[Any]) -> PublishedOperations:
-    by_branch = {name: number / match.samples for name, number in match.additions.items()}
+    by_branch = {phase: count / match.samples for phase, count in match.additions.items()}
     additions = sum(by_branch.values())
-    transposed = match.total_counts.transpose_events / match.samples
-    return PublishedOperations(additions, by_branch, transposed, additions + transposed)
+    transpose_events = match.total_counts.transpose_events / match.samples
+    return PublishedOperations(
+        additions=additions,
+        additions_by_branch=by_branch,
+        transpose_events=transpose_events,
+        operations=additions + transpose_events,
+    )
 
 
 def skipped_entry(

@@ -1,4 +1,7 @@
-"""Two programs on the same recordings, spike by spike: of one arithmetic, or of two."""
+"""Two programs on the same recordings, compared spike by spike.
+
+The programs may be for one family of chips or for two, such as a Loihi and a Xylo.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -13,8 +16,8 @@ from locsnn_compile.verification.matching import PopulationMatch
 class ProgramsCompared(Shown):
     """What two programs do on ``recordings`` recordings of a ``source``.
 
-    ``same_classes`` of them are predicted alike, none at all included. ``by_population`` has the
-    populations of both, with the first program as the reference.
+    On ``same_classes`` of them both predict the same class, or neither predicts any.
+    ``by_population`` compares the populations that both have, with the first program as reference.
     """
 
     source: str
@@ -24,14 +27,18 @@ class ProgramsCompared(Shown):
 
 
 class _Played(NamedTuple):
-    """Spikes (batch, steps, n) by population, and the classes that are predicted, or -1."""
+    """What one program does on a batch of recordings.
+
+    ``spikes`` (batch, steps, n) by population, and the ``predictions`` (batch,): classes, or -1
+    where none is predicted.
+    """
 
     spikes: Mapping[str, ByteArray]
-    decided: IntArray
+    predictions: IntArray
 
 
 class _Batch(Sums, eq=False):
-    """The comparison of some recordings."""
+    """The comparison of a batch of recordings; batches add up."""
 
     recordings: int
     same_classes: int
@@ -44,9 +51,9 @@ def compare_programs(
     """Play recordings to both; ``InputError`` where they have no population in common."""
     total: _Batch | None = None
     for rows in batches(len(recordings)):
-        part = recordings.spikes[rows]
-        batch = _compared(_play(before, part), _play(after, part))
-        total = total + batch if total else batch
+        spikes = recordings.spikes[rows]
+        batch = _compare_batch(_play(before, spikes), _play(after, spikes))
+        total = batch if total is None else total + batch
     assert total is not None  # there is at least one recording
     return ProgramsCompared(
         source=recordings.source,
@@ -56,28 +63,33 @@ def compare_programs(
     )
 
 
-def _compared(before: _Played, after: _Played) -> _Batch:
-    common = [
-        name
-        for name, spikes in before.spikes.items()
-        if name in after.spikes and after.spikes[name].shape == spikes.shape
-    ]
+def _compare_batch(before: _Played, after: _Played) -> _Batch:
+    common = _common_populations(before, after)
     if not common:
         what = "the programs have no population of one name, size and number of steps"
         raise InputError("--events", what, fix="Compare builds of one model, or leave it out.")
     return _Batch(
-        recordings=len(before.decided),
-        same_classes=int((before.decided == after.decided).sum()),
+        recordings=len(before.predictions),
+        same_classes=int((before.predictions == after.predictions).sum()),
         by_population={
             name: PopulationMatch.of(before.spikes[name], after.spikes[name]) for name in common
         },
     )
 
 
+def _common_populations(before: _Played, after: _Played) -> list[str]:
+    """Return the names of populations that have the same size and number of steps in both programs."""
+    return [
+        name
+        for name, spikes in before.spikes.items()
+        if name in after.spikes and after.spikes[name].shape == spikes.shape
+    ]
+
+
 def _play(program: AnyProgram, recordings: ByteArray) -> _Played:
     if program.readout is None:
         what = "has no readout, so it predicts nothing"
         raise InputError(f"program {program.name!r}", what, fix="Compile a model.")
-    played = kind_of(program).play(program, recordings, "fast")
-    assert played.scores is not None  # there is a readout
-    return _Played(played.spikes, program.readout.decided(played.scores))
+    result = kind_of(program).play(program, recordings, "fast")
+    assert result.scores is not None  # there is a readout
+    return _Played(spikes=result.spikes, predictions=program.readout.decided(result.scores))

@@ -1,4 +1,8 @@
-"""Long runs: what fades does not grow, what does not fade grows as derived, and a session counts the same spikes."""
+"""Long runs, in which rounding may add up.
+
+Errors that fade do not grow, those that do not fade grow as derived, and a session, which is given
+the run piece by piece, counts the same spikes as a simulation of the whole.
+"""
 
 from dataclasses import replace
 
@@ -20,17 +24,21 @@ RUNS = {(run.case.name, run.case.strategy): run for run in long_runs()}
 def test_the_float_run_is_the_reference():
     run = RUNS["tau_sr 10", "dendrite"]
     steps = 2 * len(run.block)
-    found = play_float(run.case.network, run.block, steps)
-    wanted = evaluate(run.case.network, run.case.recordings, potentials=True)
-    assert np.array_equal(found.spikes, wanted.spikes["n"][0])
-    assert found.potential == pytest.approx(wanted.potential["n"][0], rel=1e-9, abs=1e-9)
+    float_run = play_float(run.case.network, run.block, steps)
+    # The recording of this case is its block, twice.
+    reference = evaluate(run.case.network, run.case.recordings, potentials=True)
+    assert np.array_equal(float_run.spikes, reference.spikes["n"][0])
+    assert float_run.potential == pytest.approx(reference.potential["n"][0], rel=1e-9, abs=1e-9)
 
 
 def test_balanced_weights_drift_as_fast_as_their_rounding():
     run = RUNS["no leak, balanced input", "native"]
-    drift, odd = measure_drift(run, CHIP, play_float(run.case.network, run.block, 10_000))
-    assert odd is None
-    assert drift.error == pytest.approx([(i + 1) * drift.error[0] for i in range(10)], rel=0.1)
+    float_run = play_float(run.case.network, run.block, 10_000)
+    drift, session_differs = measure_drift(run, CHIP, float_run)
+    assert session_differs is None
+    # Errors are given by tenth of the run.
+    in_proportion = [tenths * drift.error[0] for tenths in range(1, 11)]
+    assert drift.error == pytest.approx(in_proportion, rel=0.1)
     assert 0.9 * drift.bound <= drift.error[-1] <= drift.bound
 
 
@@ -38,13 +46,20 @@ def test_what_fades_does_not_grow():
     run = RUNS["leak of 10 steps", "native"]
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 10_000))
     assert row.verdict == "ok"
+    # The network settles in the first tenth; after it every tenth has the same error.
     assert len(set(row.drift.error[1:])) == 1
     assert row.drift.error[-1] <= row.drift.bound < 0.1
+
+
+def test_growth_is_told_where_nothing_fades_and_where_spikes_drift_apart():
+    run = RUNS["leak of 10 steps", "native"]
+    row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     grown = replace(row.drift, steps=1_000_000, error=(0.05, 0.6))
-    assert [*drift_module._growth(row, grown, fades=True)] == []
+    assert not [*drift_module._growth(row, grown, fades=True)]
     assert [*drift_module._growth(row, grown, fades=False)] == [
         "nothing fades, so rounding adds up: 0.60 thresholds in 1,000,000 steps"
     ]
+    # Of 10 spikes on either side, 2 are equal.
     apart = replace(row.drift, spikes=(PopulationMatch(10, 10, 2),))
     assert [*drift_module._growth(row, apart, fades=True)] == [
         "spikes drift apart: 97.8 % are equal in the beginning, 20.0 % in the last tenth"
@@ -53,21 +68,16 @@ def test_what_fades_does_not_grow():
 
 def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
-    monkeypatch.setattr(
-        drift_module,
-        "_session_differs",
-        lambda *given: "a session counts other spikes until step 1000",
-    )
+    difference = "a session counts other spikes until step 1000"
+    monkeypatch.setattr(drift_module, "_session_differs", lambda *_: difference)
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
-    assert (row.verdict, row.causes) == (
-        "unexplained",
-        ("a session counts other spikes until step 1000",),
-    )
+    assert row.verdict == "unexplained"
+    assert row.causes == (difference,)
 
 
 def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
-    monkeypatch.setattr(drift_module, "_bound", lambda *given: 1e-5)
+    monkeypatch.setattr(drift_module, "_bound", lambda *_: 1e-5)
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     assert row.verdict == "unexplained"
     largest = short(max(row.drift.error))

@@ -37,6 +37,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_psi(
         parser, "with --stream or --stop margin: psi of the time-weighted prediction, such as 10"
     )
+    _add_early_stop(parser)
+    add_times(parser)
+    add_division(parser)
+    add_sensor(parser)
+    add_numbering(parser)
+    add_scheduler(parser, "play on the Dask cluster of this scheduler (needs dask)")
+    add_json(parser)
+
+
+def _add_early_stop(parser: argparse.ArgumentParser) -> None:
+    """Add the options on when to stop before the last step."""
     parser.add_argument(
         "--stop",
         metavar="HOW",
@@ -68,9 +79,3 @@ def declare(parser: argparse.ArgumentParser) -> None:
         type=number("--silence", int, low=1),
         help="with --stop silence: steps without an event",
     )
-    add_times(parser)
-    add_division(parser)
-    add_sensor(parser)
-    add_numbering(parser)
-    add_scheduler(parser, "play on the Dask cluster of this scheduler (needs dask)")
-    add_json(parser)

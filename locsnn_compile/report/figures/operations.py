@@ -1,4 +1,8 @@
-"""Entries of report.json on operations: those of the chip, those on paper, and those of conventional networks."""
+"""Entries of report.json on operations, of three kinds.
+
+They are those that the chip counts, those on paper, as publications count them from spikes and
+fan-out, and those of conventional (not spiking) networks on the same input.
+"""
 
 import math
 from collections.abc import Mapping
@@ -33,7 +37,8 @@ class PublishedOperations(Entry):
 class OperationFigures(Entry):
     """``operations``: of the chip, in all and by branch, and of the published method.
 
-    ``extra_spikes`` are those beyond the first of a neuron in a step, where cores can send several.
+    A branch is a phase of the program, such as steps over time. ``extra_spikes`` are those beyond
+    the first of a neuron in a step, on chips whose cores can send several.
     """
 
     per_sample: OperationCounts
@@ -45,8 +50,9 @@ class OperationFigures(Entry):
 class ConventionalNetwork(Entry):
     """A conventional network on the same input.
 
-    ``ratio`` is to the float network's operations on paper, and ``chip_ratio`` to the program's
-    synaptic operations; they are None if there are no such operations.
+    Ratios say how many times as much it takes as the spiking network: ``ratio`` in operations on
+    paper, ``chip_ratio`` in synaptic operations of the chip, and ``energy_ratio`` in energy. A
+    ratio to nothing is None. Energies are by kind of arithmetic, such as fp32.
     """
 
     operations: int
@@ -73,13 +79,14 @@ Conventional = Mapping[str, ConventionalNetwork | NotDefined]
 
 
 def operation_figures(match: Match) -> OperationFigures:
-    """Return the operations of both sides."""
+    """Return the operations that the chip counts, and those on paper."""
     return OperationFigures(
         per_sample=_per_sample(total(match.counts), match.samples),
         by_branch={
             name: _per_sample(counts, match.samples)
             for name, counts in match.counts_by_phase.items()
         },
+        # A neuron of these chips sends at most one spike in a step.
         extra_spikes=None,
         published_method=_published(match),
     )
@@ -96,16 +103,24 @@ def _per_sample(counts: Counts, samples: int) -> OperationCounts:
 
 
 def _published(match: Match) -> PublishedOperations:
-    by_branch = {axis: n / match.samples for axis, n in match.additions.items()}
-    transposed = total(match.counts).transpose_events / match.samples
+    by_branch = {phase: count / match.samples for phase, count in match.additions.items()}
     additions = math.fsum(by_branch.values())
-    return PublishedOperations(additions, by_branch, transposed, additions + transposed)
+    transpose_events = total(match.counts).transpose_events / match.samples
+    return PublishedOperations(
+        additions=additions,
+        additions_by_branch=by_branch,
+        transpose_events=transpose_events,
+        operations=additions + transpose_events,
+    )
 
 
 def conventional_networks(
     network: Network, operations: OperationFigures, own_pj: float | None
 ) -> Conventional:
-    """Return the published comparison at this network's input size."""
+    """Return the published comparison at this network's input size, by conventional network.
+
+    ``own_pj`` is the energy of the spiking network per recording, None where it is not known.
+    """
     return {name: _conventional(name, network, operations, own_pj) for name in paper.ANN_NAMES}
 
 
@@ -117,19 +132,26 @@ def _conventional(
         return NotDefined()
     on_paper = operations.published_method.operations
     on_chip = operations.per_sample.synaptic_ops
-    energies = paper.ann_energy_pj(counts)
+    energy_by_arithmetic = paper.ann_energy_pj(counts)
     return ConventionalNetwork(
         operations=counts.operations,
-        ratio=counts.operations / on_paper if on_paper else None,
-        chip_ratio=counts.operations / on_chip if on_chip else None,
+        ratio=_ratio(counts.operations, on_paper),
+        chip_ratio=_ratio(counts.operations, on_chip),
         macs=counts.macs,
         multiplications=counts.multiplications,
         additions=counts.additions,
-        energy_pj=energies,
-        energy_ratio={name: pj / own_pj if own_pj else None for name, pj in energies.items()},
+        energy_pj=energy_by_arithmetic,
+        energy_ratio={
+            arithmetic: _ratio(pj, own_pj) for arithmetic, pj in energy_by_arithmetic.items()
+        },
         energy_source=paper.ANN_ENERGY_SOURCE,
         energy_not_included=tuple(paper.ANN_NOT_INCLUDED),
     )
+
+
+def _ratio(conventional: float, spiking: float | None) -> float | None:
+    """Return how many times as much a conventional network takes; None if the other takes nothing."""
+    return conventional / spiking if spiking else None
 
 
 def _ann_counts(name: str, network: Network) -> paper.AnnCounts | None:

@@ -1,4 +1,7 @@
-"""The section that shows the cores in use at their places on the mesh, how full each is, and its energy."""
+"""The section that shows the cores in use at their places on the mesh.
+
+Each chip is drawn twice: once its cores are filled by how full they are, once by their energy.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,12 +17,12 @@ from locsnn_compile.report.sections.cost_tables import core_words
 from locsnn_compile.report.sections.verdict import fullness
 from locsnn_compile.report.words import words
 
-_CHIPS = 4
+_MAX_CHIPS = 4
 """Most chips that are drawn; a board may have thousands."""
-_TILES = 256
+_MAX_TILES = 256
 """A chip with more tiles is not drawn."""
-_NAMED = 8
-"""Cores that the text next to the picture names."""
+_MAX_NAMED = 8
+"""Most cores that the text next to the picture names."""
 _LEAD = (
     "Each core at its place on the mesh, filled from below: first by the fullest of its limits, then "
     "by its energy relative to the core that uses most. Empty tiles are free."
@@ -27,7 +30,7 @@ _LEAD = (
 
 
 class _Filled(Frozen):
-    """A core, how far it is filled, 0..1, the text in it, and its description in words."""
+    """A core, the share (0..1) of it that is drawn as filled, the text in it, and that share in words."""
 
     place: Place
     share: float
@@ -41,76 +44,106 @@ def cores(report: ReportFigures, energy_figures: EnergyFigures) -> Section:
     tiles = resources.mesh.tiles
     by_chip: dict[int, list[CoreUse]] = {}
     for core in resources.by_core:
-        by_chip.setdefault(core.place.tile[0] // tiles.columns, []).append(core)
-    drawn = sorted(by_chip.items())[:_CHIPS] if tiles.tiles <= _TILES else []
+        # The tiles of a board are numbered through, with its chips side by side.
+        chip = core.place.tile[0] // tiles.columns
+        by_chip.setdefault(chip, []).append(core)
+    drawn_chips = sorted(by_chip)[:_MAX_CHIPS] if tiles.tiles <= _MAX_TILES else []
+    has_several_chips = resources.mesh.chips > 1
     meshes = []
-    for chip, on_chip in drawn:
-        of_chip = f"chip {chip} of {report.target}" if resources.mesh.chips > 1 else report.target
-        meshes.append(_room(resources, chip, on_chip, of_chip))
-        meshes.append(_energy(resources, chip, on_chip, energy_figures))
-    left_out = len(by_chip) - len(drawn)
+    for chip in drawn_chips:
+        chip_name = f"chip {chip} of {report.target}" if has_several_chips else report.target
+        meshes.append(_fullness_mesh(resources, chip, by_chip[chip], chip_name))
+        meshes.append(_energy_mesh(resources, chip, by_chip[chip], energy_figures))
+    left_out = len(by_chip) - len(drawn_chips)
     note = f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."
     return Section.of("cores", "Use of the cores", _LEAD, *meshes, note if left_out else None)
 
 
-def _room(resources: ResourceFigures, chip: int, cores: Sequence[CoreUse], of_chip: str) -> Mesh:
-    every = plural(resources.mesh.cores_per_chip, "core")
+def _fullness_mesh(
+    resources: ResourceFigures, chip: int, cores: Sequence[CoreUse], chip_name: str
+) -> Mesh:
+    """Draw the cores of a chip, filled by the fullest of their limits."""
     filled = []
     for core in cores:
         full, limit = _fullest(resources.limits, core)
-        text, description = f"{100 * full:.0f}", f"{share(full)} of its {limit}"
-        filled.append(_Filled(core.place, full, text, description))
-    in_use = f"{count(len(cores))} of {every} in use"
-    title = f"Fullest limit of each core of {of_chip}, in percent: {in_use}"
+        percent = f"{100 * full:.0f}"
+        description = f"{share(full)} of its {limit}"
+        filled.append(_Filled(core.place, full, percent, description))
+    all_cores = plural(resources.mesh.cores_per_chip, "core")
+    in_use = f"{count(len(cores))} of {all_cores} in use"
+    title = f"Fullest limit of each core of {chip_name}, in percent: {in_use}"
     return _mesh(resources.mesh, chip, filled, title)
 
 
-def _energy(
+def _energy_mesh(
     resources: ResourceFigures, chip: int, cores: Sequence[CoreUse], figures: EnergyFigures
 ) -> Mesh:
-    energies = {core.place.core: 0.0 for core in resources.by_core}
-    energies |= {core.place.core: core.pj for core in figures.by_core_pj}
-    most = max(energies.values(), default=0.0) or 1.0
-    total = math.fsum(energies.values()) or 1.0
+    """Draw the cores of a chip, filled by their energy relative to the largest on the board."""
+    # Cores that the energy figures do not list take none.
+    pj_by_core = {core.place.core: 0.0 for core in resources.by_core}
+    pj_by_core |= {core.place.core: core.pj for core in figures.by_core_pj}
+    # Where no core takes any energy, all shares are 0 rather than 0 / 0.
+    largest_pj = max(pj_by_core.values(), default=0.0) or 1.0
+    total_pj = math.fsum(pj_by_core.values()) or 1.0
     filled = []
     for core in cores:
-        pj = energies[core.place.core]
-        percent = 100 * pj / total
-        text = f"{percent:.{int(percent < 9.95)}f}"
-        description = f"{energy(pj)}, {share(pj / total)} of all"
-        filled.append(_Filled(core.place, pj / most, text, description))
+        pj = pj_by_core[core.place.core]
+        percent = 100 * pj / total_pj
+        # Two digits: 9.9, but 10; from 9.95 on, one decimal would show 10.0.
+        decimals = 1 if percent < 9.95 else 0
+        text = f"{percent:.{decimals}f}"
+        description = f"{energy(pj)}, {share(pj / total_pj)} of all"
+        filled.append(_Filled(core.place, pj / largest_pj, text, description))
     title = f"Energy, in percent of all cores, profile {figures.profile}"
     return _mesh(resources.mesh, chip, filled, title)
 
 
 def _mesh(size: MeshSize, chip: int, cores: Sequence[_Filled], title: str) -> Mesh:
-    """Draw cores by their use, and name those with the most."""
+    """Draw cores at their places on a chip, and name the fullest of them."""
     tiles = size.tiles
+    # The smallest square that holds the cores of a tile, less the rows that stay empty.
     tile_columns = math.isqrt(tiles.cores_per_tile - 1) + 1
-    tile_rows = -(-tiles.cores_per_tile // tile_columns)
+    tile_rows = math.ceil(tiles.cores_per_tile / tile_columns)
     drawn = []
     for core in cores:
-        slot_in_tile = core.place.slot % size.cores_per_chip % tiles.cores_per_tile
+        # Slots count the cores of the board chip by chip, and those of a chip tile by tile.
+        slot_on_chip = core.place.slot % size.cores_per_chip
+        slot_in_tile = slot_on_chip % tiles.cores_per_tile
         inside_row, inside_column = divmod(slot_in_tile, tile_columns)
-        tile_column = core.place.tile[0] - chip * tiles.columns
+        board_column, tile_row = core.place.tile
+        tile_column = board_column - chip * tiles.columns
         column = tile_column * tile_columns + inside_column
-        row = core.place.tile[1] * tile_rows + inside_row
+        row = tile_row * tile_rows + inside_row
         drawn.append(MeshCore(column, row, core.share, core.text))
-    named = sorted(cores, key=lambda core: -core.share)[:_NAMED]
-    said = "; ".join(f"{core_words(core.place)}: {core.description}" for core in named)
-    more = f"; and {count(len(cores) - _NAMED)} more" if len(cores) > _NAMED else ""
     return Mesh(
-        title, said + more, tiles.columns, tiles.rows, tile_columns, tile_rows, tuple(drawn)
+        title=title,
+        description=_names_of_fullest(cores),
+        columns=tiles.columns,
+        rows=tiles.rows,
+        tile_columns=tile_columns,
+        tile_rows=tile_rows,
+        cores=tuple(drawn),
     )
 
 
+def _names_of_fullest(cores: Sequence[_Filled]) -> str:
+    """Describe the cores that are filled most, from the fullest down, and say how many follow."""
+    fullest = sorted(cores, key=lambda core: -core.share)[:_MAX_NAMED]
+    named = "; ".join(f"{core_words(core.place)}: {core.description}" for core in fullest)
+    unnamed = len(cores) - len(fullest)
+    return f"{named}; and {count(unnamed)} more" if unnamed else named
+
+
 def _fullest(limits: Mapping[str, LimitUse], core: CoreUse) -> tuple[float, str]:
-    """Return how full the fullest limit of a core is, and its name in words."""
+    """Return how full the fullest limit of a core is, 0..1, and its name in words.
+
+    ``limits`` of the program hold the contents of its fullest cores; here those of ``core`` count.
+    """
     contents = vars(core.contents)
-    fullness_by_limit = [
-        (fullness(LimitUse(contents[name], use.limit)), name)
+    fullness_by_limit = {
+        name: fullness(LimitUse(contents[name], use.limit))
         for name, use in limits.items()
         if name in contents
-    ]
-    full, name = max(fullness_by_limit, key=lambda pair: pair[0])
-    return full, words(name)
+    }
+    name = max(fullness_by_limit, key=fullness_by_limit.__getitem__)
+    return fullness_by_limit[name], words(name)
