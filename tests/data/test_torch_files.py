@@ -15,28 +15,30 @@ from torch_files import NUMBERS, Rebuilt, old_file, read, saved, whole
 from locsnn_compile.data.tensors import Name, Tensor
 
 DTYPES = [
-    *(
-        torch.bool,
-        torch.uint8,
-        torch.int8,
-        torch.int16,
-        torch.int32,
-        torch.int64,
-        torch.float16,
-        torch.bfloat16,
-    ),
-    *(torch.float32, torch.float64, torch.complex64, torch.complex128),
+    torch.bool,
+    torch.uint8,
+    torch.int8,
+    torch.int16,
+    torch.int32,
+    torch.int64,
+    torch.float16,
+    torch.bfloat16,
+    torch.float32,
+    torch.float64,
+    torch.complex64,
+    torch.complex128,
 ]
 NEWER = [torch.uint16, torch.uint32, torch.uint64]
 """Of these, torch reads what it wrote in the new format only."""
 
 
-def same(found, wanted):
-    """Compare a value with torch's, tensors by their bits."""
+def assert_same(found, wanted):
+    """Compare a value that our reader found with torch's, tensors by their bits."""
     if isinstance(wanted, torch.Tensor):
         assert isinstance(found, Tensor)
         assert (found.dtype, found.shape) == (str(wanted.dtype), tuple(wanted.shape))
         plain = wanted.detach().resolve_conj().resolve_neg()
+        # numpy has no bfloat16; our reader widens it as torch does here.
         array = (plain.float() if plain.dtype == torch.bfloat16 else plain).numpy()
         assert found.array().dtype == array.dtype
         assert found.array().shape == array.shape
@@ -46,12 +48,12 @@ def same(found, wanted):
         assert type(found) is dict
         assert list(found) == list(wanted)
         for key, value in wanted.items():
-            same(found[key], value)
+            assert_same(found[key], value)
     elif isinstance(wanted, list | tuple):
         assert type(found) is (list if isinstance(wanted, list) else tuple)
         assert len(found) == len(wanted)
-        for one, other in zip(found, wanted, strict=True):
-            same(one, other)
+        for item, wanted_item in zip(found, wanted, strict=True):
+            assert_same(item, wanted_item)
     elif isinstance(wanted, torch.dtype | torch.device | torch.layout | torch.qscheme):
         assert found == Name(str(wanted))
     elif isinstance(wanted, float):
@@ -61,23 +63,25 @@ def same(found, wanted):
         assert found == wanted
 
 
-def as_torch_does(data):
-    same(read(data), torch.load(io.BytesIO(data), weights_only=True, map_location="cpu"))
+def assert_read_as_torch_does(data):
+    wanted = torch.load(io.BytesIO(data), weights_only=True, map_location="cpu")
+    assert_same(read(data), wanted)
 
 
 @st.composite
 def tensors(draw, dtypes):
-    """A view of one of a few storages of any bits, as slices, transposes, strides and axes of one make them."""
+    """A view of a storage with any bits, or several that share it: slices, transposes and the like."""
     dtype = draw(st.sampled_from(dtypes))
     size = draw(st.integers(0, 24))
     width = torch.empty(0, dtype=dtype).element_size()
     content = draw(st.binary(min_size=size * width, max_size=size * width))
     if dtype == torch.bool:
         content = bytes(byte & 1 for byte in content)
-    whole = (
+    # frombuffer() refuses an empty buffer.
+    flat = (
         torch.frombuffer(bytearray(content), dtype=dtype) if size else torch.empty(0, dtype=dtype)
     )
-    views = [whole]
+    views = [flat]
     for _ in range(draw(st.integers(0, 3))):
         views.append(view(draw, draw(st.sampled_from(views))))
     return draw(st.sampled_from(views)) if draw(st.booleans()) else views
@@ -146,13 +150,13 @@ def values(dtypes):
 @settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(values([*DTYPES, *NEWER]), st.sampled_from(["cpu", "cuda:0"]))
 def test_archives_are_what_torch_reads(value, place):
-    as_torch_does(saved(value, place=place))
+    assert_read_as_torch_does(saved(value, place=place))
 
 
 @settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(values(DTYPES), st.sampled_from(["cpu", "cuda:0"]))
 def test_files_from_before_torch_1_6_are_what_torch_reads(value, place):
-    as_torch_does(saved(value, archive=False, place=place))
+    assert_read_as_torch_does(saved(value, archive=False, place=place))
 
 
 @pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
@@ -168,13 +172,13 @@ def test_what_networks_and_optimisers_save(archive):
         "optimiser": optimiser.state_dict(),
         "counts": collections.Counter("aab"),
     }
-    as_torch_does(saved(value, archive=archive))
+    assert_read_as_torch_does(saved(value, archive=archive))
 
 
 def test_shared_storages_stay_shared():
     x = torch.arange(6.0)
     found = read(saved([x, x[2:], x.view(2, 3).T]))
-    assert len({id(each.storage) for each in found}) == 1
+    assert len({id(tensor.storage) for tensor in found}) == 1
     assert np.shares_memory(found[0].array(), found[2].array())
 
 
@@ -182,23 +186,24 @@ def test_shared_storages_stay_shared():
 def test_a_slice_that_holds_nothing_may_begin_behind_the_end(archive):
     nothing = torch.zeros(1).as_strided((1,), (2,))[1:]
     assert (nothing.storage_offset(), nothing.untyped_storage().nbytes()) == (2, 4)
-    as_torch_does(saved(nothing, archive=archive))
+    assert_read_as_torch_does(saved(nothing, archive=archive))
 
 
 def test_a_negated_part_of_complex_numbers():
     part = torch.tensor([1 + 2j, -0.0 + 3j, complex("nan")]).conj().imag
     assert part.is_neg()
-    as_torch_does(saved(part))
+    assert_read_as_torch_does(saved(part))
 
 
 def test_storages_of_the_other_byte_order():
     numbers = {str(d): torch.arange(7).to(d) for d in DTYPES} | {"x": torch.tensor([1 + 2j])}
-    data, swapped = saved(numbers), io.BytesIO()
+    data = saved(numbers)
+    swapped = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(swapped, "w") as other:
         for entry in archive.infolist():
             is_order = entry.filename.endswith("/byteorder")
             other.writestr(entry.filename, b"big" if is_order else archive.read(entry))
-    as_torch_does(swapped.getvalue())
+    assert_read_as_torch_does(swapped.getvalue())
 
 
 def test_a_storage_that_is_a_part_of_another_as_before_torch_1_0():
@@ -208,22 +213,23 @@ def test_a_storage_that_is_a_part_of_another_as_before_torch_1_0():
         Rebuilt(rebuilt, whole(), 0, (5,), (1,)),
     ]
     data = old_file(parts, [("7", NUMBERS)])
-    as_torch_does(data)
-    assert [each.array().tolist() for each in read(data)] == [[2, 3], [0, 1, 2, 3, 4]]
+    assert_read_as_torch_does(data)
+    assert [tensor.array().tolist() for tensor in read(data)] == [[2, 3], [0, 1, 2, 3, 4]]
 
 
 def test_a_file_that_python_2_wrote():
     """Its texts are bytes, its dicts given as lists of pairs, and its storages of a class of CUDA."""
-    head, numbers = (
-        old_file(0)[:-5].partition(b"}q\x00")[0],
-        b"\x80\x02](U\x017e." + struct.pack("<q", 5),
-    )
+    # What comes before the dict that tells of the machine, which is empty in this file.
+    head = old_file(0)[:-5].partition(b"}q\x00")[0]
+    # A pickled list of the one storage, "7", and the number of its elements.
+    storages = b"\x80\x02](U\x017e." + struct.pack("<q", 5)
+    # A pickled OrderedDict of one pair: fc1, and a tensor of shape (5,) and stride (1,) on "7".
     value = (
         b"\x80\x02ccollections\nOrderedDict\n](](U\x03fc1ctorch._utils\n_rebuild_tensor\n"
         b"((U\x07storagectorch.cuda\nFloatStorage\nU\x017U\x06cuda:0K\x05NtQK\x00K\x05\x85K\x01\x85tRee\x85R."
     )
-    data = head + b"}." + value + numbers + NUMBERS.tobytes()
-    as_torch_does(data)
+    data = head + b"}." + value + storages + NUMBERS.tobytes()
+    assert_read_as_torch_does(data)
     assert read(data)["fc1"].array().tolist() == NUMBERS.tolist()
 
 
@@ -248,7 +254,7 @@ def test_what_numpy_cannot_hold_keeps_its_name(make, wanted):
 
 def test_storages_as_values():
     found = read(saved([torch.ones(2).untyped_storage(), torch.arange(3)._typed_storage()]))
-    assert [(each.dtype, each.shape) for each in found] == [
+    assert [(tensor.dtype, tensor.shape) for tensor in found] == [
         ("torch.uint8", (8,)),
         ("torch.int64", (3,)),
     ]
