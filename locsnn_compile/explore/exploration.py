@@ -14,8 +14,8 @@ from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.report.format import energy, known, plural, share, time
-from locsnn_compile.settings import Setting
-from locsnn_compile.verification.error_bounds import SPIKE_WORTH, ErrorBudget
+from locsnn_compile.settings import SPIKE_WORTH, Setting
+from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
 FRONT_RULE = (

@@ -1,5 +1,6 @@
 """Compile a network for a mesh of cores or the open core, and check it against the float reference."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -75,7 +76,12 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         if matters(wide):
             overflowing = spread_of(fitted, overflowing_recordings(match))
             search = search_without_overflows(
-                network, chip, lowered.setting, fitted_calibration, overflowing
+                network,
+                chip,
+                lowered.setting,
+                fitted_calibration,
+                overflowing,
+                lowered.known,
             )
         diagnosis = find_diagnosis(observed, match.first_divergence)
         peaks = event_peaks(levels.program, fitted.spikes)
@@ -116,6 +122,13 @@ class _Lowered(NamedTuple):
     levels: Levels
     setting: Setting
     choice: Choice | None
+
+    @property
+    def known(self) -> Mapping[Setting, Levels]:
+        """The network at every level, by every setting that was tried."""
+        if self.choice is None:
+            return {self.setting: self.levels}
+        return self.choice.levels_by_setting
 
 
 def _lower(

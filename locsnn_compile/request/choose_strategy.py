@@ -8,7 +8,7 @@ keeps the budget is made coarser (weights of fewer bits).
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -49,18 +49,23 @@ class Candidate(Losses):
 
 
 class Choice(Shown):
-    """The candidate taken, its program, all candidates, and the number and source of the recordings.
+    """The candidate taken, all candidates and their levels, and the number and source of the recordings.
 
     ``spike_worth`` is what errors were weighed by, None where a budget says what may be lost.
     """
 
     taken: Candidate
-    levels: Levels
+    levels_by_setting: Mapping[Setting, Levels]
     candidates: tuple[Candidate, ...]
     budget: ErrorBudget
     samples: int
     source: str
     spike_worth: float | None = None
+
+    @property
+    def levels(self) -> Levels:
+        """The network at every level, by the setting taken."""
+        return self.levels_by_setting[self.taken.setting]
 
     @property
     def keeps_budget(self) -> bool:
@@ -107,9 +112,14 @@ def choose_strategy(
     limits = budget if budget.given else default_budget(candidates[0])
     spike_worth = None if budget.given else asked.spike_worth
     taken = _best(candidates, limits, spike_worth)
-    levels = trial.levels[taken.setting]
     return Choice(
-        taken, levels, candidates, limits, len(recordings), recordings.source, spike_worth
+        taken=taken,
+        levels_by_setting=trial.levels,
+        candidates=candidates,
+        budget=limits,
+        samples=len(recordings),
+        source=recordings.source,
+        spike_worth=spike_worth,
     )
 
 
@@ -175,6 +185,7 @@ class Trial:
     """What settings are rounded for; without it, these recordings."""
     candidates: dict[Setting, Candidate] = field(default_factory=dict)
     levels: dict[Setting, Levels] = field(default_factory=dict)
+    """The network at every level, by setting; those that are given are not lowered again."""
     errors: list[TargetError] = field(default_factory=list)
 
     @cached_property
@@ -194,13 +205,15 @@ class Trial:
     def measure(self, setting: Setting) -> Candidate | None:
         """Return what a setting loses; None if the chip cannot hold it."""
         if setting not in self.candidates:
-            try:
-                levels = lower_as(self.network, self.chip, setting, self.calibration)
-            except TargetError as error:
-                self.errors.append(error)
-                return None
-            self.levels[setting] = levels
-            self.candidates[setting] = self._measured(setting, levels)
+            if setting not in self.levels:
+                try:
+                    self.levels[setting] = lower_as(
+                        self.network, self.chip, setting, self.calibration
+                    )
+                except TargetError as error:
+                    self.errors.append(error)
+                    return None
+            self.candidates[setting] = self._measured(setting, self.levels[setting])
         return self.candidates[setting]
 
     def _measured(self, setting: Setting, levels: Levels) -> Candidate:

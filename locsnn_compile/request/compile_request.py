@@ -13,8 +13,8 @@ from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
-from locsnn_compile.settings import AUTO, Setting, Value
-from locsnn_compile.verification.error_bounds import SPIKE_WORTH, ErrorBudget
+from locsnn_compile.settings import AUTO, SPIKE_WORTH, Setting, Value
+from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
 Events = str | Path | Recordings | ArrayLike

@@ -1,5 +1,6 @@
 """Look for settings with which nothing wraps or clips, and what they cost."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import hw_model as hw
@@ -7,6 +8,7 @@ from hw_model.values import Frozen, IntArray
 from locsnn_compile.cluster.spread import here
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
+from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.request.choose_strategy import Candidate, Trial
 from locsnn_compile.settings import STRATEGIES, USUAL, Setting
@@ -39,17 +41,20 @@ def search_without_overflows(
     taken: Setting,
     calibration: Recordings,
     overflowing: Recordings,
+    lowered: Mapping[Setting, Levels],
 ) -> OverflowSearch | None:
     """Try narrower weights, the widest first, and other strategies; None where there is nothing to try.
 
-    Narrower weights let the compiler choose a smaller scale, which leaves more room in registers.
+    ``lowered`` is what is known already: the network at every level, by settings that were rounded
+    for the same calibration. Narrower weights let the compiler choose a smaller scale, which leaves
+    more room in registers.
     """
     narrower = _narrower(network, chip, taken)
     strategies = _strategies(network, taken)
     if not narrower and not strategies:
         return None
     known_calibration = calibrate(network, calibration, chip.registers)
-    trial = Trial(network, chip, overflowing, here, known_calibration)
+    trial = Trial(network, chip, overflowing, here, known_calibration, levels=dict(lowered))
     candidate = trial.measure(taken)
     if candidate is None:
         return None

@@ -13,14 +13,6 @@ SCORE_TOLERANCE = 0.05
 """Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
 
 
-SPIKE_WORTH = 5.0
-"""What ``auto`` pays for exact spikes: to lose another percent of them, a setting has to save this many percent.
-
-At 5, the shipped networks keep half of the spike errors for 2.5 % more energy, and never trade them for the last
-cycles of a core, while a strategy that saves a third may lose a few percent.
-"""
-
-
 def within(error: float, most: float) -> bool:
     """Tell whether an error is not above a bound, apart from the last digits of floats: 1 - 0.99 is above 0.01."""
     return error <= most or round(error, 12) <= most

@@ -32,6 +32,7 @@ EMITTED = {
     "program.graphml",
     "program.dot",
     "csv",
+    "events.npz",
 }
 
 

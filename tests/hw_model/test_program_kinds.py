@@ -53,7 +53,8 @@ def test_every_kind_of_program_has_one_row_in_each_table():
     assert len(FAMILIES) == len(kinds)
 
 
-def test_a_saved_program_is_read_played_and_told_by_its_row(compiled, tmp_path):
+@pytest.mark.parametrize("engine", ["reference", "fast"])
+def test_a_saved_program_is_read_played_and_told_by_its_row(compiled, engine, tmp_path):
     compiled.save(tmp_path)
     program = load_any_program(tmp_path)
     assert type(program) is type(compiled.program)
@@ -61,7 +62,7 @@ def test_a_saved_program_is_read_played_and_told_by_its_row(compiled, tmp_path):
     # thresholds at most, gives none, and is gone before the next touch.
     touches = np.zeros((1, STEPS, 2), np.uint8)
     touches[0, [0, 10, 20]] = 1
-    played = kind_of(program).play(program, touches)
+    played = kind_of(program).play(program, touches, engine)
     for name, spike_steps in {"hidden": [1, 11, 21], "scores": [2, 12, 22]}.items():
         assert np.flatnonzero(played.spikes[name][0, :, 0]).tolist() == spike_steps
         assert not played.spikes[name][0, :, 1].any()

@@ -25,6 +25,8 @@ def build(tmp_path_factory):
         recordings,
         "-o",
         folder,
+        "--strategy",
+        "delay-line",
         "--quiet",
     ]
     assert compile_main([str(a) for a in arguments]) == 0

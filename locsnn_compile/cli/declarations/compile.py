@@ -25,8 +25,7 @@ from locsnn_compile.cli.declarations.shared import (
 )
 from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.frontends.formats import models_in_words
-from locsnn_compile.settings import DIALS
-from locsnn_compile.verification.error_bounds import SPIKE_WORTH
+from locsnn_compile.settings import DIALS, SPIKE_WORTH
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
