@@ -21,7 +21,10 @@ from hw_model.io.partial import locked, note_written, partial_path, remove, remo
 
 JOURNAL = ".locsnn-journal"
 """Folder of entries that belong into the folder around it: once it has this name, they are the output."""
-_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+
+# Constants of Linux: paths are relative to the working directory; both paths must exist and change places.
+_AT_FDCWD = -100
+_RENAME_EXCHANGE = 2
 
 
 def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") -> None:
@@ -33,12 +36,19 @@ def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") 
     folder = Path(os.path.realpath(folder))
     folder.parent.mkdir(parents=True, exist_ok=True)
     recover_folder(folder)
-    check_entries(folder, {name.split("/")[0] + "/" * ("/" in name) for name in files}, ours)
+    check_entries(folder, {_entry_of(name) for name in files}, ours)
     for target in (folder, folder / JOURNAL):
         remove_leftovers(target)
-    if (folder.exists() and _must_stay(folder)) or not _write_and(folder, files, _put_in_place):
-        _write_and(folder / JOURNAL, files, _finish_journal)
+    may_change_places = not (folder.exists() and _must_stay(folder))
+    if not (may_change_places and _write_and_place(folder, files, _put_in_place)):
+        _write_and_place(folder / JOURNAL, files, _finish_journal)
     note_written(folder)
+
+
+def _entry_of(name: str) -> str:
+    """Return the entry of a folder in which a file lies; a folder in it ends in /."""
+    entry, slash, _ = name.partition("/")
+    return entry + slash
 
 
 def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
@@ -52,13 +62,22 @@ def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
             raise OSError(
                 errno.EEXIST, f"it holds a {kind} {name.rstrip('/')!r}, which would be removed"
             )
-        for file in sorted(entry.rglob("*")) if name.endswith("/") and entry.is_dir() else ():
-            inside = file.relative_to(folder).as_posix()
-            if not (re.fullmatch(ours, inside) or (file.is_dir() and not file.is_symlink())):
-                raise OSError(
-                    errno.EEXIST,
-                    f"it holds {inside!r}, which was not written here and would be removed",
-                )
+        if name.endswith("/") and entry.is_dir():
+            _check_all_ours(folder, entry, ours)
+
+
+def _check_all_ours(folder: Path, entry: Path, ours: str) -> None:
+    """Raise ``OSError`` for a file below an entry whose name in the folder does not match ``ours``."""
+    for path in sorted(entry.rglob("*")):
+        # A folder is judged by what is in it, but a link to one is an entry of its own.
+        if path.is_dir() and not path.is_symlink():
+            continue
+        name = path.relative_to(folder).as_posix()
+        if not re.fullmatch(ours, name):
+            raise OSError(
+                errno.EEXIST,
+                f"it holds {name!r}, which was not written here and would be removed",
+            )
 
 
 def recover_folder(folder: Path) -> None:
@@ -74,10 +93,13 @@ def finish_writing(folder: Path) -> None:
         recover_folder(folder)
 
 
-def _write_and(
+def _write_and_place(
     target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path, set[str]], bool]
 ) -> bool:
-    """Write the files into a stage next to ``target``, and place it there; tell whether that could be done."""
+    """Write files into a stage, a new folder next to ``target``, and put it there; tell whether that could be done.
+
+    ``place`` takes the stage, the target and the entries of the stage, and puts the first in the place of the second.
+    """
     stage = partial_path(target)
     stage.mkdir()
     try:
@@ -85,16 +107,19 @@ def _write_and(
             for name, content in files.items():
                 (stage / name).parent.mkdir(parents=True, exist_ok=True)
                 (stage / name).write_bytes(content)
+            # Names are put in place only once the contents are on the disk.
             for path in (*files, *{os.path.dirname(name) for name in files}):
                 sync(stage / path)
-            placed = place(stage, target, {name.split("/")[0] for name in files})
+            is_placed = place(stage, target, {name.split("/")[0] for name in files})
         sync(target.parent)
-        return placed
+        return is_placed
     finally:
+        # What is left of it is unfinished, or the old output that it has changed places with.
         remove(stage)
 
 
 def _finish_journal(stage: Path, journal: Path, entries: set[str]) -> bool:
+    """Make the stage the journal of the folder around it, from which on it is valid, and move its entries there."""
     os.rename(stage, journal)
     _move_entries(journal)
     return True
@@ -104,6 +129,7 @@ def _move_entries(journal: Path) -> None:
     """Move the entries of a journal to where they belong; this can be interrupted and repeated."""
     for entry in sorted(os.listdir(journal)):
         target = journal.parent / entry
+        # A file replaces a file at once; a folder cannot, unless it is empty.
         if target.is_dir() or (journal / entry).is_dir():
             remove(target)
         os.replace(journal / entry, target)
@@ -111,6 +137,7 @@ def _move_entries(journal: Path) -> None:
 
 
 def _put_in_place(stage: Path, folder: Path, entries: set[str]) -> bool:
+    """Let the stage and the folder change places, with the other entries of the folder in both; False if it cannot."""
     if not folder.exists():
         os.rename(stage, folder)
         return True
@@ -125,49 +152,53 @@ def _put_in_place(stage: Path, folder: Path, entries: set[str]) -> bool:
 
 
 def _link_others(source: Path, target: Path, entries: set[str]) -> None:
-    """Link everything in ``source`` except ``entries`` into ``target``."""
-    with os.scandir(source) as found:
-        for entry in found:
-            other = target / entry.name
+    """Link everything in ``source`` except ``entries`` into ``target``; what is there already stays."""
+    with os.scandir(source) as scanned:
+        for entry in scanned:
+            if entry.name in entries:
+                continue
+            link = target / entry.name
             if entry.is_dir(follow_symlinks=False):
-                if entry.name not in entries:
-                    other.mkdir(exist_ok=True)
-                    _link_others(Path(entry.path), other, set())
-                    shutil.copystat(entry.path, other)
-            elif entry.name not in entries and not os.path.lexists(other):
-                _link(entry.path, other)
+                # A folder cannot have two names: it is made again, and its files are linked.
+                link.mkdir(exist_ok=True)
+                _link_others(Path(entry.path), link, set())
+                shutil.copystat(entry.path, link)
+            elif not os.path.lexists(link):
+                _link(entry.path, link)
 
 
-def _link(path: str, other: Path) -> None:
+def _link(path: str, link: Path) -> None:
     try:
-        os.link(path, other, follow_symlinks=False)
+        os.link(path, link, follow_symlinks=False)
     except OSError:
         # The file system has no hard links.
-        shutil.copy2(path, other, follow_symlinks=False)
+        shutil.copy2(path, link, follow_symlinks=False)
 
 
 def _must_stay(folder: Path) -> bool:
-    """Tell whether no other folder can take its place: it is a mount point, its parent is closed, or we are in it."""
+    """Tell whether no other folder can take its place: we are in it, it is a mount point, or its parent is closed."""
     try:
-        here = Path.cwd()
+        working_folder = Path.cwd()
     except FileNotFoundError:
-        here = Path("/")
+        # It was removed, so we are in no folder.
+        working_folder = Path("/")
     return (
-        here.is_relative_to(folder)
+        working_folder.is_relative_to(folder)
         or os.path.ismount(folder)
         or not os.access(folder.parent, os.W_OK | os.X_OK)
     )
 
 
-def _exchange(one: Path, other: Path) -> bool:
+def _exchange(stage: Path, folder: Path) -> bool:
     """Let two folders change places in one system call; False if the system does not have it."""
     renameat2 = _renameat2()
     if renameat2 is None:
         return False
-    paths = (os.fsencode(one), os.fsencode(other))
-    if renameat2(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0:
+    paths = (_AT_FDCWD, os.fsencode(stage), _AT_FDCWD, os.fsencode(folder))
+    if renameat2(*paths, _RENAME_EXCHANGE) == 0:
         return True
     code = ctypes.get_errno()
+    # The kernel is too old, or the file system cannot do it.
     if code in (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP):
         return False
     raise OSError(code, os.strerror(code))
@@ -175,6 +206,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 @functools.cache
 def _renameat2() -> Callable[..., int] | None:
+    """Return the system call as a function of the C library; None where there is none."""
     if sys.platform != "linux":
         return None
     try:

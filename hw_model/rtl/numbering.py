@@ -21,7 +21,7 @@ class Numbering(Frozen, eq=False):
 
     ``number`` (compartments,); ``parent`` (compartments,): the compartment that each is joined to, or -1;
     ``of_phase[phase]`` (columns,): numbers by column; ``ends`` (phases,): the first number after each phase;
-    ``shared``: whether all phases keep their states in the same places.
+    ``shared``: whether all phases keep their states in the same places. Numbers may have gaps, in which the core waits.
     """
 
     number: IntArray
@@ -31,25 +31,36 @@ class Numbering(Frozen, eq=False):
     shared: bool
 
     def places(self, numbers: IntArray) -> IntArray:
-        """Return where states and charges of compartments lie, from the first of all or of their phase on."""
-        begins = np.array([0, *self.ends[:-1]]) * self.shared
-        return np.asarray(numbers - begins[np.searchsorted(self.ends, numbers, side="right")])
+        """Return, in a new array, where the states and charges of compartments with these numbers lie.
+
+        They are counted from the first of all compartments on or, where phases share places, from the first of each.
+        """
+        if not self.shared:
+            return numbers.copy()
+        first_of_phase = np.array([0, *self.ends[:-1]])
+        phase = np.searchsorted(self.ends, numbers, side="right")
+        return np.asarray(numbers - first_of_phase[phase])
 
     def sums(self) -> int:
         """Return the least power of two that tells all parents apart that wait for their children at a time."""
         is_child = self.parent >= 0
         child = self.number[is_child]
         parent_of_child = self.number[self.parent[is_child]]
-        parents, family = np.unique(parent_of_child, return_inverse=True)
+        parents, index_of_parent = np.unique(parent_of_child, return_inverse=True)
+        # The first child of a parent is the one with the least number.
         first_child = np.full(len(parents), self.ends[-1])
-        np.minimum.at(first_child, family, child)
+        np.minimum.at(first_child, index_of_parent, child)
+        # Doubling ends at the latest where each parent has a word of its own.
         words = 1
         while self._meet(parents, first_child, words):
             words *= 2
         return words
 
     def _meet(self, parents: IntArray, first_child: IntArray, words: int) -> bool:
-        """Tell whether a sum is begun before the last one in its word has been read."""
+        """Tell whether a sum is begun before the last one in its word has been read.
+
+        ``parents`` (n,) are numbers, ascending, and ``first_child`` (n,) those of their first children.
+        """
         word = self.places(parents) % words
         order = np.lexsort((first_child, word))
         share_word = np.diff(word[order]) == 0
@@ -79,9 +90,10 @@ def numbered(program: ChipProgram, phases: Sequence[str], sizes: Sizes) -> Numbe
 def _families_together(parent: IntArray, turn: IntArray, phases: int, sizes: Sizes) -> IntArray:
     """Return a number for each compartment: families of a phase with one number are updated together.
 
-    They are so few that their sums find room.
+    They are at most ``sizes.sums``, so their sums find room. A family is all that is joined below one root.
     """
     if not sizes.sums:
+        # Each parent has a word for its sum: all families are updated together.
         return np.zeros_like(parent)
     root, _ = roots(parent)
     is_root = parent < 0

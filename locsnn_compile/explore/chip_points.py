@@ -245,14 +245,15 @@ def engine_timings(
     timings: dict[str, Timing] = {}
     played: list[PlayedProgram] = []
     for engine in engines:
-        many, calls = ENGINE_CALLS[engine]
-        piece = recordings[:many]
+        count, calls = ENGINE_CALLS[engine]
+        timed_recordings = recordings[:count]
         seconds: list[float] = []
         for _ in range(calls):
             start = time.perf_counter()
-            result = kind_of(program).play(program, piece, engine)
+            result = kind_of(program).play(program, timed_recordings, engine)
             seconds.append(time.perf_counter() - start)
-        timings[engine] = Timing(len(piece), min(seconds) / len(piece))
+        per_recording = min(seconds) / len(timed_recordings)
+        timings[engine] = Timing(len(timed_recordings), per_recording)
         played.append(result)
     for later in played[1:]:
         _check_equal(played[0], later)

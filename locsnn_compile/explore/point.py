@@ -52,9 +52,11 @@ class ModelFile(Frozen):
         config = self.options.config
         paths = [self.model] if config is None else [self.model, config]
         contents = [Path(path).read_bytes() for path in paths]
+        # The lengths tell where one file ends and the next one begins.
+        lengths = [len(content) for content in contents]
         # Of the description, the bytes count and not the path.
         options = vars(replace(self.options, config=None))
-        return digest_of([options, [len(content) for content in contents]], *contents)
+        return digest_of([options, lengths], *contents)
 
 
 class Study(Frozen, eq=False):
@@ -76,10 +78,11 @@ class Study(Frozen, eq=False):
         Raises ``TargetError`` for a setting that the chip does not have.
         """
         setting.check(self.chip)
-        given = frozenset(asdict(setting))
-        asked = SettingRequest(setting, given, calibration=self.calibration)
-        check = CheckRequest(self.recordings, diagnosis=False)
-        return CompileRequest(self.network, self.chip, asked, check)
+        # A point is its setting: every dial counts as the user's, and keeps its value.
+        all_dials = frozenset(asdict(setting))
+        setting_request = SettingRequest(setting, all_dials, calibration=self.calibration)
+        check_request = CheckRequest(self.recordings, diagnosis=False)
+        return CompileRequest(self.network, self.chip, setting_request, check_request)
 
     def key(self, setting: Setting) -> str:
         """Return the name of a point: a hash of model, recordings, chip, engines, setting and code."""
@@ -87,15 +90,16 @@ class Study(Frozen, eq=False):
 
     @cached_property
     def _digest(self) -> str:
-        played = [recordings_digest(self.recordings), recordings_digest(self.calibration)]
+        """A hash of the study, which all its points share."""
+        of_recordings = [recordings_digest(self.recordings), recordings_digest(self.calibration)]
         return digest_of(
-            [self.network.name, self.model_digest, self.chip.document, self.engines, played]
+            [self.network.name, self.model_digest, self.chip.document, self.engines, of_recordings]
         )
 
 
-def digest_of(about: object, *contents: bytes) -> str:
-    """Return a hash of plain values, and of bytes."""
-    digest = hashlib.sha256(json.dumps(about).encode())
+def digest_of(values: object, *contents: bytes) -> str:
+    """Return a hash of values that JSON can hold, and of bytes."""
+    digest = hashlib.sha256(json.dumps(values).encode())
     for content in contents:
         digest.update(content)
     return digest.hexdigest()
@@ -103,11 +107,12 @@ def digest_of(about: object, *contents: bytes) -> str:
 
 def recordings_digest(recordings: Recordings) -> str:
     """Return a hash of recordings: their events, labels and width of a step."""
-    spikes, labels = recordings.spikes, recordings.labels
-    known = b"" if labels is None else labels.astype("<i8").tobytes()
-    return digest_of(
-        [spikes.shape, labels is not None, recordings.step_seconds], spikes.tobytes(), known
-    )
+    spikes = recordings.spikes
+    labels = recordings.labels
+    # Integers of eight bytes, the lowest first, on every machine.
+    label_bytes = b"" if labels is None else labels.astype("<i8").tobytes()
+    plain = [spikes.shape, labels is not None, recordings.step_seconds]
+    return digest_of(plain, spikes.tobytes(), label_bytes)
 
 
 ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
@@ -135,15 +140,18 @@ class Figures(Losses):
     @classmethod
     def of(cls, report: ReportFigures) -> "Figures":
         """Take the figures from a report."""
-        match, energy, resources = report.match, report.energy, report.resources
+        match = report.match
+        energy = report.energy
+        accuracy = report.accuracy
+        resources = report.resources
         return cls(
             prediction_agreement=match.prediction_agreement,
             spike_agreement=match.spikes.spike_agreement,
             score_error=match.score_error,
             energy_pj=None if energy is None else energy.per_sample_pj,
             chip_time_ns=report.latency.per_sample_ns,
-            accuracy=None if report.accuracy is None else report.accuracy.chip,
-            float_accuracy=None if report.accuracy is None else report.accuracy.reference,
+            accuracy=None if accuracy is None else accuracy.chip,
+            float_accuracy=None if accuracy is None else accuracy.reference,
             energy_profile=None if energy is None else energy.profile,
             cores=resources.cores,
             compartments=resources.compartments,
@@ -164,7 +172,7 @@ class Timing(Frozen):
 class Point(Frozen):
     """A setting with its figures or refusal, ``timings`` by engine, and the version of the code that measured it.
 
-    ``refusal`` are the parts of the error, which are compared and stored.
+    ``refusal`` are the arguments of the ``TargetError`` by name: they can be compared and stored, as an error cannot.
     """
 
     setting: Setting
@@ -199,19 +207,24 @@ def _timings(
     timings: dict[str, Timing] = {}
     spikes: list[Mapping[str, ByteArray]] = []
     for engine in engines:
-        many, calls = ENGINE_CALLS[engine]
-        piece = recordings[:many]
+        count, calls = ENGINE_CALLS[engine]
+        timed_recordings = recordings[:count]
         seconds = []
         for _ in range(calls):
             start = time.perf_counter()
-            played = hw.simulate(program, piece, engine=engine)
+            result = hw.simulate(program, timed_recordings, engine=engine)
             seconds.append(time.perf_counter() - start)
-        timings[engine] = Timing(len(piece), min(seconds) / len(piece))
-        spikes.append(played.spikes)
-    for other in spikes[1:]:
-        for name, found in other.items():
-            many = min(len(found), len(spikes[0][name]))
-            assert np.array_equal(found[:many], spikes[0][name][:many]), (
-                f"the engines differ in {name}"
-            )
+        per_recording = min(seconds) / len(timed_recordings)
+        timings[engine] = Timing(len(timed_recordings), per_recording)
+        spikes.append(result.spikes)
+    for later in spikes[1:]:
+        _check_equal(spikes[0], later)
     return timings
+
+
+def _check_equal(first: Mapping[str, ByteArray], later: Mapping[str, ByteArray]) -> None:
+    """Assert that two engines found the same spikes, by population, in the recordings that both played."""
+    for name, spikes in later.items():
+        shared = min(len(spikes), len(first[name]))
+        is_equal = np.array_equal(spikes[:shared], first[name][:shared])
+        assert is_equal, f"the engines differ in {name}"

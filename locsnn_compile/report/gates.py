@@ -21,12 +21,16 @@ class Gate(NamedTuple):
 
 
 class _Rule(Frozen):
-    """What an option bounds: the value of a report, how it is said, and what its absence means."""
+    """What an option bounds.
+
+    ``measured`` takes the value from a report, and ``in_words`` says it; ``why_unknown`` says why a report has none.
+    A value must not be above the bound or, if ``at_least``, not below it.
+    """
 
     option: str
     measured: Callable[[SharedFigures], float | None]
-    said: Callable[[float], str]
-    unknown: str
+    in_words: Callable[[float], str]
+    why_unknown: str
     at_least: bool = False
 
 
@@ -83,6 +87,7 @@ _RULES = (
     ),
 )
 GATES: tuple[str, ...] = tuple(rule.option for rule in _RULES)
+"""The options that are gates, in the order in which they are told."""
 
 
 def check_gates(report: SharedFigures, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
@@ -93,16 +98,19 @@ def check_gates(report: SharedFigures, bounds: Mapping[str, float]) -> tuple[Gat
 
 
 def _gate(rule: _Rule, report: SharedFigures, bound: float) -> Gate:
+    """Return whether a report keeps the bound of a rule; a value that is not known does not."""
     measured = rule.measured(report)
     if measured is None:
-        return Gate(rule.option, bound, None, False, rule.unknown)
+        return Gate(rule.option, bound, None, False, rule.why_unknown)
     if rule.at_least:
         holds = measured >= bound
         side = "not below" if holds else "below"
     else:
+        # An error is 1 minus an agreement, so its last digits are those of a difference of floats.
         holds = within(measured, bound)
         side = "not above" if holds else "above"
-    return Gate(rule.option, bound, measured, holds, f"{rule.said(measured)}, {side} {bound:g}")
+    sentence = f"{rule.in_words(measured)}, {side} {bound:g}"
+    return Gate(rule.option, bound, measured, holds, sentence)
 
 
 def gates_entry(gates: Sequence[Gate]) -> tuple[GateFigures, ...]:
@@ -124,11 +132,11 @@ def junit_file(gates: Sequence[Gate], build: str) -> bytes:
 
 
 def _test_case(gate: Gate, build: str) -> str:
-    said = escaped(gate.found)
+    sentence = escaped(gate.found)
     if gate.holds:
-        result = f"<system-out>{said}</system-out>"
+        result = f"<system-out>{sentence}</system-out>"
     else:
-        result = f'<failure type="gate" message="{said}">{said}</failure>'
+        result = f'<failure type="gate" message="{sentence}">{sentence}</failure>'
     return (
         f'<testcase classname="{escaped(build)}" name="{escaped(gate.option)}" time="0">'
         f"{result}</testcase>"

@@ -34,44 +34,62 @@ _OF_FILES = ("classes", "time_unit", "max_steps")
 """Options that say how files are read."""
 _PICKING = ("only_taxels", "only_polarity", "merge_channels")
 """Options that pick and merge channels of what is read."""
+_ONLY_OF_FILES = ("split", "fold", "axes", *_PICKING, *_OF_FILES)
+"""Options that only recordings in a file can follow."""
 
 
 def read_parts(
     data: str | Path, config: TrainingConfig, start: Checkpoint | None
 ) -> tuple[Recordings, Recordings | None]:
-    """Return the train part and the test part, in one length: that of the longest recording, or as asked for."""
-    model = OPEN
-    if start is not None:
-        own = start.description.input
-        sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
-        model = Expected(
-            "the network to start from",
-            *sizes,
-            start.description.class_names,
-            own.sensor.inputs,
-            "yxp",
-            event_times=start.event_times or EventTimes(),
-            recorded=start.recorded,
-        )
+    """Return the train part and the test part, in one length: that of the longest recording, or as asked for.
+
+    Data without a train part are all trained on, and have no test part. ``start`` is the network to start from, whose
+    input the recordings must fit. Raises ``InputError`` for what cannot be read or used.
+    """
+    options = picked(config, "step_seconds", "steps", "axes", "fold", *SELECTING, *_OF_FILES)
+    options["sensor"] = config.recorded
+    options["start"] = config.start_at
+    options["threshold"] = config.event_threshold
+    options["test_share"] = config.split
+    options["model"] = OPEN if start is None else _expected_by(start)
     parts = [
-        part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
+        read_recordings(data, split=name, **options) for name in _parts_to_read(data, config.split)
     ]
-    asked = picked(config, "step_seconds", "steps", "axes", "fold", *SELECTING, *_OF_FILES)
-    asked["sensor"] = config.recorded
-    asked["start"] = config.start_at
-    asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
-    read = [
-        read_recordings(data, split=part, **asked)
-        for part in (parts if "train" in parts else [None])
-    ]
-    read = _alike(read)
-    steps = max(part.spikes.shape[1] for part in read)
-    recordings, *test = (part.with_steps(steps) for part in read)
-    test = [in_order_of(part, recordings.class_names) for part in test]
-    return recordings, test[0] if test else None
+    parts = _in_same_channels(parts)
+    steps = max(part.spikes.shape[1] for part in parts)
+    parts = [part.with_steps(steps) for part in parts]
+    train_part = parts[0]
+    if len(parts) == 1:
+        return train_part, None
+    return train_part, in_order_of(parts[1], train_part.class_names)
 
 
-def _alike(parts: Sequence[Recordings]) -> list[Recordings]:
+def _expected_by(start: Checkpoint) -> Expected:
+    """Return what the network to start from expects of recordings."""
+    layout = start.description.input
+    return Expected(
+        "the network to start from",
+        step_seconds=layout.step_seconds,
+        threshold=layout.event_threshold,
+        steps=layout.steps,
+        channels=layout.channels,
+        class_names=start.description.class_names,
+        inputs=layout.sensor.inputs,
+        numbering="yxp",
+        event_times=start.event_times or EventTimes(),
+        recorded=start.recorded,
+    )
+
+
+def _parts_to_read(data: str | Path, test_share: float | None) -> list[str | None]:
+    """Return the parts of the data, the train part first; None stands for data that are not in parts."""
+    parts = recording_parts(data, test_share=test_share)
+    if "train" not in parts:
+        return [None]
+    return [part for part in ("train", "test") if part in parts]
+
+
+def _in_same_channels(parts: Sequence[Recordings]) -> list[Recordings]:
     """Return the train and the test part in the same channels; ``InputError`` if they have others."""
     train_part, *others = on_one_sensor(parts)
     channels = train_part.spikes.shape[2]
@@ -85,30 +103,51 @@ def _alike(parts: Sequence[Recordings]) -> list[Recordings]:
 def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
     """Return the number of classes according to the names and labels of both parts; None without any."""
     parts = [part for part in (recordings, test) if part is not None]
-    counts = [len(part.class_names) for part in parts if part.class_names is not None]
-    return max(
-        counts + [int(part.labels.max()) + 1 for part in parts if part.labels is not None],
-        default=None,
-    )
+    by_names = [len(part.class_names) for part in parts if part.class_names is not None]
+    by_labels = [int(part.labels.max()) + 1 for part in parts if part.labels is not None]
+    return max([*by_names, *by_labels], default=None)
 
 
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
-    theirs = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
-    for name in ("split", "fold", "axes", *_PICKING, *_OF_FILES, *theirs):
-        asked, own = getattr(config, name), theirs.get(name)
-        if asked is None or (name == "step_seconds" if own is None else same(asked, own)):
-            continue
-        what, measured = f"recordings {part.source!r} are in memory, as they are", f"got {asked}"
-        if own is not None:
-            what, measured = "the recordings have another", f"{measured} against {own:g}"
-        raise InputError(
-            f"training option {name!r}",
-            what,
-            measured=measured,
-            fix="Leave it out, or give a file.",
-        )
+    for name, value in picked(config, *_ONLY_OF_FILES).items():
+        if value is not None:
+            raise _needs_file(part, name, value)
+    # Recordings that do not say how wide their bins are have the width asked for.
+    if part.step_seconds is not None:
+        _check_binned_so("step_seconds", config.step_seconds, part.step_seconds)
+    if part.threshold is not None:
+        _check_binned_so("event_threshold", config.event_threshold, part.threshold)
+    elif config.event_threshold is not None:
+        raise _needs_file(part, "event_threshold", config.event_threshold)
     return part if config.steps is None else part.with_steps(config.steps)
+
+
+def _check_binned_so(option: str, asked: float | None, own: float) -> None:
+    """Check that an option, if asked for, is the one with which the recordings were binned."""
+    if asked is not None and not same(asked, own):
+        measured = f"got {asked} against {own:g}"
+        raise _unfit_option(option, "the recordings have another", measured)
+
+
+def _needs_file(part: Recordings, option: str, value: object) -> InputError:
+    what = f"recordings {part.source!r} are in memory, as they are"
+    return _unfit_option(option, what, f"got {value}")
+
+
+def _unfit_option(option: str, what: str, measured: str) -> InputError:
+    fix = "Leave it out, or give a file."
+    return InputError(f"training option {option!r}", what, measured=measured, fix=fix)
+
+
+def _recordings_of(
+    recordings: Recordings | ArrayLike, labels: ArrayLike | None, step_seconds: float | None
+) -> Recordings:
+    """Return recordings as they are, or those of an array and its labels, in bins of this width."""
+    if isinstance(recordings, Recordings):
+        return recordings
+    label_array = None if labels is None else np.asarray(labels)
+    return Recordings(np.asarray(recordings), label_array, step_seconds, "array")
 
 
 _log = logging.getLogger("locsnn")
@@ -147,28 +186,28 @@ def train(
         values = read_config(config) if isinstance(config, str | Path) else config or {}
         config = config_from_mapping(values)
     if isinstance(recordings, str | Path):
-        part, of_file = read_parts(recordings, config, None)
-        test = test or of_file
-    elif isinstance(recordings, Recordings):
-        part = _as_asked(recordings, config)
+        train_part, test_of_file = read_parts(recordings, config, None)
+        test = test or test_of_file
     else:
-        known = None if labels is None else np.asarray(labels)
-        part = _as_asked(
-            Recordings(np.asarray(recordings), known, config.step_seconds, "array"), config
-        )
+        train_part = _as_asked(_recordings_of(recordings, labels, config.step_seconds), config)
     if test is not None:
-        part, test = _alike([part, test])
-    test = test.with_steps(config.steps) if test and config.steps else test
-    classes, chosen = all_classes(part, test), None
+        train_part, test = _in_same_channels([train_part, test])
+        if config.steps:
+            test = test.with_steps(config.steps)
+    classes = all_classes(train_part, test)
+    # A whole TrainingConfig is taken as it is; of other options, those left out are chosen.
+    chosen = None
     if values is not None:
-        chosen = choose(values, part, classes)
+        chosen = choose(values, train_part, classes)
         config = chosen.config
         for line in chosen.lines:
             _log.info(line)
-    result = run(part, config, name=name, classes=classes, progress=progress, notice=_log.warning)
+    result = run(
+        train_part, config, name=name, classes=classes, progress=progress, notice=_log.warning
+    )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.pt"
-        export_checkpoint(path, result, config, part, test, carried=carried, chosen=chosen)
+        export_checkpoint(path, result, config, train_part, test, carried=carried, chosen=chosen)
         for remark in result.remarks:
             _log.warning(remark)
         return read_checkpoint(path)

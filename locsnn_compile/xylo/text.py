@@ -6,31 +6,33 @@ from hw_model.xylo.program import XyloProgram
 
 
 def program_text(program: XyloProgram) -> str:
-    """Return the text of a program: its neurons by name, then its synapses."""
+    """Return the text of a program: its inputs, its neurons by name, then its synapses."""
     network = program.network
     lines = program_heading(program.name, program.chip.name, program.provenance)
     lines.append(f"  inputs: {program.inputs}")
+    # The chip has one hidden population, in which those of the network lie one after another.
     for name, place in program.places.items():
         lines.append(f"  hidden {name}: neurons {place.start}..{place.stop - 1}")
     lines.append(f"    {_population_text(network.hidden)}")
     lines.append(f"  outputs {program.outputs}: {network.outputs.size}")
     lines.append(f"    {_population_text(network.outputs)}")
-    groups = (
+    synapses = (
         ("inputs to hidden", network.weights_in, network.shift_in),
         ("among hidden", network.weights_hidden, network.shift_hidden),
         ("hidden to outputs", network.weights_out, network.shift_out),
     )
-    for called, weights, shift in groups:
-        lines.append(f"  synapses {called}: shift {shift}, weights {array_text(weights)}")
+    for ends, weights, shift in synapses:
+        lines.append(f"  synapses {ends}: shift {shift}, weights {array_text(weights)}")
     return ended(lines)
 
 
 def _population_text(population: XyloPopulation) -> str:
-    parts = {
+    """Return the parameters of a population by the names that they have on the chip."""
+    parameters = {
         "dash_syn": population.dash_syn,
         "dash_mem": population.dash_mem,
         "threshold": population.threshold,
     }
     if population.bias is not None:
-        parts["bias"] = population.bias
-    return ", ".join(f"{name} {array_text(values)}" for name, values in parts.items())
+        parameters["bias"] = population.bias
+    return ", ".join(f"{name} {array_text(values)}" for name, values in parameters.items())

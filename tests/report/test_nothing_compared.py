@@ -37,18 +37,17 @@ GROUNDS = Grounds(0.02, "given", ())
 
 def checkpoint(path: Path, **weights: float) -> Path:
     """A time branch of random weights; those of the populations named are all equal."""
-    described = NetworkDescription(
+    description = NetworkDescription(
         "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name=path.stem
     )
     r = np.random.default_rng(0)
-    drawn = {
-        name: r.normal(0.5, 2.0, shape).astype(np.float32)
-        for name, shape in described.weight_shapes.items()
-    }
-    held = {name: np.full_like(array, weights.get(name, 0.0)) for name, array in drawn.items()}
-    Checkpoint(
-        described, {name: held[name] if name in weights else drawn[name] for name in drawn}
-    ).save(path)
+    arrays = {}
+    for name, shape in description.weight_shapes.items():
+        # Drawn for every population, so that fixed weights do not change those of the others.
+        arrays[name] = r.normal(0.5, 2.0, shape).astype(np.float32)
+        if name in weights:
+            arrays[name] = np.full_like(arrays[name], weights[name])
+    Checkpoint(description, arrays).save(path)
     return path
 
 
@@ -59,22 +58,30 @@ def graph_with_biases(
     *,
     potentials: bool = False,
 ) -> Path:
-    """Two layers of LIF neurons whose thresholds nothing reaches; of the biases comes a neuron of the compiler's own.
+    """Two layers of LIF neurons whose thresholds nothing reaches, with biases, as a NIR file.
 
-    With ``potentials`` the second layer never spikes, and what it has is read.
+    The compiler adds a neuron of its own, ``nir/bias``, whose spikes are the biases. With ``potentials`` the second
+    layer has no threshold, and its potentials are read.
     """
 
     def neurons(size: int) -> nir.LIF:
-        numbers = {"tau": 0.01, "r": 1.0, "v_leak": 0.0, "v_threshold": threshold, "v_reset": 0.0}
-        return nir.LIF(**{name: np.full(size, value) for name, value in numbers.items()})
+        parameters = {
+            "tau": 0.01,
+            "r": 1.0,
+            "v_leak": 0.0,
+            "v_threshold": threshold,
+            "v_reset": 0.0,
+        }
+        return nir.LIF(**{name: np.full(size, value) for name, value in parameters.items()})
 
     r = np.random.default_rng(0)
+    readout = nir.LI(np.full(3, 0.01), np.ones(3), np.zeros(3)) if potentials else neurons(3)
     nodes = {
         "input": nir.Input(np.array([10])),
         "fc1": nir.Affine(r.normal(0, 0.5, (6, 10)), np.full(6, 0.3)),
         "hidden": neurons(6),
         "fc2": nir.Affine(r.normal(0, 0.5, (3, 6)), np.array(biases)),
-        "out": nir.LI(np.full(3, 0.01), np.ones(3), np.zeros(3)) if potentials else neurons(3),
+        "out": readout,
         "output": nir.Output(np.array([3])),
     }
     nir.write(path, nir.NIRGraph(nodes, list(itertools.pairwise(nodes)), type_check=False))
@@ -164,31 +171,29 @@ def test_what_was_not_compared_is_not_100_percent(
 
     report = json.loads((tmp_path / "out/report.json").read_text())
     match = report["match"]
-    assert {
-        name: found["spike_agreement"] for name, found in match["by_population"].items()
-    } == agreement
-    assert (match["prediction_agreement"], match["tied_predictions"]) == (None, match["samples"])
+    populations = match["by_population"].items()
+    assert {name: population["spike_agreement"] for name, population in populations} == agreement
+    assert match["prediction_agreement"] is None
+    assert match["tied_predictions"] == match["samples"]
     assert match["helper_neurons"] == helpers
-    spikes = 1.0 if 1.0 in agreement.values() else None
-    assert match["spike_agreement"] == spikes
+    spikes_compared = 1.0 in agreement.values()
+    assert match["spike_agreement"] == (1.0 if spikes_compared else None)
     assert report["gates"] == [
         {"name": "--min-agreement", "bound": 1.0, "measured": None, "passed": False},
         {
             "name": "--max-spike-error",
             "bound": 0.0,
-            "measured": spikes and 0.0,
-            "passed": spikes is not None,
+            "measured": 0.0 if spikes_compared else None,
+            "passed": spikes_compared,
         },
     ]
-    cases = {
-        case.get("name"): case.find("failure")
-        for case in ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
-    }
-    assert {name for name, failure in cases.items() if failure is not None} == {
-        gate["name"] for gate in report["gates"] if not gate["passed"]
-    }
+    cases = ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
+    failed_cases = {case.get("name") for case in cases if case.find("failure") is not None}
+    failed_gates = {gate["name"] for gate in report["gates"] if not gate["passed"]}
+    assert failed_cases == failed_gates
 
-    page, text = ((tmp_path / "out" / name).read_text() for name in ("report.html", "report.md"))
+    page = (tmp_path / "out/report.html").read_text()
+    text = (tmp_path / "out/report.md").read_text()
     assert (
         '<p class="figure">silent</p><p class="figure-label">no prediction to compare</p>' in page
     )
@@ -196,12 +201,11 @@ def test_what_was_not_compared_is_not_100_percent(
         "No prediction was compared: all class scores tie in every recording, on both sides."
         in text
     )
-    for name, found in agreement.items():
-        row = re.search(
-            rf"\| {name.replace('_', '.')} \| ([^|]*) \|", text[text.index("## Agreement") :]
-        )
+    table = text[text.index("## Agreement") :]
+    for name, share in agreement.items():
+        row = re.search(rf"\| {name.replace('_', '.')} \| ([^|]*) \|", table)
         assert row is not None
-        assert row[1] == ("100 %" if found else "silent")
+        assert row[1] == ("100 %" if share else "silent")
     assert ("nir/bias (800 spikes in the network, 800 on the chip)." in text) == bool(helpers)
 
 

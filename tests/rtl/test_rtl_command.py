@@ -38,8 +38,9 @@ def arguments(tmp_path):
 
 
 def test_equal(cores_of_this_run, arguments, capsys):
+    """The core and the reference engine agree in every value and every cycle."""
     assert locsnn.main(arguments) == 0
-    found = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     keys = [
         "recordings",
         "compared_values",
@@ -49,9 +50,11 @@ def test_equal(cores_of_this_run, arguments, capsys):
         "cycle_mismatches",
         "assumptions",
     ]
-    assert list(found) == keys
-    assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (1, 0, 0)
-    assert found["cycles"] == found["predicted_cycles"]
+    assert list(printed) == keys
+    assert printed["recordings"] == 1
+    assert printed["mismatches"] == 0
+    assert printed["cycle_mismatches"] == 0
+    assert printed["cycles"] == printed["predicted_cycles"]
 
 
 def test_a_fault(cores_of_this_run, arguments, capsys, monkeypatch):
@@ -63,8 +66,9 @@ def test_a_fault(cores_of_this_run, arguments, capsys, monkeypatch):
 
 def test_what_the_logic_leaves_undefined_equals_nothing(tmp_path):
     (tmp_path / "updates").write_text("3 x 0\nX z -1\n")
-    found = bench_numbers(tmp_path / "updates", (2, 4))
-    assert found.tolist() == [[3, UNKNOWN, 0, UNKNOWN], [UNKNOWN, -1, -1, -1]]
+    numbers = bench_numbers(tmp_path / "updates", (2, 4))
+    # What is undefined is UNKNOWN, and what the bench did not write is -1.
+    assert numbers.tolist() == [[3, UNKNOWN, 0, UNKNOWN], [UNKNOWN, -1, -1, -1]]
 
 
 def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
@@ -72,17 +76,18 @@ def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert simulators.kept("a") == tmp_path / "locsnn/a"
     monkeypatch.setattr("os.access", lambda *_: False)
-    passing = simulators.kept("a")
-    assert passing.parent.is_dir()
-    assert tmp_path not in passing.parents
+    temporary = simulators.kept("a")
+    assert temporary.parent.is_dir()
+    assert tmp_path not in temporary.parents
+    # What is there already is used, even where nothing can be written.
     (tmp_path / "locsnn/a").touch()
     assert simulators.kept("a") == tmp_path / "locsnn/a"
     monkeypatch.undo()
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
-    assert simulators.kept("a") == passing
+    assert simulators.kept("a") == temporary
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
-    assert simulators.kept("a") == passing
+    assert simulators.kept("a") == temporary
 
 
 @pytest.fixture

@@ -31,30 +31,32 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
     """Return the files by name, in the folder ``sanafe``."""
     program = played.program
     profile = priced_by(program.chip)
-    largest = max(core.compartments for core in program.cores)
+    largest_core = max(core.compartments for core in program.cores)
     what = "a core has more compartments than SANA-FE's units hold"
-    check_most(largest, UNIT_SIZE, "--emit sanafe", what, fix="Leave it out for this chip.")
-    notes = {phase.name: obstacles(played, phase.name) for phase in played.phases}
+    check_most(largest_core, UNIT_SIZE, "--emit sanafe", what, fix="Leave it out for this chip.")
+    # A phase that SANA-FE's neurons cannot compute is replayed; these are the reasons.
+    reasons = {phase.name: obstacles(played, phase.name) for phase in played.phases}
     networks = {
-        phase: PhaseNetwork(played, phase, replayed=bool(why)) for phase, why in notes.items()
+        phase: PhaseNetwork(played, phase, replayed=bool(reasons[phase])) for phase in reasons
     }
     names = unique_names(networks)
-    expected = {
-        "profile": PROFILE,
-        "phases": [
-            {
-                "file": f"{names[phase]}.yaml",
-                **_expected(played, phase, networks[phase], notes[phase], profile),
-            }
-            for phase in networks
-        ],
-    }
-    first = played.phases[0].name
+    expected_of_phases = [
+        {
+            "file": f"{names[phase]}.yaml",
+            **_expected(played, phase, networks[phase], reasons[phase], profile),
+        }
+        for phase in networks
+    ]
+    expected = {"profile": PROFILE, "phases": expected_of_phases}
+    first_phase = played.phases[0].name
     texts = {
         "README.md": played.readme(
-            __package__, profile=PROFILE, first=names[first], steps=str(played.steps(first))
+            __package__,
+            profile=PROFILE,
+            first=names[first_phase],
+            steps=str(played.steps(first_phase)),
         ),
-        "arch.yaml": architecture(program.chip, _uses(played, networks, notes)),
+        "arch.yaml": architecture(program.chip, _uses(played, networks, reasons)),
         **{f"{names[phase]}.yaml": network.text() for phase, network in networks.items()},
         "expected.yaml": yaml.safe_dump(expected, sort_keys=False, width=120),
     }
@@ -62,9 +64,12 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
 
 
 def _uses(
-    played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[str, list[str]]
+    played: Played, networks: Mapping[str, PhaseNetwork], reasons: Mapping[str, list[str]]
 ) -> dict[int, TileUse]:
-    """Return what each tile must hold for any of the phases, which are loaded one at a time."""
+    """Return what each tile must hold for any of the phases, which are loaded one at a time.
+
+    ``reasons[phase]`` say why a phase is replayed; without any, it is computed.
+    """
     program = played.program
     uses: dict[int, TileUse] = {}
     for phase, network in networks.items():
@@ -72,7 +77,7 @@ def _uses(
         for core in program.cores_of(phase):
             tile = tile_number(program.chip, core.slot)
             so_far = uses.get(tile, TileUse(0, 0))
-            replayed = core.compartments if notes[phase] else 0
+            replayed = core.compartments if reasons[phase] else 0
             uses[tile] = TileUse(
                 max(so_far.lines, lines.get(tile, 0)), max(so_far.replayed, replayed)
             )
@@ -82,17 +87,25 @@ def _uses(
 def _expected(
     played: Played, phase: str, network: PhaseNetwork, why_replayed: list[str], profile: Profile
 ) -> dict[str, object]:
-    """Return what SANA-FE must find in a phase, and next to it the figures of our report."""
-    counts, cores = played.result.counts_by_phase[phase], played.program.cores_of(phase)
-    its_updates = counts.spikes if why_replayed else sum(updates(core, played) for core in cores)
+    """Return what SANA-FE must find in a phase, and next to it the figures of our report.
+
+    SANA-FE's figures differ in two ways. It counts active updates by rules of its own, and with them
+    the energy of its somas. And input lines are neurons to it, which fire and are updated, but for
+    no energy.
+    """
+    counts = played.result.counts_by_phase[phase]
+    if why_replayed:
+        # A soma that plays spikes back is updated when it spikes.
+        active_updates = counts.spikes
+    else:
+        active_updates = sum(updates(core, played) for core in played.program.cores_of(phase))
     energy = {
         part: math.fsum(counts[name] * profile.energy_pj.get(name, 0.0) for name in names)
         for part, names in PARTS.items()
     }
-    more = (its_updates - counts.neuron_updates_active) * profile.energy_pj.get(
-        "neuron_updates_active", 0.0
-    )
-    lines = network.input_spikes()
+    pj_per_update = profile.energy_pj.get("neuron_updates_active", 0.0)
+    extra_energy_pj = (active_updates - counts.neuron_updates_active) * pj_per_update
+    input_spikes = network.input_spikes()
     return {
         "phase": phase,
         "first_step": played.runs[phase].start,
@@ -100,13 +113,13 @@ def _expected(
         "neurons": "replayed" if why_replayed else "simulated",
         "because": why_replayed,
         "counts": {
-            "neurons_fired": counts.spikes + lines,
-            "neurons_updated": its_updates + lines,
+            "neurons_fired": counts.spikes + input_spikes,
+            "neurons_updated": active_updates + input_spikes,
             "packets_sent": counts.axon_packets + counts.input_packets,
             "hops": counts.hops,
             "spikes": counts.synaptic_ops,
         },
-        "energy_pj": {**energy, "soma": energy["soma"] + more},
+        "energy_pj": {**energy, "soma": energy["soma"] + extra_energy_pj},
         "report": {
             "neuron_updates_active": counts.neuron_updates_active,
             "energy_pj": dict(energy),

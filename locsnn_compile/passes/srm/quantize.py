@@ -34,7 +34,7 @@ SCALE_SLACK = 0.99
 
 
 class Layout(NamedTuple):
-    """How SRM neurons are laid out; both functions get the decay of the alpha kernel.
+    """How SRM neurons are laid out; both functions get the decay of the alpha kernel, in parts of 4096.
 
     ``heaviest_charge`` returns the largest charge of a neuron's own spike, in thresholds. ``lay_out`` returns the
     neurons of a task at one of the given threshold mantissas, which come best first, within the limits of its chip.
@@ -48,31 +48,48 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     """Return neurons in integers.
 
     If decays are to be fitted, there are two of them instead of one, unless the strategy has taps, which need one.
+    Raises ``TargetError`` if no threshold mantissa fits, or if a kernel does not fade on the chip.
     """
-    size, strategy, where = task.population.size, task.strategy, task.where
-    layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
-    mantissa_max = task.chip.registers.threshold_mantissa_max
-    decays = one_decay(neuron.tau_sr, f"{where}: tau_sr")
+    size = task.population.size
+    dendrites = STRATEGIES[task.strategy].dendrites
+    layout = LAYOUTS[task.strategy]
+    decays = one_decay(neuron.tau_sr, f"{task.where}: tau_sr")
+    # Weights and own spikes are divided among the dendrites of a neuron.
     heaviest = float(task.largest.max()) * decays.gain / neuron.theta / dendrites
-    share = of_a_dendrite(neuron, dendrites)
-    own = layout.heaviest_charge(share, decays.u, task)
-    most_own = heaviest_weight(task.chip)
-    if own > most_own / 2:
-        measured = f"its own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
+    of_dendrite = of_a_dendrite(neuron, dendrites)
+    own_charge = layout.heaviest_charge(of_dendrite, decays.u, task)
+    mantissa_limit = _mantissa_limit(own_charge, task)
+    exponent, largest = checked_scale(task, heaviest, mantissa_limit, 1)
+    smallest = max(1, math.ceil(SCALE_SLACK * largest))
+    mantissas = range(largest, smallest - 1, -1)
+    chip_neuron = layout.lay_out(of_dendrite, decays.u, mantissas, task)
+    if isinstance(chip_neuron, ChipSrm):
+        chip_neuron = replace(chip_neuron, dendrites=dendrites)
+    if task.rounding.fitted_decays and task.strategy != "delay-line":
+        decays = two_decays(neuron.tau_sr, f"{task.where}: tau_sr")
+        decay_u = integers(decays.u, size)
+        decay_v = integers(decays.v, size)
+        chip_neuron = replace(chip_neuron, decay_u=decay_u, decay_v=decay_v)
+    scale = least_to_spike(chip_neuron.threshold) / neuron.theta
+    return Scaled(chip_neuron, scale, np.full(size, decays.gain), exponent)
+
+
+def _mantissa_limit(own_charge: float, task: Task) -> int:
+    """Return the largest threshold mantissa at which an own spike is a weight that the chip can hold.
+
+    ``own_charge`` is in thresholds, each of which is less than the mantissa + 1. Raises ``TargetError`` if not even a
+    mantissa of 1 fits.
+    """
+    mantissa_max = task.chip.registers.threshold_mantissa_max
+    if not own_charge:
+        return mantissa_max
+    heaviest = heaviest_weight(task.chip)
+    if own_charge > heaviest / 2:
+        measured = f"its own spike weighs {own_charge:.3g} thresholds against {heaviest / 2:.0f}"
         raise task.no_scale(
             "refractory kernel", measured, "Use a smaller scale_ref, or strategy reset."
         )
-    cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
-    exponent, most = checked_scale(task, heaviest, cap, 1)
-    candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
-    made = layout.lay_out(share, decays.u, candidates, task)
-    if isinstance(made, ChipSrm):
-        made = replace(made, dendrites=dendrites)
-    if task.rounding.fitted_decays and strategy != "delay-line":
-        decays = two_decays(neuron.tau_sr, f"{where}: tau_sr")
-        made = replace(made, decay_u=integers(decays.u, size), decay_v=integers(decays.v, size))
-    scale = least_to_spike(made.threshold) / neuron.theta
-    return Scaled(made, scale, np.full(size, decays.gain), exponent)
+    return int(min(heaviest / own_charge - 1, mantissa_max))
 
 
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
@@ -85,29 +102,41 @@ def dendrite_charge(neuron: SrmAlpha, where: str) -> float:
     return neuron.scale_ref * one_decay(neuron.tau_ref, f"{where}: tau_ref").gain
 
 
+class _RefractoryWeight(NamedTuple):
+    """The weight of a self-synapse, negative, and its relative rounding error."""
+
+    mantissa: int
+    exponent: int
+    error: float
+
+
 def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
     """Strategy ``dendrite``: own spikes drive a refractory dendrite with the kernel nu through one self-synapse.
 
     The chosen threshold mantissa is the one whose refractory weight rounds best.
     """
-    refractory_decay = one_decay(neuron.tau_ref, f"{task.where}: tau_ref").u
-    size, grid, charge = (
+    charge = dendrite_charge(neuron, task.where)
+    grid = own_grid(task.chip)
+    threshold = min(thresholds, key=lambda t: _refractory_weight(charge, t, grid).error)
+    weight = _refractory_weight(charge, threshold, grid)
+    return ChipSrm.with_taps(
         task.population.size,
-        own_grid(task.chip),
-        dendrite_charge(neuron, task.where),
+        decay=decay,
+        threshold=threshold,
+        mantissa=weight.mantissa,
+        exponent=weight.exponent,
+        refractory_decay=one_decay(neuron.tau_ref, f"{task.where}: tau_ref").u,
     )
 
-    def rounded(threshold: int) -> tuple[float, int, int]:
-        wanted = in_units(charge * least_to_spike(threshold))
-        exponent = exponent_holding(wanted, grid)
-        mantissa = int(grid.round(np.array([wanted / 2.0**exponent]))[0])
-        error = abs(mantissa * 2.0**exponent - wanted) / wanted if wanted > 0 else 0.0
-        return error, -mantissa, exponent
 
-    threshold = min(thresholds, key=lambda t: rounded(t)[0])
-    _, mantissa, exponent = rounded(threshold)
-    own = {"mantissa": mantissa, "exponent": exponent, "refractory_decay": refractory_decay}
-    return ChipSrm.with_taps(size, decay=decay, threshold=threshold, **own)
+def _refractory_weight(charge: float, threshold: int, grid: WeightGrid) -> _RefractoryWeight:
+    """Round the weight that brings a charge, in thresholds of this mantissa, to a refractory dendrite."""
+    exact = in_units(charge * least_to_spike(threshold))
+    exponent = exponent_holding(exact, grid)
+    mantissa = int(grid.round(np.array([exact / 2.0**exponent]))[0])
+    # An own spike of no charge is held exactly.
+    error = abs(mantissa * 2.0**exponent - exact) / exact if exact > 0 else 0.0
+    return _RefractoryWeight(-mantissa, exponent, error)
 
 
 def whole_mantissas(
@@ -115,23 +144,27 @@ def whole_mantissas(
 ) -> tuple[IntArray, IntArray, int]:
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
-    ``charge`` is that of an own spike, in thresholds. The scale is free, so it is chosen for the refractory weight: its
-    mantissa is the largest of the grid at which the threshold is not above the wanted one, and the threshold follows
-    from it. If that mantissa would be 0, the threshold is the wanted one, and the refractory weight is rounded.
+    ``charge`` is that of an own spike, in thresholds, and ``thresholds`` (k,) are the wanted ones, which may be
+    fractions. The scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at
+    which the threshold is not above the wanted one, and the threshold follows from it:
+
+        weight = charge * (threshold + in_units(1)),    threshold = weight / charge - in_units(1)
+
+    If that mantissa would be 0, the threshold is the wanted one, and the refractory weight is rounded.
     """
+    whole_thresholds = np.maximum(np.floor(thresholds), 1).astype(np.int64)
     heaviest = charge * in_units(least_to_spike(float(thresholds.max())))
     if heaviest < 0.5:
-        return (
-            np.maximum(np.floor(thresholds), 1).astype(np.int64),
-            np.zeros(len(thresholds), dtype=np.int64),
-            0,
-        )
+        # Every refractory weight rounds to 0.
+        return whole_thresholds, np.zeros_like(whole_thresholds), 0
     exponent = exponent_holding(heaviest, grid)
     step = grid.step * 2.0**exponent
-    wanted = charge * in_units(least_to_spike(thresholds)) / step
-    steps = np.where(wanted < 1, np.rint(wanted), np.floor(wanted))
-    found = np.where(wanted < 1, np.floor(thresholds), np.rint(steps * step / charge - in_units(1)))
-    return np.maximum(found, 1).astype(np.int64), -(steps * grid.step).astype(np.int64), exponent
+    exact_steps = charge * in_units(least_to_spike(thresholds)) / step
+    below_a_step = exact_steps < 1
+    steps = np.where(below_a_step, np.rint(exact_steps), np.floor(exact_steps))
+    of_weight = np.maximum(np.rint(steps * step / charge - in_units(1)), 1).astype(np.int64)
+    mantissas = -(steps * grid.step).astype(np.int64)
+    return np.where(below_a_step, whole_thresholds, of_weight), mantissas, exponent
 
 
 def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipCuba:
@@ -152,15 +185,23 @@ def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: 
 def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     """Return the smallest count with which a spike takes as much from the potential, summed over steps, as nu does.
 
-    A reset takes one threshold, which would otherwise fade by ``decay``: its gain at rest over all steps.
-    Each blocked step takes one more. At the published time constants, the reset by itself takes twice what nu takes,
-    and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept most
-    predictions.
+    Of one spike, in thresholds, with ``a = exp(-1 / tau_ref)``:
+
+        nu takes       sum over k >= 1 of scale_ref * (k / tau_ref) * exp(1 - k / tau_ref)
+                       = scale_ref * e / tau_ref * a / (1 - a)^2
+        a reset takes  gain_at_rest(decay): one threshold, which would otherwise fade by ``decay``
+
+    Each blocked step takes one more threshold. At the published time constants, the reset by itself takes twice what nu
+    takes, and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept
+    most predictions.
     """
-    kept, lost = math.exp(-1.0 / neuron.tau_ref), -math.expm1(-1.0 / neuron.tau_ref)
-    taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / lost**2
-    of_reset: float = gain_at_rest(decay)
-    return 1 + max(0, math.ceil(taken - of_reset))
+    a = math.exp(-1.0 / neuron.tau_ref)
+    one_minus_a = -math.expm1(-1.0 / neuron.tau_ref)
+    taken_by_nu = neuron.scale_ref * math.e / neuron.tau_ref * a / one_minus_a**2
+    taken_by_reset: float = gain_at_rest(decay)
+    blocked_steps = max(0, math.ceil(taken_by_nu - taken_by_reset))
+    # A count of 1 blocks no step.
+    return 1 + blocked_steps
 
 
 _DENDRITES = Layout(lambda neuron, _, task: dendrite_charge(neuron, task.where), _with_dendrites)
