@@ -1,4 +1,4 @@
-"""Read the YAML files of chips and energy profiles."""
+"""Read the YAML files of chips, energy profiles and boards."""
 
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +17,10 @@ TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
 
 
 def read_description(path: Path, what: str, example: str) -> str:
-    """Return the text of a file that describes a chip or a profile; ``example``: files that it should be like."""
+    """Return the text of a file that describes a chip, a profile or a board.
+
+    ``example``: files that it should be like.
+    """
     missing = f"Give the path of a {what} YAML file."
     content = read_bytes(
         path, path.name, MAX_FILE_BYTES, f"Give a {what} file like {example}.", missing
@@ -26,9 +29,12 @@ def read_description(path: Path, what: str, example: str) -> str:
         return content.decode("utf-8")
 
 
-def parse(kind: type[T], text: str, where: str, **given: Any) -> T:
-    """Read a record from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
-    document = load_yaml(text, where, "it is not YAML{line}", "Compare it with a chip that ships.")
+def parse(kind: type[T], text: str, where: str, like: str = "a chip that ships", **given: Any) -> T:
+    """Read a record from YAML text; every missing, unknown or mistyped key is an ``InputError``.
+
+    ``like``: what errors tell to compare the text with.
+    """
+    document = load_yaml(text, where, "it is not YAML{line}", f"Compare it with {like}.")
     return RecordReader(where).record(kind, document, **given)
 
 

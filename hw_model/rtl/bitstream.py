@@ -9,12 +9,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from hw_model.description.boards import BOARDS
+from hw_model.description.board import Board
 from hw_model.description.chip import chip
 from hw_model.errors import InputError, TargetError
 from hw_model.io.build_folder import write_build
 from hw_model.io.partial import locked
 from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.board_sources import board_sources
 from hw_model.rtl.device import on_core
 from hw_model.rtl.folder import board_files
 from hw_model.rtl.simulators import kept, said
@@ -27,6 +28,8 @@ CELLS = {
     "multipliers": ("MULT18X18D", "ICESTORM_DSP"),
 }
 """What the tools of both families call them, by the beginning of the name."""
+_NO_SUCH_PIN = re.compile("does not exist for package|not have a pin named")
+"""What nextpnr says of a site that the package of a board lacks, for both families."""
 _log = logging.getLogger("locsnn")
 
 
@@ -56,24 +59,26 @@ class _Build(Frozen):
         return f"{self.board}-{seed}.json"
 
 
-def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], bytes]:
+def fit(
+    program: ChipProgram, board: Board, seeds: int, target: str = ""
+) -> tuple[dict[str, Any], bytes]:
     """Return what a board's bitstream takes, with the slowest clock of ``seeds`` placements, and the bitstream.
 
-    What does not fit the open core is refused before anything is made. All programs share the bitstream of a device,
-    which is kept in the user's cache folder and placed by one process at a time. The log names each step that takes
-    seconds, with what remains. A missing tool is an ``InputError``, a device without room for the core a
-    ``TargetError``.
+    ``target`` names the core, by default the usual one of the board's device. What does not fit it is refused before
+    anything is made. All programs share the bitstream of a device, which is kept in the user's cache folder and placed
+    by one process at a time. The log names each step that takes seconds, with what remains. A missing tool is an
+    ``InputError``, a device without room for the core a ``TargetError``.
     """
-    device = chip(BOARDS[board])
+    device = chip(target or board.target)
     assert device.open_core is not None
     on_core(program, max(phase.steps or 1 for phase in program.phases), device)
-    files = board_files(device.open_core, board)
+    files = board_files(device.open_core, board.name, board_sources(board, device.name))
     folder = kept(f"fit-{hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]}")
     lock = kept(f"{folder.name}.lock")
     _say_if_busy(lock)
     with locked(lock, wait=True):
         write_build(folder, {} if (folder / "Makefile").exists() else files)
-        return _placed(_Build(folder, board, seeds), device.name)
+        return _placed(_Build(folder, board.name, seeds), device.name)
 
 
 def _say_if_busy(lock: Path) -> None:
@@ -133,6 +138,11 @@ def _place(build: _Build) -> None:
         try:
             build.make(build.placement(seed))
         except InputError as error:
+            if _NO_SUCH_PIN.search(error.measured):
+                fix = "Give a pin that the package has."
+                raise InputError(
+                    build.where, "a pin does not exist", measured=error.measured, fix=fix
+                ) from error
             measured = _too_much(build.folder / f"{build.board}-{seed}.log") or error.measured
             what = "the core cannot be placed"
             fix = "Choose a larger device."

@@ -1,13 +1,16 @@
 """``--emit rtl``: the core with a program as a folder that needs nothing else."""
 
+from collections.abc import Mapping
 from importlib.resources import files
 
 import numpy as np
 
+from hw_model.description.board import board as read_board
 from hw_model.description.boards import BOARDS
 from hw_model.description.open_core import Sizes
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.board_sources import board_sources
 from hw_model.rtl.cosimulation import ANSWER, words_of
 from hw_model.rtl.cycles import core_cycles
 from hw_model.rtl.device import on_core
@@ -25,10 +28,8 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     recording = np.concatenate(
         [one[0] for one in read_streams(program, spikes)[0].values()], axis=1
     )
-    device, board = (
-        program.chip,
-        next((b for b, name in BOARDS.items() if name == program.chip.name), ""),
-    )
+    device = program.chip
+    board = next((name for name, target in BOARDS.items() if target == device.name), "")
     core = (
         on_core(program, len(recording), device)
         if device.open_core
@@ -54,8 +55,15 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     return {f"rtl/{name}": content for name, content in made.items()}
 
 
-def board_files(sizes: Sizes, board: str) -> dict[str, bytes]:
-    """Return sources, Makefile, constraints and parameters: all that a bitstream is made of."""
+def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) -> dict[str, bytes]:
+    """Return sources, Makefile, constraints and parameters: all that a bitstream is made of.
+
+    ``board``: the name of a board that ships, none, or that of one whose files are ``own``, by name.
+    """
+    files_of_boards: dict[str, str] = {}
+    for name, target in BOARDS.items():
+        files_of_boards |= board_sources(read_board(name), target)
+    files_of_boards |= own or {}
     given = parameters(sizes)
     config = f"BOARD ?= {board}\nPARAMETERS := {' '.join(f'{name}={value}' for name, value in given.items())}\n"
     defined = (
@@ -64,13 +72,14 @@ def board_files(sizes: Sizes, board: str) -> dict[str, bytes]:
     kept = [
         entry
         for entry in (files("hw_model") / "rtl" / "boards").iterdir()
-        if not entry.name.startswith("__")
+        if not entry.name.startswith("__") and not entry.name.endswith(".in")
     ]
     return {
         **{name: text.encode() for name, text in sources().items()},
         **{entry.name: entry.read_bytes() for entry in sorted(kept, key=lambda entry: entry.name)},
+        **{name: text.encode() for name, text in files_of_boards.items()},
         "config.mk": config.encode(),
-        "top.sv": f'`include "top_{board.split("-")[0]}.sv"\n'.encode(),
+        "top.sv": f'`include "{board}.top.sv"\n'.encode(),
         "parameters.vh": defined.encode(),
     }
 

@@ -59,7 +59,7 @@ def equal(folder: Path, width: int, *fault: str) -> bool:
     (folder / "carries.v").write_text(text.replace(*fault) if fault else text)
     shutil.copy(BOARDS / "carries.ys", folder)
     (folder / "adders.sv").write_text(ADDERS)
-    synthesis = re.search("SYNTHESIS := (.*)", (BOARDS / "ulx3s.mk").read_text())[1].replace(
+    synthesis = re.search("SYNTHESIS := (.*)", (BOARDS / "ecp5.mk").read_text())[1].replace(
         "-top top", "-top adders"
     )
     script = COMPARE.replace("WIDTH", str(width)).replace(

