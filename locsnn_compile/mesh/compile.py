@@ -28,8 +28,8 @@ from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import PSI, over_time
 from locsnn_compile.verification.wide_registers import (
+    asks_for_another_setting,
     compare_wide,
-    matters,
     overflowing_recordings,
 )
 
@@ -73,7 +73,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     wide = compare_wide(observed, match)
     diagnosis, followed, excerpt, search, peaks = None, None, None, None, None
     if check.diagnosis:
-        if matters(wide):
+        if asks_for_another_setting(wide):
             overflowing = spread_of(fitted, overflowing_recordings(match))
             search = search_without_overflows(
                 network,

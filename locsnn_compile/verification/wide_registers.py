@@ -19,6 +19,8 @@ from locsnn_compile.data.recordings import batches
 from locsnn_compile.verification.matching import Match, PopulationMatch, ScoreMatch
 from locsnn_compile.verification.observation import Observation, Observed
 
+FEW_SPIKES = 0.001
+"""A share of the chip's spikes. For fewer that change, no other setting is looked for: that takes seconds."""
 NOT_WIDE_ENOUGH = f"even registers of {WIDEST_BITS} bits are too narrow"
 
 
@@ -60,6 +62,14 @@ def matters(wide: WideComparison | str) -> bool:
     if isinstance(wide, str):
         return False
     return bool(wide.spikes_changed) or wide.scores_change
+
+
+def asks_for_another_setting(wide: WideComparison | str) -> bool:
+    """Tell whether wide registers change a prediction, more than a few spikes, or class scores alone."""
+    if isinstance(wide, str) or not matters(wide):
+        return False
+    few = FEW_SPIKES * wide.match.spikes.chip_spikes
+    return bool(wide.predictions_changed) or not wide.spikes_changed or wide.spikes_changed > few
 
 
 def overflowing_recordings(match: Match) -> IntArray:

@@ -223,3 +223,16 @@ def test_registers_that_a_network_was_trained_with_are_its_own():
         "831 clips in 14 of 16 recordings are those of the network's own integers, which have the "
         "same registers; wide ones would change 84 spikes and no prediction."
     )
+
+
+def test_for_a_few_spikes_no_other_setting_is_looked_for():
+    compiled = lc.compile(
+        lc.load("examples/models/objects-hybrid.pt"),
+        "loihi-sim",
+        strategy="dendrite",
+        events="examples/recordings/touches.npz",
+    )
+    overflows = compiled.report["overflows"]
+    assert overflows["matters"] == "spikes or scores"
+    assert overflows["wide_registers"]["spikes_changed"] == 1
+    assert overflows["settings"] is None
