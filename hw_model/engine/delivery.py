@@ -44,7 +44,8 @@ def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[n
         by_lists = memory.paths.by_lists
         call_at(by_lists, (link, rows_from, rows_to, listed, tables, memory.state))
         return
-    first, last = listed.begin[rows_from, listed.node], listed.begin[rows_to, listed.node]
+    first = listed.begin[rows_from, listed.node]
+    last = listed.begin[rows_to, listed.node]
     if links.width[link] < LONG and last - first <= MOST_LISTED:
         _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory)
     else:
@@ -54,10 +55,15 @@ def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[n
 
 @lru_cache(maxsize=8)
 def paths_of(layout: FastLayout) -> Paths:
-    """Return where the code lies that a phase needs of :func:`by_lists` and :func:`by_rows`."""
-    links, sizes = layout.tables.links, layout.tables.nodes.size
+    """Return where the code lies that a phase needs of :func:`by_lists` and :func:`by_rows`.
+
+    What :func:`deliver` may call must be there: a call to an address of 0 ends the process.
+    """
+    links = layout.tables.links
+    sizes = layout.tables.nodes.size
     is_matrix = links.kind == MATRIX
     is_long = links.width >= LONG
+    # No tile is longer, and a source sends one spike a step at most.
     may_send_more = sizes[links.source] * TILE > MOST_LISTED
     listed = Listed(np.zeros(0, np.int32), _NO_STEP, np.zeros((1, 1), np.int64), 0)
     state = packed.pack(first_state(layout, tile=1))
@@ -98,8 +104,11 @@ def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  #
     """Add short matrix rows of the spikes of all rows together."""
     _add_short_rows(link, rows_from, rows_to, listed, tables, memory)
     nodes, links = tables.nodes, tables.links
-    begin, m, touched = listed.begin, listed.node, memory.state.touched
-    node, ahead = links.target_node[link], np.uint64(1 + links.delay[link])
+    begin = listed.begin
+    m = listed.node
+    touched = memory.state.touched
+    node = links.target_node[link]
+    ahead = np.uint64(1 + links.delay[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
         any_spike = begin[r + _NEXT, m] > begin[r, m]
         # No branch: which rows have a spike would be guessed wrong too often.
@@ -113,7 +122,9 @@ def by_rows(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no
     event, base, begin, m = listed
     nodes, links = tables.nodes, tables.links
     charge = state.charge
-    offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
+    offset = links.offset[link]
+    width = links.width[link]
+    low = np.uint64(links.target[link])
     ahead = np.uint64(1 + links.delay[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
         if begin[r + _NEXT, m] > begin[r, m]:
@@ -137,19 +148,27 @@ def _add_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: 
     """
     event, base, begin, m = listed
     links = tables.links
-    charge, row_of = memory.state.charge, memory.work.row_of
-    first, last = begin[rows_from, m], begin[rows_to, m]
+    charge = memory.state.charge
+    row_of = memory.work.row_of
+    first = begin[rows_from, m]
+    last = begin[rows_to, m]
     for r in range(rows_from, rows_to):
         at = begin[r, m] - first
         fill(row_of, at, r)
         for k in range(at + LANES, begin[r + 1, m] - first, LANES):
             fill(row_of, k, r)
-    offset, width = np.uint64(links.offset[link]), np.uint64(links.width[link])
-    low, ahead = np.uint64(links.target[link]), np.uint64(1 + links.delay[link])
-    first_event, spikes = np.uint64(base + first), np.uint64(last - first)
+    offset = np.uint64(links.offset[link])
+    width = np.uint64(links.width[link])
+    low = np.uint64(links.target[link])
+    ahead = np.uint64(1 + links.delay[link])
+    first_event = np.uint64(base + first)
+    spikes = np.uint64(last - first)
     part = spikes // _PARTS
     for i in range(spikes):
-        e = i % _PARTS * part + i // _PARTS if i < _PARTS * part else i
+        if i < _PARTS * part:
+            e = i % _PARTS * part + i // _PARTS
+        else:
+            e = i
         due = np.uint64(row_of[e]) + ahead
         start = offset + np.uint64(event[first_event + e]) * width
         for j in range(np.uint64(0), width, _LANES):
@@ -166,10 +185,15 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 @inner
 def _follow(link, at, first, last, state, links, words):  # type: ignore[no-untyped-def]
     """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
-    charge, touched = state.charge, state.touched
-    low, shift = links.target[link], links.weight_shift[link]
-    slot_bits, late_bits = links.slot_bits[link], links.late_bits[link]
-    slot_mask, late_mask = (1 << slot_bits) - 1, (1 << late_bits) - 1
+    charge = state.charge
+    touched = state.touched
+    low = links.target[link]
+    shift = links.weight_shift[link]
+    # A word, from its lowest bit on: the slot, how many rows late, and the weight.
+    slot_bits = links.slot_bits[link]
+    late_bits = links.late_bits[link]
+    slot_mask = (1 << slot_bits) - 1
+    late_mask = (1 << late_bits) - 1
     weight_from = slot_bits + late_bits
     # Three loops, for which of them it is does not change from synapse to synapse.
     if links.width[link] == 0:
@@ -193,28 +217,38 @@ def _follow(link, at, first, last, state, links, words):  # type: ignore[no-unty
 @inner
 def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[no-untyped-def]
     """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
-    event, base = listed.event, listed.base
-    matrix, many = links.matrix, np.uint64(links.width[link])
-    offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
+    event = listed.event
+    base = listed.base
+    matrix = links.matrix
+    offset = links.offset[link]
+    width = links.width[link]
+    slots = np.uint64(width)
+    low = np.uint64(links.target[link])
     while first + 8 <= last:
         k = base + first
-        a, b = np.uint64(offset + event[k] * width), np.uint64(offset + event[k + 1] * width)
-        c, d = np.uint64(offset + event[k + 2] * width), np.uint64(offset + event[k + 3] * width)
-        e, f = np.uint64(offset + event[k + 4] * width), np.uint64(offset + event[k + 5] * width)
-        g, h = np.uint64(offset + event[k + 6] * width), np.uint64(offset + event[k + 7] * width)
-        for j in range(many):
-            one = (
+        # Where the rows of eight spikes begin.
+        a = np.uint64(offset + event[k] * width)
+        b = np.uint64(offset + event[k + 1] * width)
+        c = np.uint64(offset + event[k + 2] * width)
+        d = np.uint64(offset + event[k + 3] * width)
+        e = np.uint64(offset + event[k + 4] * width)
+        f = np.uint64(offset + event[k + 5] * width)
+        g = np.uint64(offset + event[k + 6] * width)
+        h = np.uint64(offset + event[k + 7] * width)
+        for j in range(slots):
+            # Made 32 bits again and again: numba takes the sum of two such numbers for one of 64.
+            first_four = (
                 np.int32(matrix[a + j])
                 + np.int32(matrix[b + j])
                 + np.int32(matrix[c + j])
                 + np.int32(matrix[d + j])
             )
-            two = (
+            last_four = (
                 np.int32(matrix[e + j])
                 + np.int32(matrix[f + j])
                 + np.int32(matrix[g + j])
                 + np.int32(matrix[h + j])
             )
-            charge[at, low + j] += np.int32(one) + np.int32(two)
+            charge[at, low + j] += np.int32(first_four) + np.int32(last_four)
         first += 8
     return first

@@ -21,6 +21,8 @@ WORD_BITS = 32
 """Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 _Synapses = tuple[Int32Array, ...]
 """Some synapses from one node to another: number of the source there, column, weight in units, and delay."""
+_DELAY = 3
+"""Which of these is the delay."""
 Ends = tuple[int, int]
 """Nodes that synapses lead from and to."""
 Blocks = list[list[int]]
@@ -31,24 +33,25 @@ def synapses_by_ends(
     program: ChipProgram, phase: str, nodes: Numbering
 ) -> dict[Ends, list[_Synapses]]:
     """Return the synapses of a phase by their ends, core by core: each is held once, in 32 bits a number."""
-    found: dict[Ends, list[_Synapses]] = {}
+    by_ends: dict[Ends, list[_Synapses]] = {}
     for core in program.cores_of(phase):
-        axons, columns = core.axons, program.columns_of_core(core)
+        axons = core.axons
+        columns = program.columns_of_core(core)
         node, source = nodes.of_source(program.senders[core.number])
         axon = axons.axon_of_synapse
         ends = node[axon] * len(nodes.names) + nodes.of_column(columns)[axons.target]
         weight = loihi.whole_units(core.effective_weights)
         for pair in np.unique(ends).tolist():
-            here = np.flatnonzero(ends == pair)
+            synapses = np.flatnonzero(ends == pair)
             table = (
-                source[axon[here]],
-                columns[axons.target[here]],
-                weight[here],
-                axons.delay[here],
+                source[axon[synapses]],
+                columns[axons.target[synapses]],
+                weight[synapses],
+                axons.delay[synapses],
             )
             part = tuple(values.astype(np.int32) for values in table)
-            found.setdefault(divmod(pair, len(nodes.names)), []).append(part)
-    return found
+            by_ends.setdefault(divmod(pair, len(nodes.names)), []).append(part)
+    return by_ends
 
 
 Echoes = dict[int, tuple[int, IntArray]]
@@ -61,20 +64,18 @@ def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echo
     This is how a neuron is made refractory: with one step late, or as a delay line. They are added as vectors, chunk to
     chunk, and their block needs no lists.
     """
-    found: Echoes = {}
+    echoes: Echoes = {}
     for node, to in sorted(synapses):
-        if nodes.parent[to] != node or node in found:
+        if nodes.parent[to] != node or node in echoes:
             continue
         source, column, weight, delay = _sorted(synapses[node, to])
         weights = np.zeros((1 + delay.max(), nodes.size[node]), dtype=np.int64)
-        if (
-            np.array_equal(column, nodes.first[to] + source)
-            and len(source) >= DENSE_SHARE * weights.size
-        ):
+        is_to_own_child = np.array_equal(column, nodes.first[to] + source)
+        if is_to_own_child and len(source) >= DENSE_SHARE * weights.size:
             np.add.at(weights, (delay, source), weight)
-            found[node] = to, weights
+            echoes[node] = to, weights
             del synapses[node, to]
-    return found
+    return echoes
 
 
 class _Held:
@@ -178,20 +179,27 @@ def _by_delay(
     nodes: Numbering, synapses: dict[Ends, list[_Synapses]]
 ) -> dict[tuple[int, int, int], list[_Synapses]]:
     """Divide long lists by delay: what spikes of one step add is due in one row then, which stays in the cache."""
-    found = {}
+    divided = {}
     for node, to in sorted(synapses):
         parts = synapses.pop((node, to))
-        delays = sorted(
-            {delay for part in parts for delay in np.flatnonzero(np.bincount(part[3])).tolist()}
-        )
-        if sum(len(part[3]) for part in parts) < LONG_LIST * int(nodes.size[node]) * len(delays):
-            found[node, to, 0] = parts
+        delay_columns = [part[_DELAY] for part in parts]
+        delays: set[int] = set()
+        for column in delay_columns:
+            # Not by np.unique, which sorts: there may be millions.
+            delays.update(np.flatnonzero(np.bincount(column)).tolist())
+        count = sum(map(len, delay_columns))
+        if count < LONG_LIST * int(nodes.size[node]) * len(delays):
+            divided[node, to, 0] = parts
             continue
-        for delay in delays:
-            found[node, to, delay] = [
-                tuple(column[part[3] == delay] for column in part) for part in parts
-            ]
-    return found
+        for delay in sorted(delays):
+            divided[node, to, delay] = [_of_delay(part, delay) for part in parts]
+    return divided
+
+
+def _of_delay(part: _Synapses, delay: int) -> _Synapses:
+    """Return the synapses that have a delay."""
+    has_it = part[_DELAY] == delay
+    return tuple(column[has_it] for column in part)
 
 
 def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
@@ -205,7 +213,9 @@ def packed_synapses(
     slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
 ) -> tuple[Lanes, tuple[int, int, int]]:
     """Return synapses in a word each, of 64 bits where one does not fit 32; and slot_bits, late_bits, weight_shift."""
-    least, union = int(delay.min()), int(np.bitwise_or.reduce(weight))
+    least = int(delay.min())
+    # The bits that any weight has: those below the lowest of them need not be kept.
+    union = int(np.bitwise_or.reduce(weight))
     shift = (union & -union).bit_length() - 1 if union else 0
     late_bits = int(delay.max() - least).bit_length()
     widest = max(int(weight.max()), -int(weight.min())) >> shift

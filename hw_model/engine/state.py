@@ -121,7 +121,8 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
     """Return the state before the first step."""
     registers = layout.tables.chunks.registers.reshape(-1)
     at_rest = (layout.tables.chunks.registers[:, BIAS] == 0).min(axis=1)
-    chunks, due = len(at_rest), len(layout.tables.links.due_late)
+    chunks = len(at_rest)
+    due = len(layout.tables.links.due_late)
     charge = aligned((tile + due, chunks * LANES), registers.dtype)
     touched = np.zeros((tile + due, chunks), dtype=np.uint8)
     current = aligned(registers.shape, registers.dtype)
@@ -131,16 +132,15 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
 
 def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     """Return room for the spikes of a tile."""
-    masks = np.zeros((tile, len(layout.tables.chunks.node)), dtype=np.int32)
-    begin = np.zeros((tile + 1, len(layout.tables.nodes.first)), dtype=np.int64)
-    many = len(layout.tables.nodes.first)
-    event, updated = (
-        np.empty(tile * layout.columns + LANES * many, dtype=np.int32),
-        np.zeros(tile, dtype=np.uint8),
-    )
-    list_start = tile * layout.tables.nodes.first + LANES * np.arange(many)
+    first_of_node = layout.tables.nodes.first
+    nodes = len(first_of_node)
     return Workspace(
-        masks, event, list_start, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32)
+        masks=np.zeros((tile, len(layout.tables.chunks.node)), dtype=np.int32),
+        event=np.empty(tile * layout.columns + LANES * nodes, dtype=np.int32),
+        list_start=tile * first_of_node + LANES * np.arange(nodes),
+        begin=np.zeros((tile + 1, nodes), dtype=np.int64),
+        updated=np.zeros(tile, dtype=np.uint8),
+        row_of=np.empty(MOST_LISTED + LANES, dtype=np.int32),
     )
 
 

@@ -101,12 +101,8 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
     index = start
     while index < stop:
         k = np.uint64(chunks.member[index])
-        if (
-            chunks.pair[index]
-            and chunks.plain[k]
-            and chunks.plain[chunks.member[index + 1]]
-            and not kept.watched
-        ):
+        is_pair = chunks.pair[index] and chunks.plain[k]
+        if is_pair and chunks.plain[chunks.member[index + 1]] and not kept.watched:
             fired |= _update_pair(index, np.uint64(r), tile, chunks, memory, written)
             index += 3
             continue
@@ -144,23 +140,23 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
 def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
     """Do what :func:`_update_members` does for two dendrites and their sum, three members, at once."""
     state, work, active = memory.state, memory.work, written.active
-    a, b, c = chunks.member[index], chunks.member[index + 1], chunks.member[index + 2]
-    a, b, c = np.uint64(a), np.uint64(b), np.uint64(c)
-    at_rest, touched, registers = state.at_rest, state.touched, state.registers
-    if (
-        tile.skip
-        and at_rest[a]
-        and at_rest[b]
-        and at_rest[c]
-        and not touched[r, a]
-        and not touched[r, b]
-    ):
+    at_rest = state.at_rest
+    touched = state.touched
+    registers = state.registers
+    # The dendrites, and the chunk of their sum.
+    a = np.uint64(chunks.member[index])
+    b = np.uint64(chunks.member[index + 1])
+    c = np.uint64(chunks.member[index + 2])
+    are_at_rest = at_rest[a] and at_rest[b] and at_rest[c]
+    if tile.skip and are_at_rest and not touched[r, a] and not touched[r, b]:
         return np.int32(0)
     mask, busy_a, busy_b, busy_c, left_a, left_b, left_c = update_pair(
         registers, a * _CHUNK, registers, b * _CHUNK, registers, c * _CHUNK,
         state.charge, r, a * _LANES, state.charge, r, b * _LANES,
     )  # fmt: skip
-    at_rest[a], at_rest[b], at_rest[c] = left_a == 0, left_b == 0, left_c == 0
+    at_rest[a] = left_a == 0
+    at_rest[b] = left_b == 0
+    at_rest[c] = left_c == 0
     active[r, chunks.piece[a]] += busy_a
     active[r, chunks.piece[b]] += busy_b
     active[r, chunks.piece[c]] += busy_c
@@ -174,12 +170,17 @@ def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-un
 def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
     """Add what the spikes of a chunk pass to a child, due from the next row on; without branches if that is one row."""
     if chunks.echo_to[k] >= 0:
-        to, due, end = np.uint64(chunks.echo_to[k]), r + np.uint64(1), np.uint64(len(chunks.echo))
+        to = np.uint64(chunks.echo_to[k])
+        due = r + np.uint64(1)
+        end = np.uint64(len(chunks.echo))
+        weights_of_row = np.uint64(state.charge.shape[1])
         at = to * _LANES
         while at < end:
             change_echo(state.charge, due, to * _LANES, chunks.echo, at, mask, _NONE)
             state.touched[due, to] |= mask != 0
-            at, due = at + (np.uint64(state.charge.shape[1]) if mask else end), due + np.uint64(1)
+            # Without spikes one row is enough: it adds nothing, and so would all later ones.
+            at += weights_of_row if mask else end
+            due += np.uint64(1)
 
 
 @absorbed
@@ -190,7 +191,9 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
     masks, event, begin = work.masks, work.event, work.begin
     base, first = work.list_start[m], nodes.first[m]
     columns = spikes.shape[1]
-    lines, last = len(sent) - columns, columns - LANES
+    lines = len(sent) - columns
+    # The last column at which a whole chunk of lanes can be written.
+    last = columns - LANES
     found = begin[low, m] if low else 0
     begin[low, m] = found
     for r in range(np.uint64(low), np.uint64(high)):

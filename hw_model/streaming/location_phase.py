@@ -386,7 +386,7 @@ def _run_pair(first, many, index, phase):  # type: ignore[no-untyped-def]
 
 @absorbed
 def _advance_pair(first, many, index, phase, widths):  # type: ignore[no-untyped-def]
-    """Do it; without ``widths``, an empty tuple, both dendrites are plain."""
+    """Do what :func:`_run_pair` says; without ``widths``, an empty tuple, both dendrites are plain."""
     chunks, registers, history = phase.tables.chunks, phase.registers, phase.history
     at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
     one, other = (
