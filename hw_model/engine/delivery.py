@@ -165,10 +165,9 @@ def _add_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: 
     spikes = np.uint64(last - first)
     part = spikes // _PARTS
     for i in range(spikes):
+        e: int | np.uint64 = i
         if i < _PARTS * part:
             e = i % _PARTS * part + i // _PARTS
-        else:
-            e = i
         due = np.uint64(row_of[e]) + ahead
         start = offset + np.uint64(event[first_event + e]) * width
         for j in range(np.uint64(0), width, _LANES):

@@ -11,7 +11,7 @@ from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
-from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Sums
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.network.network import Network
@@ -98,27 +98,16 @@ class BatchMatch(Generic[CountsT], Sums, eq=False):
     divergences: tuple[Divergence, ...]
 
 
-class ProgramMatch(Generic[CountsT], Shown, Agreement):
-    """How a program compares with the network it came from, over ``samples`` recordings.
+class ProgramMatch(Generic[CountsT], Agreement):
+    """The match of a program of another arithmetic, with what its chip counted.
 
-    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 where all scores
-    tie and nothing is predicted; ``labels`` are (samples,) or None. ``helpers`` are populations
-    that a frontend added. ``counts`` are those of each recording, ``counts_by_phase`` those of all
-    together; ``additions`` are the float network's operations on paper by phase, over all of them.
+    ``counts`` are those of each recording, ``counts_by_phase`` those of all together; ``additions``
+    are the float network's operations on paper by phase, over all of them.
     """
 
-    samples: int
-    events_source: str
-    reference_prediction: IntArray
-    chip_prediction: IntArray
-    labels: IntArray | None
-    by_population: dict[str, PopulationMatch]
-    helpers: dict[str, PopulationMatch]
-    scores: ScoreMatch
     counts: tuple[CountsT, ...]
     counts_by_phase: dict[str, CountsT]
     additions: dict[str, int]
-    first_divergence: Divergence | None
 
     @property
     def total_counts(self) -> CountsT:

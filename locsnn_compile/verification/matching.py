@@ -118,13 +118,12 @@ class _Figures(Frozen, eq=False):
     member_ns: dict[str, float]
 
 
-class Agreement:
-    """What the match of any target has, whatever its chip counts: how both sides agree.
+class Agreement(Shown):
+    """How a program agrees with the network it came from, over ``samples`` recordings, whatever its chip counts.
 
-    What derives from it has these among its fields: predictions (samples,), classes or -1 where
-    nothing is predicted; labels (samples,) or None; spikes by population, those that a frontend
-    added among ``helpers`` alone; where the recordings are from; class scores of all recordings; and
-    the first spike that differs.
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 where all scores
+    tie and nothing is predicted; ``labels`` are (samples,) or None. ``helpers`` are populations
+    that a frontend added, which count nowhere else.
     """
 
     samples: int
@@ -172,22 +171,12 @@ class Agreement:
         return None if self.labels is None else chance_of(self.chip_prediction, self.labels)
 
 
-class Match(Shown, _Figures, Agreement):
-    """How a program compares with the network it came from, over ``samples`` recordings.
+class Match(Agreement, _Figures):
+    """The match of a program for a mesh or the open core, with what the chip counted.
 
-    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 if all scores tie and nothing was
-    predicted; ``labels`` are (samples,) or None. ``helpers`` are populations that a frontend added, which count nowhere
-    else. ``latency_range_ns`` is the range of the mean latency if the profile has ranges.
+    ``latency_range_ns`` is the range of the mean latency if the profile has ranges.
     """
 
-    samples: int
-    events_source: str
-    reference_prediction: IntArray
-    chip_prediction: IntArray
-    labels: IntArray | None
-    by_population: dict[str, PopulationMatch]
-    helpers: dict[str, PopulationMatch]
-    first_divergence: Divergence | None
     latency_range_ns: Range
 
     @property
