@@ -217,7 +217,8 @@ def _viewer(build: Build) -> Files:
 
 _VECTORS = r"README\.md|manifest\.yaml|core\d+/\w+\.hex"
 _RTL = (
-    r"[\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+"
+    r"[\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|[\w-]+\.(top\.sv|board\.mk)"
+    r"|memories\.csv|Makefile|load|words|expected_\w+"
     # What `make` leaves there.
     r"|[\w-]+\.(bench|json|cells|log|config|asc|bit|bin|smt2|proved)|solver/boolector"
     r"|updates|scores|answers"

@@ -9,6 +9,9 @@ import nir
 import numpy as np
 import pytest
 
+import hw_model as hw
+from hw_model.description.boards import BOARDS
+from hw_model.rtl.folder import rtl_files
 from locsnn_compile.cli.compile import main
 from locsnn_compile.emitters import EMITTERS, NAMES_IN_FOLDERS
 
@@ -67,6 +70,17 @@ def test_a_second_build_replaces_the_folder_that_the_first_emitted(kind, place, 
     assert build(place, tmp_path / "out", kind) == 0
     assert sorted(path for path in emitted.rglob("*") if path.is_file()) == names
     assert names[0].read_bytes() != b"of the first build"
+
+
+@pytest.mark.parametrize("target", sorted({*BOARDS.values(), "locsnn-130nm"}))
+def test_all_that_is_written_of_an_open_core_may_be_replaced(target):
+    builder = hw.ProgramBuilder(hw.chip(target))
+    line = builder.add_input("line", 1)
+    cell = builder.add_compartments("cell", 2, decay_u=4096, threshold=15)
+    builder.connect(line, cell, [[20], [20]])
+    builder.read_out(cell)
+    emitted = rtl_files(builder.build(), np.ones((4, 1), np.uint8))
+    assert [name for name in emitted if not re.fullmatch(NAMES_IN_FOLDERS, name)] == []
 
 
 @pytest.mark.parametrize("kind", FOLDERS)
