@@ -174,40 +174,39 @@ def _turned_costs(
 ) -> tuple[FloatArray, ...]:
     """Return for every step what the dearest events of all rows cost, by how many a row has."""
     lines = program.lines_of(phase.name)
-    visited: list[list[FloatArray]] = [[] for _ in range(steps)]
-    for item in program.inputs_of(phase.name):
-        if item.positions is None:
-            continue
-        own_ns = line_ns[lines[item.name]]
-        for step, channel_ns in _visits(item, own_ns, rows):
-            if step < steps:
-                visited[step].append(channel_ns)
-    if not any(visited):
+    turned = [item for item in program.inputs_of(phase.name) if item.positions is not None]
+    if not turned:
         return ()
+    # Several inputs may read the same channel in one step: each of its events is then on a line of each.
+    read: list[dict[tuple[str, int], FloatArray]] = [{} for _ in range(steps)]
+    for item in turned:
+        own_ns = line_ns[lines[item.name]]
+        for channel, (step, of_rows) in enumerate(_visits(item, own_ns, rows)):
+            if step < steps:
+                before = read[step].get((item.stream, channel), np.zeros((rows, line_ns.shape[1])))
+                read[step][item.stream, channel] = before + of_rows
     nothing = np.zeros((1, line_ns.shape[1]))
     costs = []
-    for channels in visited:
-        costs.append(_dearest_of_rows(channels) if channels else nothing)
+    for of_channels in read:
+        costs.append(_dearest_of_rows(list(of_channels.values())) if of_channels else nothing)
     return tuple(costs)
 
 
 def _visits(item: Input, line_ns: FloatArray, rows: int) -> list[tuple[int, FloatArray]]:
-    """Return the step at which each channel is read, and what its rows cost, (rows, cores)."""
+    """Return for every channel the step at which it is read, and what its rows cost, (rows, cores)."""
     steps, first_lines = item.visits
     kept_rows = min(item.rows, rows)
     visits = []
     for step, first_line in zip(steps.tolist(), first_lines.tolist(), strict=True):
-        visits.append((step, line_ns[first_line : first_line + kept_rows]))
+        of_rows = np.zeros((rows, line_ns.shape[1]))
+        of_rows[:kept_rows] = line_ns[first_line : first_line + kept_rows]
+        visits.append((step, of_rows))
     return visits
 
 
 def _dearest_of_rows(channels: list[FloatArray]) -> FloatArray:
     """Return what the dearest events of all rows cost, (channels + 1, cores); each is (rows, cores)."""
-    most_rows = max(len(channel) for channel in channels)
-    by_row = np.zeros((len(channels), most_rows, channels[0].shape[1]))
-    for number, channel in enumerate(channels):
-        by_row[number, : len(channel)] = channel
-    of_rows: FloatArray = dearest_first(by_row).sum(axis=1)
+    of_rows: FloatArray = dearest_first(np.stack(channels)).sum(axis=1)
     return of_rows
 
 

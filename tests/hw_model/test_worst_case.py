@@ -6,9 +6,11 @@ import any_phases
 import cost_programs
 import numpy as np
 import pytest
+from hybrids import CHIP, assembled, in_phase
 
 import hw_model as hw
 from hw_model.accounting.usage import measure
+from hw_model.mapping.graph import Readout
 
 UPDATES = 2 * 8.4
 WITHIN_TILE = 2.1
@@ -34,7 +36,7 @@ def test_a_chain_takes_at_most_what_it_takes_by_hand(events: int, step_ns: float
 
 
 def test_what_cannot_reach_its_threshold_sends_nothing() -> None:
-    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    builder = hw.ProgramBuilder(CHIP)
     touch = builder.add_input("touch", 1)
     forgets = {"decay_u": 4096, "decay_v": 4096}
     first = builder.add_compartments("first", 1, threshold=20, **forgets)
@@ -59,7 +61,7 @@ def test_the_sustained_rate_is_the_largest_that_fits_the_step() -> None:
 
 def rows_of_many(channels: int) -> hw.ChipProgram:
     """Channel k has k + 1 synapses."""
-    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    builder = hw.ProgramBuilder(CHIP)
     touch = builder.add_input("touch", channels)
     neuron = builder.add_compartments("neuron", channels, decay_u=0, decay_v=0, threshold=10)
     builder.connect(touch, neuron, np.triu(np.full((channels, channels), 2)))
@@ -71,6 +73,20 @@ def test_the_dearest_events_are_those_of_the_bound() -> None:
     most = [hw.worst_case(program, 5, events).slowest_step_ns for events in range(8)]
     synapses = [7, 6, 5, 4, 3, 2, 1]
     assert np.diff(most) == pytest.approx(np.array(synapses) * SYNAPSE)
+
+
+def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:
+    """Of a channel that both read from the transpose buffer, in each of two rows: a read and a synapse for each."""
+    builder = hw.ProgramBuilder(CHIP)
+    neuron = builder.add_compartments("neuron", 1, threshold=1000)
+    for name in ("left", "right"):
+        builder.connect(builder.add_input(name, 2), neuron, [[20, 20]])
+    graph = in_phase(builder.graph(), "location", 1, np.array([0]))
+    program = assembled(CHIP, Readout(("neuron",), (1.0,)), graph)
+    silent = hw.worst_case(program, 2, 0)
+    touched = hw.worst_case(program, 2, 1)
+    read_ns = 1.0
+    assert touched.answer_ns - silent.answer_ns == pytest.approx(2 * 2 * (read_ns + SYNAPSE))
 
 
 def hostile(
