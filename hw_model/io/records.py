@@ -194,9 +194,8 @@ class RecordReader(Frozen):
         for name in value:
             if name not in required:
                 shown = str(name)[:60]
-                raise InputError(
-                    self.place(key), f"unknown key {shown!r}", fix=did_you_mean(shown, required)
-                )
+                fix = did_you_mean(shown, required) if required else "Leave it out."
+                raise InputError(self.place(key), f"unknown key {shown!r}", fix=fix)
         for name, needed in required.items():
             if needed and name not in value:
                 raise InputError(

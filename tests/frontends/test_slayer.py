@@ -234,7 +234,7 @@ def test_location_neurons_that_cannot_be(location, message, tmp_path):
     with pytest.raises(lc.InputError) as caught:
         lc.load(*write(tmp_path, hybrid_weights(), extra=kernels, location_neuron=location))
     assert str(caught.value) == message.replace(
-        "{fix}", "Give slayerPytorch's network description."
+        "{fix}", "Give slayerPytorch's network description, or a list of layers."
     )
 
 
@@ -369,8 +369,8 @@ REFUSED = [
     ("no weights", lambda f: write(f, {}), "model 'model.pt': it has no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
     ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight does not fit an 8-bit synapse (0..300 against -256..254). Clamp the weights in training."),
     ("another neuron", yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"), "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?"),
-    ("no neuron", yaml_text("simulation: {Ts: 1}"), "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network description."),
-    ("a python object", yaml_text("!!python/object/apply:os.system ['true']"), "config 'net.yaml': it is not YAML. Give slayerPytorch's network description."),
+    ("no neuron", yaml_text("simulation: {Ts: 1}"), "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network description, or a list of layers."),
+    ("a python object", yaml_text("!!python/object/apply:os.system ['true']"), "config 'net.yaml': it is not YAML. Give slayerPytorch's network description, or a list of layers."),
     ("text for a number", yaml_text("simulation: {Ts: one}\nneuron: {type: SRMALPHA}"), "config 'net.yaml': Ts must be a number from 1e-06 on ('one'). Correct it."),
 ]  # fmt: skip
 

@@ -152,6 +152,20 @@ REFUSED = {
         {"conv1": {"type": "Conv2d", "pading": 1}},
         "config 'net.yaml': layers.conv1: unknown key 'pading'. Did you mean 'padding'?",
     ),
+    "an option of a type without any": (
+        {"conv1": CONV, "pad": {"type": "Linear", "bias": False}},
+        "config 'net.yaml': layers.pad: unknown key 'bias'. Leave it out.",
+    ),
+    "axes that it does not have": (
+        {"conv1": CONV, "flatten": {"type": "Flatten", "start_dim": 9}},
+        "model 'net.pt', layer 'flatten': it joins axes 9 to -1, but 3 follow the batch. "
+        "Correct start_dim and end_dim.",
+    ),
+    "axes in the wrong order": (
+        {"conv1": CONV, "flatten": {"type": "Flatten", "start_dim": 3, "end_dim": 2}},
+        "model 'net.pt', layer 'flatten': it joins axes 3 to 2, but 3 follow the batch. "
+        "Correct start_dim and end_dim.",
+    ),
     "a layer without a type": (
         {"conv1": 3},
         "config 'net.yaml': layers.conv1: it has no type. Write 'name: {type: Linear}'.",

@@ -56,7 +56,7 @@ NOT_YAML = {
     "bytes": b"\xff\xfe\xff\xff\xff",
 }
 TRAIN = "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line."
-SLAYER = "config 'a.yaml': it is not YAML. Give slayerPytorch's network description."
+SLAYER = "config 'a.yaml': it is not YAML. Give slayerPytorch's network description, or a list of layers."
 NO_PROGRAM = "program.yaml: its entries do not make a program. Compile again."
 PROGRAM = "program.yaml: the file is not YAML: it is damaged. Compile again."
 CHIP = re.compile(

@@ -16,6 +16,7 @@ from locsnn_compile.frontends.slayer.branches import Branches, checked_branches
 from locsnn_compile.network.neurons import SrmAlpha
 
 MAX_CONFIG_BYTES = 200_000
+_GIVE_A_DESCRIPTION = "Give slayerPytorch's network description, or a list of layers."
 MAX_LAYERS = 1000
 MAX_STOP = 1_000_000
 """Latest end of a region in which training counts spikes, in milliseconds."""
@@ -87,7 +88,8 @@ def axis_of(name: str) -> Axis:
 
 def read_config(path: Path) -> SlayerConfig:
     """Read a description, every entry checked; ``InputError`` for other files."""
-    where, fix = f"config {path.name!r}", "Give slayerPytorch's network description."
+    where = f"config {path.name!r}"
+    fix = _GIVE_A_DESCRIPTION
     values = load_yaml(
         read_bytes(path, where, MAX_CONFIG_BYTES, "Give only the YAML."),
         where,
@@ -235,9 +237,7 @@ def _order(values: Mapping[Any, Any], where: str) -> str | None:
 def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, Any]:
     section = values.get(name)
     if not isinstance(section, dict):
-        raise InputError(
-            where, f"section {name!r} is missing", fix="Give slayerPytorch's network description."
-        )
+        raise InputError(where, f"section {name!r} is missing", fix=_GIVE_A_DESCRIPTION)
     return section
 
 

@@ -224,10 +224,17 @@ class Flatten(Layer, Frozen):
     def add_to(self, chain: Chain, name: str) -> None:
         """Join the axes."""
         first = max(self.start_dim - 1, 0)
-        last = chain.axes - 1 if self.end_dim < 0 else self.end_dim - 1
+        # Axes are counted without the batch, and from the last one if negative.
+        last = chain.axes + self.end_dim if self.end_dim < 0 else self.end_dim - 1
+        if not first <= last < chain.axes:
+            raise InputError(
+                chain.place(name),
+                f"it joins axes {self.start_dim} to {self.end_dim}, but {chain.axes} follow the "
+                "batch",
+                fix="Correct start_dim and end_dim.",
+            )
         parameters = {"start_dim": np.array(first), "end_dim": np.array(last)}
-        joined = max(last - first, 0)
-        chain.add_order(name, NirNode("Flatten", parameters), axes=chain.axes - joined)
+        chain.add_order(name, NirNode("Flatten", parameters), axes=chain.axes - (last - first))
 
 
 class Dropout(Layer, Frozen):
