@@ -30,9 +30,15 @@ class OverflowSearch(Frozen):
 
     @property
     def without_overflows(self) -> tuple[Candidate, ...]:
-        """The settings with which nothing wrapped or clipped, the one that loses least first."""
+        """The settings with which nothing wrapped or clipped, the one that loses least first.
+
+        Of a strategy, it is the one with the widest weights: narrower ones only lose more.
+        """
         clean = [candidate for candidate in self.others if not candidate.overflows]
-        return tuple(sorted(clean, key=lambda candidate: candidate.losses))
+        widest: dict[str, Candidate] = {}
+        for candidate in sorted(clean, key=lambda each: -each.setting.weight_bits):
+            widest.setdefault(candidate.strategy, candidate)
+        return tuple(sorted(widest.values(), key=lambda candidate: candidate.losses))
 
 
 def search_without_overflows(
@@ -43,11 +49,10 @@ def search_without_overflows(
     overflowing: Recordings,
     lowered: Mapping[Setting, Levels],
 ) -> OverflowSearch | None:
-    """Try narrower weights, the widest first, and other strategies; None where there is nothing to try.
+    """Try other strategies and narrower weights; None where there is nothing to try.
 
     ``lowered`` is what is known already: the network at every level, by settings that were rounded
-    for the same calibration. Narrower weights let the compiler choose a smaller scale, which leaves
-    more room in registers.
+    for the same calibration.
     """
     narrower = _narrower(network, chip, taken)
     strategies = _strategies(network, taken)
@@ -60,12 +65,35 @@ def search_without_overflows(
         return None
     for setting in strategies:
         trial.measure(setting)
-    for setting in narrower:
-        tried = trial.measure(setting)
-        if tried is not None and not tried.overflows:
-            break
+    try_widths(trial, narrower)
     others = [tried for tried in trial.candidates.values() if tried.setting != taken]
     return OverflowSearch(len(overflowing), candidate, tuple(others))
+
+
+def try_widths(trial: Trial, narrower: list[Setting]) -> None:
+    """Bisect for the widest weights without overflows; ``narrower`` begins with the widest.
+
+    Narrower weights let the compiler choose a smaller scale, which leaves more room in registers.
+    So where the narrowest that the chip can hold have overflows, those between are not tried.
+    """
+    held = list(narrower)
+    while held and trial.measure(held[-1]) is None:
+        held.pop()
+
+    def is_clean(index: int) -> bool:
+        tried = trial.measure(held[index])
+        return tried is not None and not tried.overflows
+
+    widest_clean = len(held) - 1
+    if not held or not is_clean(widest_clean):
+        return
+    first_unknown = 0
+    while first_unknown < widest_clean:
+        middle = (first_unknown + widest_clean) // 2
+        if is_clean(middle):
+            widest_clean = middle
+        else:
+            first_unknown = middle + 1
 
 
 def spread_of(recordings: Recordings, numbers: IntArray) -> Recordings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ import locsnn_compile as lc
 from hw_model.program import widened
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.report.sections.registers import registers
+from locsnn_compile.request.without_overflows import try_widths
+from locsnn_compile.settings import Setting
 from locsnn_compile.verification import wide_registers
 from locsnn_compile.verification.wide_registers import play_wide
 
@@ -210,6 +213,44 @@ def test_settings_without_clips_are_named_with_their_price():
         "100 %, 90.0 % of the spikes equal instead of 98.2 %, 0.987 times the energy, 0.991 times "
         "the time)"
     )
+
+
+WIDTHS = (6, 5, 4, 3, 2, 1)
+
+
+class WidthTrial:
+    """Stands for trials of narrower weights: the chip holds some widths, and some of these are clean."""
+
+    def __init__(self, clean, held):
+        self.clean = clean
+        self.held = held
+        self.measured = []
+
+    def measure(self, setting):
+        bits = setting.weight_bits
+        self.measured.append(bits)
+        return SimpleNamespace(overflows=int(bits not in self.clean)) if bits in self.held else None
+
+
+@pytest.mark.parametrize(
+    ("clean", "held", "measured"),
+    [
+        pytest.param((), WIDTHS, [1], id="not even the narrowest"),
+        pytest.param(WIDTHS, WIDTHS, [1, 4, 5, 6], id="all of them"),
+        pytest.param((3, 2, 1), WIDTHS, [1, 4, 2, 3], id="from 3 bits down"),
+        pytest.param((4, 3, 2, 1), WIDTHS, [1, 4, 5], id="from 4 bits down"),
+        pytest.param((3, 2), (6, 5, 4, 3, 2), [1, 2, 4, 3], id="1 bit cannot be held"),
+        pytest.param((), (), [1, 2, 3, 4, 5, 6], id="none can be held"),
+    ],
+)
+def test_the_widest_weights_without_overflows_are_bisected(clean, held, measured):
+    trial = WidthTrial(clean, held)
+    try_widths(trial, [Setting("dendrite", bits) for bits in WIDTHS])
+    asked = list(dict.fromkeys(trial.measured))
+    assert asked == measured
+    if clean:
+        assert max(clean) in asked
+        assert max(clean) == 6 or max(clean) + 1 in asked
 
 
 def test_registers_that_a_network_was_trained_with_are_its_own():
