@@ -278,12 +278,21 @@ def _plans(
     return plans, max(length_of(program, phase, rows, steps) for phase in program.phases)
 
 
-@lru_cache(maxsize=4)
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
-    if engine == "reference" or not _compiles():
-        from hw_model.engine.reference import run_phase
+    if engine == "fast" and _compiles():
+        return _compiled_engine(skip)
+    return _plain_engine(skip and engine == "fast")
 
-        return run_phase, Player()
+
+@lru_cache(maxsize=2)
+def _plain_engine(skip: bool) -> tuple[Run, Player]:
+    from hw_model.engine.reference import run_phase
+
+    return partial(run_phase, skip=skip), Player()
+
+
+@lru_cache(maxsize=2)
+def _compiled_engine(skip: bool) -> tuple[Run, Player]:
     from hw_model.engine import fast as engine_fast  # numba: imported only when it is used
     from hw_model.engine.events import list_events, transpose
 
@@ -291,7 +300,7 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
 
 
 def start_compiling() -> None:
-    """Compile the fast engine's loops in other processes, as far as they are known there, if nothing is compiled."""
+    """Let other processes compile what they were asked to, if the fast engine is not compiled."""
     if _compiles():
         from hw_model.engine.fast import start_ahead_if_missing
 
@@ -304,7 +313,7 @@ def _compiles() -> bool:
     reason = why_not_compiled()
     if reason is not None:
         _log.warning(
-            "engine 'fast': the plain one plays instead, hundreds of times slower (%s). %s",
+            "engine 'fast': the plain one plays instead, about a hundred times slower (%s). %s",
             reason,
             fix_of(reason),
         )

@@ -106,3 +106,9 @@ def _part(value: Any) -> str:
 
 def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[:most]}..."
+
+
+def ranges(first: IntArray, length: IntArray) -> IntArray:
+    """Return the numbers of many ranges, one range after the other: 5, 6 and 2 for ranges from 5 and 2 of 2 and 1."""
+    begin = np.cumsum(length) - length
+    return np.asarray(np.arange(length.sum()) + np.repeat(first - begin, length))

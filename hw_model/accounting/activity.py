@@ -10,7 +10,7 @@ from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import PLAYED, TOTALS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
-from hw_model.values import ByteArray, Frozen, IntArray, Shown
+from hw_model.values import ByteArray, Frozen, IntArray, Shown, ranges
 
 
 class StepActivity(Shown):
@@ -155,17 +155,11 @@ class _Effects(Frozen, eq=False):
         # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
         step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sources)
         entries = self.entries[source]
-        entry = _ranges(self.first_entry[source], entries)
+        entry = ranges(self.first_entry[source], entries)
         cell = np.repeat(step, entries) * self.width + self.table_column[entry]
         sums = np.bincount(cell, self.amount[entry], steps * self.width)
         table = sums.reshape(steps, self.width).astype(np.int64)
         return {name: table[:, columns] for name, columns in self.columns.items()}
-
-
-def _ranges(first: IntArray, length: IntArray) -> IntArray:
-    """Return the numbers of many ranges, one range after the other."""
-    begin = np.cumsum(length) - length
-    return np.asarray(np.arange(length.sum()) + np.repeat(first - begin, length))
 
 
 class _Entries(Frozen, eq=False):

@@ -10,15 +10,27 @@ from hw_model.program.builder import ProgramBuilder
 from hw_model.program.chip_program import ChipProgram
 
 
-def program_of_one_chunk(*, transposed: bool = False) -> ChipProgram:
+def program_of_one_chunk() -> ChipProgram:
     """Return a program of one input and one full chunk, connected in full: all of 32 bits share its loops."""
     builder = ProgramBuilder(chip("loihi-sim"))
-    x, y = builder.add_input("x", 1), builder.add_compartments("y", LANES, threshold=1)
+    x = builder.add_input("x", 1)
+    y = builder.add_compartments("y", LANES, threshold=1)
     builder.connect(x, y, np.full((LANES, 1), 2))
     builder.read_out(y)
+    return builder.build()
+
+
+def transposed_dendrites() -> ChipProgram:
+    """Return a program whose input goes through the transpose buffer, to neurons of two dendrites each."""
+    builder = ProgramBuilder(chip("loihi-sim"))
+    x = builder.add_input("x", 1)
+    forgets = 4096
+    soma = builder.add_compartments("soma", LANES, threshold=1, decay_u=forgets, decay_v=forgets)
+    for name in ("one", "other"):
+        dendrite = builder.add_compartments(name, LANES, threshold=1, joined_to=soma)
+        builder.connect(x, dendrite, np.full((LANES, 1), 2))
+    builder.read_out(soma)
     program = builder.build()
-    if not transposed:
-        return program
     played = replace(program.inputs[0], positions=np.zeros(1, dtype=np.int64))
     return replace(program, inputs=(played,))
 

@@ -29,7 +29,7 @@ _U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTEN
 
 @shared
 def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untyped-def]
-    """Run the steps of a tile; return in how many of them nothing had to be updated.
+    """Run the steps of a tile; return in how many of them nothing could change.
 
     ``spikes`` and ``active`` of what is :class:`hw_model.engine.state.Written` are written, ``sent``
     is added to, and registers are kept.
@@ -108,7 +108,8 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
             continue
         stirred &= not chunks.begins[index]
         index += 1
-        if tile.skip and at_rest[k] and not state.touched[r, k] and not stirred:
+        was_at_rest = at_rest[k]
+        if tile.skip and was_at_rest and not state.touched[r, k] and not stirred:
             continue
         at = np.uint64(k * np.uint64(FIELDS * LANES))
         if chunks.plain[k]:
@@ -124,7 +125,9 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
         fired |= mask
         _echo(k, np.uint64(r), mask, chunks, state)
         written.active[r, chunks.piece[k]] += busy
-        work.updated[r] = 1
+        # What arrives may add up to nothing, and then nothing changes.
+        if busy or not was_at_rest or not tile.skip:
+            work.updated[r] = 1
         stirred = True
         if chunks.parent[k] >= 0:
             pass_on(registers, at, registers, np.uint64(chunks.parent[k] * FIELDS * LANES))
@@ -160,9 +163,10 @@ def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-un
     active[r, chunks.piece[a]] += busy_a
     active[r, chunks.piece[b]] += busy_b
     active[r, chunks.piece[c]] += busy_c
+    if busy_a or busy_b or busy_c or not are_at_rest or not tile.skip:
+        work.updated[r] = 1
     _echo(c, r, mask, chunks, state)
     work.masks[r, c] = mask
-    work.updated[r] = 1
     return mask
 
 

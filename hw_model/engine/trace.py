@@ -90,6 +90,13 @@ class PhaseInput(NamedTuple):
     start: IntArray
     stop: IntArray
 
+    def part(self, recordings: slice) -> "PhaseInput":
+        """Return the input of some recordings."""
+        events = tuple(EventLists(lists.first[recordings], lists.channel) for lists in self.events)
+        counts = self.counts[:, recordings]
+        start, stop = self.start[recordings], self.stop[recordings]
+        return PhaseInput(self.steps, self.sizes, events, counts, start, stop)
+
     def lines(self, recording: int) -> ByteArray:
         """Return the rows of a recording, (steps, lines) of 0 and 1, inputs one after the other."""
         dense = np.zeros((self.steps, sum(self.sizes)), dtype=np.uint8)
@@ -123,6 +130,17 @@ class PhaseTrace(NamedTuple):
     def fired(self) -> IntArray:
         """Spikes of every compartment over all steps, (batch, n)."""
         return self.sent[:, self.sent.shape[1] - self.spikes.shape[2] :]
+
+    def part(self, recordings: slice) -> "PhaseTrace":
+        """Return views of some recordings: what is written to them is written here."""
+        return PhaseTrace(
+            spikes=self.spikes[recordings],
+            sent=self.sent[recordings],
+            active=self.active[recordings],
+            events=self.events[recordings],
+            totals=self.totals[recordings],
+            registers={kind: rows[recordings] for kind, rows in self.registers.items()},
+        )
 
     @classmethod
     def empty(

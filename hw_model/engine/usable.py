@@ -1,6 +1,6 @@
 """Whether loops can be compiled here: they use private parts of numba, which change from one release to the next.
 
-Where they cannot, the plain engine plays, which gives the same integers hundreds of times slower.
+Where they cannot, the plain engine plays, which gives the same integers about a hundred times slower.
 """
 
 import re

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import any_phases
@@ -14,6 +15,8 @@ from plain_counts import COUNTED, counts_of
 import hw_model as hw
 from hw_model import simulation
 from hw_model.accounting.cost import energy_pj
+from hw_model.engine import reference
+from hw_model.engine.playing import Player
 from hw_model.simulation import ENGINES
 
 KINDS = ("spikes", "u", "v", "potential")
@@ -56,6 +59,31 @@ def check_engines(case: any_phases.Case) -> hw.SimulationResult:
         patch.setattr(simulation, "MAX_TOGETHER", 1)
         check_equal(hw.simulate(case.program, case.spikes, case.steps, probe=PROBE), wanted)
     return wanted
+
+
+def plain_with_skips(case: any_phases.Case) -> hw.SimulationResult:
+    """What is played where nothing can be compiled."""
+    play = partial(reference.run_phase, skip=True)
+    return simulation.play_recordings(case.program, case.spikes, case.steps, PROBE, play, Player())
+
+
+@pytest.mark.parametrize("seed", QUICK)
+def test_the_plain_engine_counts_the_steps_that_the_fast_one_skips(seed: int) -> None:
+    case = any_phases.case(seed)
+    found = plain_with_skips(case)
+    wanted = hw.simulate(case.program, case.spikes, case.steps, probe=PROBE)
+    assert found.per_recording == wanted.per_recording
+
+
+def test_recordings_that_do_not_fit_at_once_are_played_in_parts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = [plain_with_skips(any_phases.case(seed)) for seed in QUICK[:12]]
+    monkeypatch.setattr(reference, "NUMBERS_AT_ONCE", 1)
+    for seed, wanted in zip(QUICK[:12], whole, strict=True):
+        found = plain_with_skips(any_phases.case(seed))
+        check_equal(found, wanted)
+        assert found.per_recording == wanted.per_recording
 
 
 def check_each(case: any_phases.Case, wanted: hw.SimulationResult) -> None:

@@ -90,7 +90,7 @@ def test_without_a_numba_that_fits_the_plain_engine_plays_and_says_so_once(
     import numba
 
     reason = reason.format(version=numba.__version__)
-    line = "engine 'fast': the plain one plays instead, hundreds of times slower"
+    line = "engine 'fast': the plain one plays instead, about a hundred times slower"
     refused = f"compiled loops: they are needed here ({reason}). {fix}\n"
     assert plays(tmp_path, **given) == (PLAYED * 2 + refused, f"{line} ({reason}). {fix}\n")
 
