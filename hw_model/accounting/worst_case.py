@@ -64,10 +64,10 @@ class _PhaseCosts(Frozen, eq=False):
 
     def step_ns(self, events_per_step: int) -> FloatArray:
         """Return a bound for every step, (steps,)."""
-        row = self.spikes_ns + _of_most(self.direct_ns, events_per_step)
+        row = self.spikes_ns + of_dearest(self.direct_ns, events_per_step)
         bounds = np.full(self.steps, row.max() + self.barrier_ns)
         for step, turned_ns in enumerate(self.turned_ns):
-            bounds[step] = (row + _of_most(turned_ns, events_per_step)).max() + self.barrier_ns
+            bounds[step] = (row + of_dearest(turned_ns, events_per_step)).max() + self.barrier_ns
         return bounds
 
 
@@ -217,7 +217,7 @@ def dearest_first(costs: FloatArray) -> FloatArray:
     return sums
 
 
-def _of_most(sums: FloatArray, events: int) -> FloatArray:
-    """Return the sum of the dearest ``events``, or of all if there are fewer."""
-    of_most: FloatArray = sums[min(events, len(sums) - 1)]
-    return of_most
+def of_dearest(sums: FloatArray, events: int) -> FloatArray:
+    """Return the sum of the dearest ``events``, or of all if there are fewer; ``sums`` as by :func:`dearest_first`."""
+    dearest: FloatArray = sums[min(events, len(sums) - 1)]
+    return dearest

@@ -17,7 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.accounting.worst_case import WorstCase, buffered_events, dearest_first
+from hw_model.accounting.worst_case import WorstCase, buffered_events, dearest_first, of_dearest
 from hw_model.program.chip_program import ChipProgram
 from hw_model.range_proof import can_spike
 from hw_model.rtl.cycles import readout_cycles, transposed_words
@@ -61,15 +61,15 @@ class CoreCosts(Frozen, eq=False):
 
     def row(self, events_per_step: int) -> float:
         """Return the cycles of a row."""
-        return _of_most(self.row_events, events_per_step) + self.row_end + self.row_spikes
+        return float(of_dearest(self.row_events, events_per_step)) + self.row_end + self.row_spikes
 
     def after_rows(self, events_per_step: int) -> float:
         """Return the cycles from the end of the stream to the class."""
-        return self.later + _of_most(self.later_events, events_per_step)
+        return self.later + float(of_dearest(self.later_events, events_per_step))
 
     def recording(self, events_per_step: int) -> float:
         """Return the cycles of a recording."""
-        of_row = _of_most(self.row_events, events_per_step) + self.row_end
+        of_row = float(of_dearest(self.row_events, events_per_step)) + self.row_end
         return self.rows * of_row + self.first_spikes + self.after_rows(events_per_step)
 
 
@@ -180,7 +180,3 @@ def _read_cycles(core: CoreProgram, phase: CorePhase) -> FloatArray:
         cycles[channel] += _WAIT
         cycles[channel, : len(shown_rows)] += _walk_cycles(core.lengths[source + shown_rows])
     return cycles
-
-
-def _of_most(sums: FloatArray, events: int) -> float:
-    return float(sums[min(events, len(sums) - 1)])
