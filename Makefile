@@ -12,7 +12,7 @@ demo: .venv/installed  ## install, then compile the hybrid of the paper and the 
 test: .venv/installed-dev  ## install (torch among it), then run the tests, a process a core
 	$(BIN)/pytest -n auto --dist worksteal
 
-test-slow: .venv/installed-dev  ## the tests that take minutes
+test-slow: .venv/installed-dev  ## the tests that take seconds each, and those that take minutes
 	$(BIN)/pytest -n auto --dist worksteal -m "slow and not mutants"
 
 soak: .venv/installed-dev  ## the tests on new examples: in every other run, hypothesis makes the same ones

@@ -87,6 +87,7 @@ def test_recordings_of_a_sensor_train_and_compile(
     assert locsnn_main(["run", "built", "--events", data]) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model", ["hybrid-graph", "tactile-sgnet", "window-snn", "hybrid-lif", "gru-mlp", "cnn-3d"]
 )

@@ -56,6 +56,7 @@ def build(few, folder, *arguments):
     )
 
 
+@pytest.mark.slow
 def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
     assert run(MODEL, "--events", few, "-o", tmp_path / "out") == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
@@ -69,6 +70,7 @@ def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
     assert str(tmp_path / "out") in out
 
 
+@pytest.mark.slow
 def test_what_an_earlier_build_emitted_is_named(few, tmp_path, capsys):
     out = tmp_path / "out"
     out.mkdir()
@@ -88,6 +90,7 @@ def test_what_an_earlier_build_emitted_is_named(few, tmp_path, capsys):
     assert (out / "trace.json").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_json_prints_the_report_and_nothing_else(few, tmp_path, capsys):
     assert run(MODEL, "--events", few, "-o", tmp_path, "--json") == 0
     captured = capsys.readouterr()
@@ -100,6 +103,7 @@ def test_json_prints_the_report_and_nothing_else(few, tmp_path, capsys):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_chip_of_ones_own_brings_its_own_profile(few, tmp_path, capsys):
     document = yaml.safe_load(hw.chip("loihi-sim").document)
     document["profiles"] = {"bench": document["profiles"]["sanafe"]}
@@ -127,6 +131,7 @@ def test_quiet_prints_nothing(few, tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_two_runs_write_the_same_bytes(few, tmp_path):
     """In fresh interpreters with different hash seeds: nothing may depend on the order of a set."""
     unwritable = ("lava", "nir", "net", "pynn", "viewer", "xylo")
@@ -164,6 +169,7 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
         assert (one / name).is_dir() or (one / name).read_bytes() == (two / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_without_events_the_check_is_on_synthetic_touches_and_says_so(tmp_path, capsys):
     assert run(MODEL, "-o", tmp_path, "--json") == 0
     report = json.loads(capsys.readouterr().out)
@@ -180,6 +186,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == FILES | {"notes.txt"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gate", "value", "said"),
     [
@@ -453,6 +460,7 @@ def test_a_model_that_the_chip_cannot_hold_is_exit_code_1(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_write_that_fails_half_way_leaves_the_old_build(few, tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
     assert build(few, out) == 0

@@ -41,6 +41,7 @@ def complete(line, folder):
     return {word.rstrip() for word in done.stdout.splitlines()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "wanted"),
     [

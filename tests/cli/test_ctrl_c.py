@@ -84,6 +84,7 @@ on_linux = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 @on_linux
 @pytest.mark.parametrize(
     "recordings", ["one.npy", "two.npy"], ids=["in the main thread", "in other threads"]
@@ -96,6 +97,7 @@ def test_ctrl_c_ends_compiled_code_at_once(endless, recordings):
     assert seconds < 5
 
 
+@pytest.mark.slow
 @on_linux
 def test_ctrl_c_leaves_no_build(tmp_path):
     r = np.random.default_rng(0)

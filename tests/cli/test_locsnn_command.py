@@ -29,6 +29,7 @@ def build(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["fast", "reference"])
 def test_run_predicts_as_the_report_counted(build, capsys, engine):
     assert (
@@ -181,6 +182,7 @@ def test_every_help_shows_an_example(command, capsys):
     assert f"example:\n  locsnn {command} " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_diff_names_what_changed(build, tmp_path, capsys):
     arguments = [
         MODEL,

@@ -136,6 +136,7 @@ def test_a_file_in_a_folder_of_recordings_that_is_none_may_be_written_again(fold
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_a_model_may_lie_in_the_folder_of_its_build(folder, capsys):
     Path("own").mkdir()
     os.link("m.pt", "own/m.pt")

@@ -32,6 +32,7 @@ def pack(*arguments):
     return locsnn.main(["pack", *map(str, arguments)])
 
 
+@pytest.mark.slow
 def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
     """Without torch, and to the same cores and readout; a run, a stream and a gate know the program."""
     packed = tmp_path / "all.pt"

@@ -138,6 +138,7 @@ FROM_NOWHERE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "code"), first_quick(FROM_NOWHERE.values(), 3), ids=FROM_NOWHERE
 )
@@ -163,6 +164,7 @@ def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
     assert (done.returncode, done.stderr) == (code, GONE if code else "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "first"),
     [

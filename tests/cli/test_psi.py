@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -12,6 +13,7 @@ from locsnn_compile.cli.main import main
 from locsnn_compile.data.synthetic import synthetic_touches
 
 
+@pytest.mark.slow
 def test_psi_is_kept_from_training_to_the_running_program(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     touches = synthetic_touches(6, steps=30, classes=3, fingertips=1)

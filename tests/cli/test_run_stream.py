@@ -76,6 +76,7 @@ def changes(scores):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 def test_json_has_every_change_of_the_prediction(build, program, capsys, psi):
     found = as_json(build, capsys, "--stream", *(() if psi is None else ("--psi", psi)))
@@ -99,6 +100,7 @@ def test_json_has_every_change_of_the_prediction(build, program, capsys, psi):
     assert stream["worst_real_time_factor"] == pytest.approx(0.02 / latency["worst"])
 
 
+@pytest.mark.slow
 def test_lines_change_only_with_the_prediction(build, program, capsys):
     assert run(build, "--stream") == 0
     lines = iter(capsys.readouterr().out.splitlines())
@@ -124,6 +126,7 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
     assert next(lines, None) is None
 
 
+@pytest.mark.slow
 def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert run(build, "--stream", "--step-seconds", 0.5) == 2
     refused = (
@@ -147,6 +150,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_where_all_classes_tie_the_label_is_not_predicted(build, capsys, tmp_path):
     silent = tmp_path / "silent_label_0.npy"
     np.save(silent, np.load(build / "silent.npy")[:1])
@@ -242,6 +246,7 @@ def test_stops_in_silence(build, program, capsys):
     assert capsys.readouterr().out.splitlines()[-2].startswith("stopped (silence) after ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 def test_a_calibrated_margin(build, program, capsys, psi):
     weighted = () if psi is None else ("--psi", psi)
@@ -391,6 +396,7 @@ def test_a_terminal_shows_one_line_over_and_over(monkeypatch):
     assert stream.getvalue() == "\r\x1b[Kfirst\r\x1b[Ka line that\r\x1b[Ksettled\n\r\x1b[K"
 
 
+@pytest.mark.slow
 def test_streaming_to_a_terminal_shows_leads_as_they_grow(build, program, monkeypatch):
     stream = Terminal()
     monkeypatch.setattr("sys.stdout", stream)

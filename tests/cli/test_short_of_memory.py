@@ -84,6 +84,7 @@ def test_a_library_that_finds_no_room_is_too_little_memory_with_much_left(said, 
 limits = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such limits")
 
 
+@pytest.mark.slow
 @limits
 @pytest.mark.parametrize("limit", ["ulimit -v 4000000", "ulimit -t 4", "ulimit -v 1500000 -t 4"])
 def test_files_are_read_within_inherited_limits(limit, tmp_path):
@@ -149,6 +150,7 @@ BUSY = {
 }
 
 
+@pytest.mark.slow
 @limits
 @pytest.mark.parametrize("busy", BUSY.values(), ids=BUSY)
 def test_a_command_whose_processor_time_ends_says_so(busy):
@@ -178,6 +180,7 @@ def test_the_processor_time_of_a_process_is_as_before_after_a_command(monkeypatc
     assert signal.getsignal(signal.SIGXCPU) is signal.SIG_DFL
 
 
+@pytest.mark.slow
 @limits
 @pytest.mark.parametrize(
     ("own", "inherited", "answer"), [(5, [1], b"\2"), (1, [], b"\0")], ids=["inherited", "its own"]

@@ -90,6 +90,7 @@ def run(folder, command, environment=None, redirect=""):
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("environment", ENVIRONMENTS.values(), ids=ENVIRONMENTS)
 def test_the_surroundings_change_nothing(environment, folder):
     """A light command, whose raster has letters that not every locale knows."""

@@ -163,6 +163,7 @@ def commands_of_the_results():
     return commands
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_results_hold_no_unused_options(monkeypatch):
     """Configurations are shared between networks, and options lie over them."""
     monkeypatch.chdir(ROOT)

@@ -60,6 +60,7 @@ def test_torch_is_missing(tmp_path):
     assert "No module named 'torch'" in run("import torch", folder=tmp_path, code=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("paths", first_quick([FIXTURES, SHIPPED]), ids=["of all kinds", "shipped"])
 def test_the_command_compiles_every_network(paths, tmp_path):
     """One after the other in one process, which spares seventeen starts."""
@@ -75,6 +76,7 @@ def test_the_command_compiles_every_network(paths, tmp_path):
     assert all((tmp_path / name / "report.json").is_file() for name in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("neuron", first_quick([SRM, LOIHI]), ids=["srm", "loihi"])
 def test_a_slayer_checkpoint_and_recordings_in_torchs_format(neuron, tmp_path):
     rng = np.random.default_rng(5)
@@ -92,6 +94,7 @@ def test_a_slayer_checkpoint_and_recordings_in_torchs_format(neuron, tmp_path):
     run(COMMAND.format("main"), "diff", "out", "out", folder=tmp_path)
 
 
+@pytest.mark.slow
 def test_the_api_and_the_other_commands(tmp_path):
     script = """\
 import locsnn_compile as lc, sys
@@ -115,6 +118,7 @@ lc.verify(compiled, network.recordings.spikes)
     )
 
 
+@pytest.mark.slow
 def test_a_state_dict_names_the_option_that_it_needs(tmp_path):
     write(tmp_path, {"fc1": np.ones((4, 156))})
     (tmp_path / "model.pth").write_bytes((tmp_path / "model.pt").read_bytes())
@@ -141,6 +145,7 @@ def test_writing_torchs_format_says_how_to_get_torch(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["touches.npz"]
 
 
+@pytest.mark.slow
 def test_training_from_python_says_it_as_well(tmp_path):
     script = "import numpy as np, locsnn_compile as lc\nlc.TrainingConfig, lc.EpochRecord, lc.Checkpoint\n{}"
     run(script.format(""), folder=tmp_path)

@@ -92,6 +92,7 @@ def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), time=EVENTS, location=EVENTS)
 def test_the_program_does_what_the_integers_do(seed, time, location):

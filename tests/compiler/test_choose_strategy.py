@@ -132,6 +132,7 @@ def test_what_a_spike_is_worth_can_be_said(network):
     assert (exact.spike_worth, cheap.spike_worth) == (1e6, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("budget", "taken"),
     [
@@ -234,6 +235,7 @@ def test_a_row_says_what_costs_less_once_bounds_are_kept(network, monkeypatch):
     assert [candidate.setting.headroom for candidate in choice.candidates] == [16.0, 32.0, 64.0]
 
 
+@pytest.mark.slow
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
         budget = ErrorBudget(max_spike_error=bound)
@@ -250,6 +252,7 @@ def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     assert PAIRED not in {c.strategy for c in choose(usual).candidates}
 
 
+@pytest.mark.slow
 def test_where_nothing_keeps_the_budget_the_most_accurate_is_taken(choose):
     choice = choose(ErrorBudget(max_spike_error=0.0))
     best = max(choice.candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
@@ -283,6 +286,7 @@ def test_integers_leave_nothing_to_choose():
     assert compiled.report["match"]["spike_mismatches"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bound", "bits", "taken", "kept"),
     [
@@ -319,6 +323,7 @@ def test_the_report_says_what_was_compared(network):
     assert {row["strategy"]: row["within_budget"] for row in found["candidates"]}["dendrite"]
 
 
+@pytest.mark.slow
 def test_what_chooses_is_not_what_reports():
     """A model that carries recordings, or whose input is a fingertip's, compiles to one program whatever is played."""
     network = hybrid(2, channels=78, steps=30, sensor=neutouch())

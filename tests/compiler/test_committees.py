@@ -46,6 +46,7 @@ def members(seed, events, first):
     return made
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(
     seed=st.integers(0, 2**31),

@@ -128,6 +128,7 @@ def check_both_ends(network, bits, played, strategy="dendrite"):
             )
 
 
+@pytest.mark.slow
 @settings(max_examples=16, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

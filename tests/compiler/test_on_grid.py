@@ -21,6 +21,7 @@ from locsnn_compile.verification.observation import Observed
 CHIP = hw.chip("loihi-sim")
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

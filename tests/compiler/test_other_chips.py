@@ -76,6 +76,7 @@ def check_engines(program, spikes):
     return fast
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["auto", *STRATEGIES])
 @pytest.mark.parametrize("name", ["objects-hybrid", "containers-hybrid"])
 def test_examples_compile_for_another_chip(other, name, strategy):
@@ -104,6 +105,7 @@ def test_examples_compile_for_another_chip(other, name, strategy):
     assert found.counts.spikes > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("strategy", "formats", "agreement"),
     [
@@ -246,6 +248,7 @@ def test_more_weight_bits_than_the_chip_has(other, asked, message):
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_max", [0, 3])
 def test_taps_that_a_chips_delays_do_not_hold(tmp_path, delay_max):
     """The limit is named where the strategy was asked for; ``auto`` takes another."""

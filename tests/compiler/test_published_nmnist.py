@@ -54,6 +54,7 @@ def test_every_recording_is_right_and_every_spike_as_trained(
     assert not [said for said in report["assumptions"] if "number" in said]
 
 
+@pytest.mark.slow
 def test_another_numbering_is_said_to_be_at_chance(
     checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -51,6 +51,7 @@ def test_torch_and_the_float_reference_spike_alike(example):
         assert np.abs(found.potential[name] - 10.0).min() > 1e-12, f"a tie in {name}"
 
 
+@pytest.mark.slow
 def test_the_chip_predicts_as_trained(compiled):
     match = compiled.match
     assert match.prediction_agreement >= 0.97
@@ -59,6 +60,7 @@ def test_the_chip_predicts_as_trained(compiled):
     assert compiled.report["match"]["wraps"] == 0
 
 
+@pytest.mark.slow
 def test_operations_are_of_the_published_order(compiled):
     """A quick one-fingertip hybrid took about 0.23 million additions per recording; ANNs at the same input ten times that."""
     report = compiled.report

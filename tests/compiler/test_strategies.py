@@ -64,6 +64,7 @@ def test_compartments_of_a_neuron(strategy, groups):
     assert levels.quantized.population("n").strategy == strategy
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(
     tau_sr=st.floats(1, 40),

@@ -266,6 +266,7 @@ def test_registers_that_a_network_was_trained_with_are_its_own():
     )
 
 
+@pytest.mark.slow
 def test_for_a_few_spikes_no_other_setting_is_looked_for():
     compiled = lc.compile(
         lc.load("examples/models/objects-hybrid.pt"),

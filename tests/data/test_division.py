@@ -261,6 +261,7 @@ def test_the_commands_agree_on_the_parts(
     assert len(read_recordings("train.npz")) == 16
 
 
+@pytest.mark.slow
 def test_no_part_is_both_checked_and_calibrated_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

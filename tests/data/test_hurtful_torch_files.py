@@ -133,6 +133,7 @@ HURT = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "message"), HURT)
 def test_files_that_are_made_to_hurt(make, message):
     data, began = make(), time.process_time()

@@ -55,6 +55,7 @@ def build(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_vectors_hold_the_simulation_and_the_bench_finds_it(build):
     folder, program, result = build
     vectors = bench.Vectors(folder / "vectors")

@@ -61,6 +61,7 @@ def build(place, folder, kind):
     return main([str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FOLDERS)
 def test_a_second_build_replaces_the_folder_that_the_first_emitted(kind, place, tmp_path):
     assert build(place, tmp_path / "out", kind) == 0
@@ -72,6 +73,7 @@ def test_a_second_build_replaces_the_folder_that_the_first_emitted(kind, place, 
     assert names[0].read_bytes() != b"of the first build"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", sorted({*BOARDS.values(), "locsnn-130nm"}))
 def test_all_that_is_written_of_an_open_core_may_be_replaced(target):
     builder = hw.ProgramBuilder(hw.chip(target))

@@ -48,6 +48,7 @@ WAYS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", WAYS)
 def test_commands_give_the_figures_of_their_points(
     model: Path, options: list[str], capsys: pytest.CaptureFixture[str]

@@ -122,6 +122,7 @@ def test_rows_of_one_chip_have_the_figures_of_its_own_exploration(grid, model, e
             assert point["figures"][name] == row["figures"][name], name
 
 
+@pytest.mark.slow
 def test_processes_measure_the_same_bytes(grid, model, events, tmp_path):
     arguments = (*GRID, *on("loihi-sim", "spinnaker1"), "--workers", 2, "--quiet")
     assert explore(model, "--events", events, *arguments, "-o", tmp_path / "out") == 0

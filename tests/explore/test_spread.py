@@ -47,6 +47,7 @@ def files(folder):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--stop", "proven", "--json")])
 def test_run_prints_the_same(build, many, cluster, capsys, options):
     arguments = ["run", str(build), "--events", str(many), *options]
@@ -57,6 +58,7 @@ def test_run_prints_the_same(build, many, cluster, capsys, options):
     assert f"recording {MANY - 1}" in here.out or f'"recording": {MANY - 1}' in here.out
 
 
+@pytest.mark.slow
 def test_compile_writes_the_same(model, many, cluster, tmp_path):
     arguments = [str(model), "--events", str(many), "--quiet", "--min-agreement", "0.1"]
     assert compile_main([*arguments, "-o", str(tmp_path / "here")]) == 0
@@ -112,6 +114,7 @@ def test_errors_go_to_other_processes(kind):
     assert (type(again), str(again), vars(again)) == (kind, str(error), vars(error))
 
 
+@pytest.mark.slow
 def test_workers_that_always_die_are_one_line(cluster):
     with pytest.raises(InputError) as caught, spread_over(cluster.scheduler_address) as spread:
         list(spread(os._exit, [1]))

@@ -76,6 +76,7 @@ def test_a_packed_study_is_the_same(study):
     assert work_packed(packed(partial(measure, study)), packed(one)) == measure(study, one)
 
 
+@pytest.mark.slow
 def test_processes_find_the_same_bytes(model, events, serial, tmp_path):
     assert (
         explore(model, "--events", events, *GRID, "--workers", 2, "-o", tmp_path / "out", "--quiet")
@@ -84,6 +85,7 @@ def test_processes_find_the_same_bytes(model, events, serial, tmp_path):
     assert lasting(tmp_path / "out") == serial
 
 
+@pytest.mark.slow
 def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
     address = cluster.scheduler_address
     assert (
@@ -103,6 +105,7 @@ def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
     assert lasting(tmp_path / "out") == serial
 
 
+@pytest.mark.slow
 def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points, tmp_path):
     progress, killed = killed_after(2, lambda: [multiprocessing.active_children()[0].pid])
     with spread_over(None, 2) as processes:
@@ -190,6 +193,7 @@ def test_a_service_that_accepts_and_is_silent_is_no_scheduler(model, tmp_path, m
     assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoken", [b"\0", (1000).to_bytes(8, "little")], ids=["a byte", "a size"])
 def test_a_service_that_speaks_and_stops_is_no_scheduler(
     spoken, model, tmp_path, monkeypatch, capsys

@@ -115,6 +115,7 @@ def test_an_option_that_cannot_be_met_is_one_line(options, message, tmp_path):
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["nir", "net"])
 def test_truncated_and_mutated_files_never_end_in_another_error(suffix, tmp_path):
     path = tmp_path / f"model.{suffix}"

@@ -36,6 +36,7 @@ def graph(folder: Path) -> list[str]:
     return [str(folder / "model.nir")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("write_model", "grid"),
     [

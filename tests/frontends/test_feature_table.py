@@ -16,6 +16,7 @@ def loaded(cell, folder):
     return lc.load(path, *config, **cell.options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: f"{cell.format}, {cell.feature}")
 def test_a_cell_says_what_happens(cell, tmp_path):
     if cell.message:

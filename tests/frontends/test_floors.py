@@ -144,6 +144,7 @@ def test_thresholds_that_differ_share_one_floor(tmp_path):
     np.testing.assert_allclose(64 * q.neuron.threshold / q.scale, [1.0, 1.7, 3.1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("floor", "wanted", "held"),
     [("one-threshold", "-1", f"{-(2**18 - 1) / 2**18:.7g}"), ("at-rest", "0", "0")],
@@ -164,6 +165,7 @@ def test_the_report_says_the_floor_and_explains_every_difference(
     assert all(0 <= use["share_v"] <= 1 for use in registers.values())
 
 
+@pytest.mark.slow
 def test_levels_show_the_floor(tmp_path):
     levels = lower(integrators(tmp_path, -1.0), hw.chip("loihi-sim"), 8)
     assert "refractory 1, floor -1" in network_text(levels.network)

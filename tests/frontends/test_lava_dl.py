@@ -45,6 +45,7 @@ def spikes(lines, steps=90, rate=0.3):
     return (np.random.default_rng(2).random((steps, lines)) < rate).astype(np.uint8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NETS)
 def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
     layers = NETS[name]

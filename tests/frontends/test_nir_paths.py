@@ -143,6 +143,7 @@ def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
         assert theirs.sum() > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "held"), list(zip(CHIPS, HELD, strict=True)), ids=CHIPS)
 def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name, held, tmp_path):
     quantized, given = by_hand(CHIPS[name]), spikes((6,))

@@ -8,6 +8,7 @@ import hypothesis.strategies as st
 import networkx as nx
 import nir
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from nir_forward import run
 from nir_graphs import DT, cuba, integrate, lif, linear
@@ -133,6 +134,7 @@ def graphs(draw, may_have_biases=True):
     )
 
 
+@pytest.mark.slow
 @given(st.data(), st.sampled_from(["euler", "hold", "exact"]))
 @settings(max_examples=40, deadline=None)
 def test_random_graphs_spike_as_the_equations_say(data, how):

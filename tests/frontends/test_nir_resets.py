@@ -62,6 +62,7 @@ def test_the_reference_is_the_equation_with_every_reset(name, reset, tmp_path):
         np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reset", RESETS)
 @pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
 def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):

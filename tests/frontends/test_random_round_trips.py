@@ -7,6 +7,7 @@ from pathlib import Path
 import hypothesis.strategies as st
 import nir
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from net_files import dense, even, neuron, write_net
 from nir_graphs import DT
@@ -145,6 +146,7 @@ def assert_same_network(before, after):
         np.testing.assert_array_equal(*map(values_of, held))
 
 
+@pytest.mark.slow
 @given(graphs(), st.sampled_from(["zero", "subtract"]))
 @RARELY
 def test_nir_to_ours_to_nir(graph, reset):
@@ -174,6 +176,7 @@ def test_nir_to_ours_to_nir(graph, reset):
         )
 
 
+@pytest.mark.slow
 @given(nets())
 @RARELY
 def test_net_to_ours_to_net(made):

@@ -85,6 +85,7 @@ def test_a_readout_without_leak_is_refused(tmp_path):
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
 def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
     program = lc.compile(load(graph(kind), tmp_path), events=GIVEN, diagnosis=False).program
@@ -117,6 +118,7 @@ PROBES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["fast", "reference"])
 @pytest.mark.parametrize("probes", PROBES.values(), ids=PROBES)
 def test_probes_and_readout_are_kept_side_by_side(probes, engine, tmp_path):

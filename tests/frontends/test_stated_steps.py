@@ -52,6 +52,7 @@ def test_events_are_binned_in_the_steps_that_a_file_states(network, tmp_path):
     assert (found.spikes.shape, found.step_seconds) == ((1, 3, 6), 0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "seconds"),
     [

@@ -258,6 +258,7 @@ def test_an_archive_that_unpacks_to_far_more(tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 @pytest.mark.parametrize(
     ("name", "entry", "message"),

@@ -139,6 +139,7 @@ def test_engines_and_totals(seed, tmp_path):
     check(seed, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("seed", QUICK)
 def test_a_batch_after_one_recording(seed):

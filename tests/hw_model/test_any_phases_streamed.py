@@ -157,6 +157,7 @@ def check(seed: int) -> Counter[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seeds",
     [QUICK[at : at + 4] for at in range(0, len(QUICK), 4)],

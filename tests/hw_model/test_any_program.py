@@ -131,6 +131,7 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
     return met
 
 
+@pytest.mark.slow
 def test_any_program():
     met = draw_and_check(check_program, any_program.programs(), 40)
     for what in (*EVENTS, "spikes", "joined compartments", "fans of more than 255", "biases of more than 31 bits",
@@ -166,6 +167,7 @@ def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
         )
 
 
+@pytest.mark.slow
 def test_any_hybrid():
     met = draw_and_check(check_streams, any_program.hybrid_programs(), 25)
     for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed", "wide lists",

@@ -57,6 +57,7 @@ def hops(placed):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 24), links=st.integers(0, 60))
 def test_never_more_hops_and_the_same_spikes(seed, size, links):

@@ -29,6 +29,7 @@ def kill_writers(mode, folder):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["exchange", "no exchange", "journal", "file", "random"])
 def test_a_killed_writer_leaves_old_or_new(mode, tmp_path):
     found = kill_writers(mode, tmp_path / "place")

@@ -70,6 +70,7 @@ def watched(monkeypatch):
     return watch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
     for seed in range(6):

@@ -186,6 +186,7 @@ def largest_allowed(section, key):
     return int(re.search(r"to (\d+) \(", str(caught.value))[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("section", "key", "value"), WHOLE_NUMBERS)
 def test_memory_does_not_grow_with_a_number_of_the_chip_file(section, key, value):
     """Everything is done once on the largest chip that a file may describe in one number."""

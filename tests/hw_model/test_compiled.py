@@ -79,6 +79,7 @@ def kept_in(folder):
     return {path.parent.relative_to(folder).parts[0] for path in folder.rglob("*.nbi")}
 
 
+@pytest.mark.slow
 def test_a_change_in_another_file_is_seen(tmp_path):
     cache = str(tmp_path / "cache")
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 5
@@ -93,6 +94,7 @@ def no_folder_of_its_own(folder):
     (folder / "__pycache__").write_text("a file")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("writable", "place"),
     [
@@ -115,6 +117,7 @@ def test_code_is_kept_in_the_first_folder_that_can_be_written(tmp_path, writable
     assert kept_in(package) == ({place} if place else set())
 
 
+@pytest.mark.slow
 def test_where_there_is_no_room_for_code_it_is_used_and_not_kept(tmp_path):
     """No file may be larger than nothing."""
     assert run(tmp_path, limits="ulimit -f 0", NUMBA_CACHE_DIR=str(tmp_path / "cache")) == 5
@@ -187,6 +190,7 @@ def with_code(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "damage", "why"), DAMAGES)
 def test_damaged_code_is_dropped_and_compiled_anew(kind, damage, why, with_code):
     (path,) = (with_code / "cache").rglob(f"*.{kind}")
@@ -235,6 +239,7 @@ print(user.wrapped(5), twice(3))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "cores", "said"),
     first_quick([(0, 2, "wrapped 5 6"), (1, 2, "wrapped twice 5 6"), (0, 1, "wrapped twice 5 6")]),

@@ -42,6 +42,7 @@ def played(seed):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=SEEDS)
 def test_counts_by_step_piece_and_way_add_up(seed):
@@ -61,6 +62,7 @@ def test_counts_by_step_piece_and_way_add_up(seed):
         assert int(used.link_packets[north_south].sum()) == counts.hops_y
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
@@ -93,6 +95,7 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])

@@ -22,6 +22,7 @@ from tests.real_recordings import REAL, on_real_recordings
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, together=st.integers(1, 2))
 def test_no_future_changes_a_proven_winner(seed, together):
@@ -36,6 +37,7 @@ def test_no_future_changes_a_proven_winner(seed, together):
     assert (found.prediction == stops.prediction[0]).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=90, deadline=None)
 @given(seed=SEEDS, first=st.sampled_from([None, None, 0, 2, 9]))
 def test_every_single_future_keeps_a_proven_winner(seed, first):
@@ -137,6 +139,7 @@ def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
     return steps
 
 
+@pytest.mark.slow
 @settings(max_examples=90, deadline=None)
 @given(seed=SEEDS, first=st.sampled_from([None, None, 0, 2, 9]))
 def test_the_stop_is_the_first_step_that_the_bound_proves(seed, first):

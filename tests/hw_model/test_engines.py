@@ -323,6 +323,7 @@ def test_skipping_changes_nothing(seed):
     assert on.events == off.events
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_results_do_not_depend_on_placement(seed):

@@ -21,6 +21,7 @@ from hw_model.mapping.graph import CompartmentGraph, Input, Phase, read_only
 from hw_model.program.write import program_files
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -67,6 +68,7 @@ def test_events_of_visits_after_the_last_step_are_dropped():
     assert counts.events_dropped == recording.sum() - 4 * len(recording)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.integers(2, 4))
 def test_a_loaded_program_plays_what_the_saved_one_does(seed, together, tmp_path_factory):

@@ -102,6 +102,7 @@ def check_phase(
 DAVIES = hw.chip("loihi-sim").profile("davies2018")
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     seed=SEEDS,
@@ -130,6 +131,7 @@ def test_both_engines_play_a_recording_from_its_start_on(seed, time, location, k
         check_phase(program, slow, recording, phase.name)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     seed=SEEDS,

@@ -40,6 +40,7 @@ def test_programs_of_several_phases_equal_the_oracle(engine, seed):
     check_played(case.program, case.spikes, case.steps, engine, played_by_oracle(seed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @EXAMPLES
 @given(any_program.programs())
@@ -47,6 +48,7 @@ def test_any_program_equals_the_oracle(engine, drawn):
     check_oracle(drawn.program, drawn.graph, {"x": drawn.spikes}, None, engine)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @EXAMPLES
 @given(any_program.hybrid_programs())

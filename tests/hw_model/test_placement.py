@@ -25,6 +25,7 @@ chips = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(chip=chips, seed=st.integers(0, 2**32 - 1))
 def test_every_synapse_once_within_every_limit(chip, seed):
@@ -119,6 +120,7 @@ def test_voltage_limits_are_of_a_core(end, values):
     ]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(chip=chips, seed=st.integers(0, 2**32 - 1))
 def test_no_core_has_room_for_the_next_neuron(chip, seed):

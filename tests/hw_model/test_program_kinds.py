@@ -53,6 +53,7 @@ def test_every_kind_of_program_has_one_row_in_each_table():
     assert len(FAMILIES) == len(kinds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["reference", "fast"])
 def test_a_saved_program_is_read_played_and_told_by_its_row(compiled, engine, tmp_path):
     compiled.save(tmp_path)

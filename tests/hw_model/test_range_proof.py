@@ -51,6 +51,7 @@ def test_what_does_not_decay_has_no_bound(bias):
     assert not proven.cannot_clip[0]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([0.3, 0.9, 1.0]))
 def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):

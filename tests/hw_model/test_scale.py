@@ -67,6 +67,7 @@ def test_a_core_takes_no_memory_for_the_sources_of_others():
     assert mib < 15, "a byte and a number for each core and source take 140"
 
 
+@pytest.mark.slow
 def test_counts_take_no_memory_for_cores_times_sources():
     program = relays(MANY_CORES).build()
     spikes = (np.random.default_rng(0).random((5, SIZE)) < 0.1).astype(np.uint8)

@@ -21,6 +21,7 @@ from tests.real_recordings import REAL, on_real_recordings
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=SEEDS, together=TOGETHER, silence=st.integers(0, 2))
 def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence):
@@ -32,6 +33,7 @@ def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence
         assert np.array_equal(session.spikes(name), whole.spikes[name]), name
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     seed=SEEDS,

@@ -38,6 +38,7 @@ def is_tuple(kind: object) -> bool:
     return isinstance(kind, numba.types.Tuple)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", [fast._run, time_phase._run], ids=["simulations", "sessions"])
 def test_a_tile_is_given_what_it_is_compiled_for(loop):
     program, recording = random_hybrid(0, together=1)
@@ -48,6 +49,7 @@ def test_a_tile_is_given_what_it_is_compiled_for(loop):
     assert set(found) <= set(tiles.run_tile.overloads)
 
 
+@pytest.mark.slow
 def test_what_a_tile_calls_is_given_what_it_is_compiled_for():
     for seed in range(6):
         program, recording = random_hybrid(seed, together=1)
@@ -60,6 +62,7 @@ def test_what_a_tile_calls_is_given_what_it_is_compiled_for():
     assert delivery.by_lists.overloads
 
 
+@pytest.mark.slow
 def test_pairs_are_given_what_they_are_compiled_for():
     for seed in range(12):
         program, recording = random_hybrid(seed, together=1)

@@ -33,6 +33,7 @@ def plain_margin(scores: np.ndarray, agreement: float) -> float:
     return float("inf")
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0])
@@ -55,6 +56,7 @@ def test_margins_are_in_the_integers_of_the_readout(psi):
     assert hw.calibrate_margin(tripled, recordings, 0.5, psi) == pytest.approx(3 * margin)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(
     seed=SEEDS,

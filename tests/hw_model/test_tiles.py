@@ -292,6 +292,7 @@ def recordings(channels: int) -> np.ndarray:
     return rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", PROGRAMS.values(), ids=PROGRAMS)
 @pytest.mark.parametrize("watched", [False, True], ids=["spikes alone", "registers, too"])
 def test_a_short_cut_changes_nothing(build, watched):

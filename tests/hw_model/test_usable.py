@@ -83,6 +83,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("given", "reason", "fix"), REFUSED.values(), ids=REFUSED)
 def test_without_a_numba_that_fits_the_plain_engine_plays_and_says_so_once(
     given, reason, fix, tmp_path

@@ -45,6 +45,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return stand_in_script(tmp_path_factory.mktemp("script"))
 
 
+@pytest.mark.slow
 def test_every_spike_and_register_is_that_of_the_program(script, folders):
     for name, folder in folders.items():
         found = play_file(script, folder / "network.npz")

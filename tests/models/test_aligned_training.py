@@ -50,6 +50,7 @@ def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
     return description, network
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_torch_the_reference_and_the_chip_start_alike(model: str, tmp_path: Path) -> None:
     description, network = network_of(model)
@@ -74,6 +75,7 @@ def test_torch_the_reference_and_the_chip_start_alike(model: str, tmp_path: Path
     assert model == "tactile-snn" or not np.allclose(other, wanted)
 
 
+@pytest.mark.slow
 def test_the_command_trains_it_and_goes_on_from_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -161,6 +161,7 @@ def draw_numbers(rng: np.random.Generator, strategy: str) -> Numbers:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", TRAINABLE)
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)

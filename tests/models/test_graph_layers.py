@@ -127,6 +127,7 @@ def test_spread_weights_sum_over_walks(
     np.testing.assert_allclose(spread @ x, expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(graph=graphs(), hops=st.integers(1, 3), inputs=st.integers(1, 3), seed=SEEDS)
 @settings(max_examples=25, deadline=None)
 def test_layer_and_its_gradient_equal_those_of_the_spread_weights(

@@ -66,6 +66,7 @@ def integrate_and_fire(x: np.ndarray, weight: np.ndarray, places: list[int]) -> 
     return spikes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingertips", [1, 2])
 @pytest.mark.parametrize(
     "order", ["loop", "arch", "whorl", BACKWARDS], ids=["loop", "arch", "whorl", "one's own"]

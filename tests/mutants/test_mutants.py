@@ -75,6 +75,7 @@ def test_a_fault_that_a_module_does_not_have_is_told(small):
         Fault("small", "within", "x > 4", "x >= 4", 0).applied(small)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", modules())
 def test_every_fault_is_another_program(module):
     faults = modules()[module].faults

@@ -125,6 +125,7 @@ def test_every_chip_that_ships_is_here():
     assert sorted(hw.chip_names()) == sorted(NULL)
 
 
+@pytest.mark.slow
 def test_a_report_has_the_keys_that_others_read(build):
     target, folder, _ = build
     report = json.loads((folder / "report.json").read_text())

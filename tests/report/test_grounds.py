@@ -164,6 +164,7 @@ def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(
     assert grounds_of(network, GIVEN, played("made up"), REGISTERS).assumptions == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joined", [False, True], ids=["by itself", "in a committee"])
 def test_registers_other_than_those_of_the_training_are_named(joined: bool, tmp_path: Path) -> None:
     shipped = Path(__file__).parents[2] / "examples/models"
@@ -191,6 +192,7 @@ def in_seconds(value: object, key: str = "") -> dict[str, object]:
     return {key: value} if "real_time" in key or last in ("recording_ns", "step_seconds") else {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("of_model", "of_events", "known"),
     [

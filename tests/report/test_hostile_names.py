@@ -66,6 +66,7 @@ def renamed(name):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES.keys())
 def test_names_of_populations(name, tmp_path):
     network = renamed(name)

@@ -157,6 +157,7 @@ def differences(build, tmp_path, edit, capsys):
     return said, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EDITS)
 def test_every_edit_of_a_program_is_told(name, build, tmp_path, capsys):
     part, edit = EDITS[name]

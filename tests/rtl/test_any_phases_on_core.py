@@ -44,6 +44,7 @@ def play_few(texts: dict[str, str]) -> Counter[str]:
     return sum((check(seed, "icarus", texts, benches.SIZES, 20_000) for seed in FEW), Counter())
 
 
+@pytest.mark.slow
 @icarus
 def test_the_core_plays_any_phases(cores_of_this_run):
     met = play_few(sources())

@@ -42,6 +42,7 @@ def expected(desk) -> tuple[list[str], list[str]]:
     return list(map(str, [found.prediction[0], *counts, 0])), list(map(str, times))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("waits", [0, 3])
 def test_answers_and_spikes_equal_the_simulators(desk, play, expected, waits):
     answer, spikes = expected
@@ -58,6 +59,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(FAULTS, 2))
 def test_a_fault_is_answered_and_forgotten(desk, play, expected, name):
     number, beats = FAULTS[name]

@@ -69,6 +69,7 @@ def test_the_benches_wrap_and_clip():
     assert min(met.charge_wraps, met.current_wraps, met.voltage_clips) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sizes", first_quick([LATER, SIZES]), ids=["later", "plain"])
 def test_the_core_passes_every_bench(sizes):
     assert not differ(sources(), sizes)

@@ -65,6 +65,7 @@ def test_it_says_what_it_is(desk):
     assert (board.sizes, board.buffer, board.cut_off) == (desk.sizes, 512, False)
 
 
+@pytest.mark.slow
 def test_answers_equal_the_simulators(desk, loaded):
     port, first = loaded
     expected = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
@@ -104,6 +105,7 @@ SPOILED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(SPOILED, 3))
 def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded, name):
     port, plain = loaded
@@ -128,6 +130,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(REFUSED, 3))
 def test_a_frame_that_is_refused_is_answered(loaded, name):
     port, _ = loaded
@@ -145,6 +148,7 @@ def empty(desk):
     port.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(REFUSED_LOADS, 3))
 def test_a_load_that_is_refused_is_answered(empty, name):
     problem = (
@@ -329,6 +333,7 @@ def damaged_session(desk, every, seed):
         return line, board.play(desk.core, desk.spikes[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("every", "seed"), first_quick([(100, 1), (100, 2), (100, 3), (60, 1)]))
 def test_damaged_bytes_do_no_harm(desk, monkeypatch, every, seed):
     # A frame of 64 bytes and what is said to it pass undamaged in half of the cases, at a byte of a hundred. Four tries

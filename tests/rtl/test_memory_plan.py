@@ -159,6 +159,7 @@ def test_a_wrong_plan_is_refused_by_name(pieces, message):
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
     model = str(model_file("objects-hybrid-loihi"))
     assert compile_main([model, "--target", "loihi-sim", "-o", str(tmp_path), "--quiet"]) == 0
@@ -173,6 +174,7 @@ def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
             check(pieces[:index] + pieces[index + 1 :], arrays, CHIP.macros)
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_chip_has_the_plan(tmp_path):
     model, events = str(model_file("objects-hybrid-loihi")), str(example_files("objects-hybrid")[0])
     given = [

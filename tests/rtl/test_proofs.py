@@ -134,6 +134,7 @@ def test_faults_of_a_core_without_joins_are_found(tmp_path, old, new):
     )
 
 
+@pytest.mark.slow
 @needs_tools
 @pytest.mark.parametrize(("proof", "file", "old", "new"), planted())
 def test_a_proof_fails_on_a_fault(tmp_path, proof, file, old, new):

@@ -58,6 +58,7 @@ def answers(play):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ERRORS)
 def test_an_error_is_answered_and_forgotten(answers, name):
     before, *rest = answers
@@ -70,6 +71,7 @@ def test_an_error_is_answered_and_forgotten(answers, name):
     assert len(rest) == 2 * len(ERRORS)
 
 
+@pytest.mark.slow
 def test_a_stop_is_not_answered_and_forgotten(play, answers):
     """After no word, in the middle and near the end of a recording; recordings follow each other."""
     _, words, played = play

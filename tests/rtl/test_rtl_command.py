@@ -114,6 +114,7 @@ def test_what_plays_a_built_core_is_missing(cores_of_this_run, arguments, capsys
     assert capsys.readouterr().err == expected
 
 
+@pytest.mark.slow
 def test_building_the_core_is_named_and_done_once(no_core, arguments, caplog):
     caplog.set_level("INFO", logger="locsnn")
     built = "building the core with icarus, once for its sizes: up to a minute"

@@ -87,6 +87,7 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
     assert min(found["cycles"]) > chip.open_core.places * 2
 
 
+@pytest.mark.slow
 @NEEDS_ICARUS
 @pytest.mark.parametrize("somas", [1, 3, 20])
 def test_a_core_of_few_sums_has_as_many_as_the_device(somas):

@@ -59,6 +59,7 @@ def run(*more: str, port: str = "/dev/ttyUSB7") -> int:
     )
 
 
+@pytest.mark.slow
 @icarus
 def test_a_program_without_a_readout_gives_counts_and_spikes(
     cores_of_this_run, tmp_path, monkeypatch, capsys
@@ -76,6 +77,7 @@ def test_a_program_without_a_readout_gives_counts_and_spikes(
     )
 
 
+@pytest.mark.slow
 @icarus
 def test_equal(desk, on_desk, capsys):
     assert run("--spikes", "--baud", "9600") == 0
@@ -87,6 +89,7 @@ def test_equal(desk, on_desk, capsys):
     assert on_desk == [("/dev/ttyUSB7", 9600, SIMULATED)]
 
 
+@pytest.mark.slow
 @icarus
 def test_as_json(desk, on_desk, capsys):
     assert run("--json", "--recordings", "1") == 0
@@ -105,6 +108,7 @@ def test_as_json(desk, on_desk, capsys):
     }
 
 
+@pytest.mark.slow
 @icarus
 def test_a_fault(on_desk, capsys, monkeypatch):
     texts = benches.with_fault(ports.sources())
@@ -122,6 +126,7 @@ def serial_module(monkeypatch, **given) -> None:
     monkeypatch.setitem(sys.modules, "serial", types.SimpleNamespace(**given))
 
 
+@pytest.mark.slow
 @icarus
 def test_a_serial_device(desk, capsys, monkeypatch):
     devices = []

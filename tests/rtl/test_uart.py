@@ -35,6 +35,7 @@ def test_every_byte_passes_at_a_rate_within_the_tolerance(tmp_path, bit, host_bi
     assert rates(tmp_path, sources(), bit, host_bit) == [str(byte) for byte in range(256)]
 
 
+@pytest.mark.slow
 @icarus
 @pytest.mark.parametrize("host_bit", [80, 125])
 def test_a_wrong_rate_breaks_bytes(tmp_path, host_bit):
@@ -46,6 +47,7 @@ def desk(cores_of_this_run):
     return Desk()
 
 
+@pytest.mark.slow
 @icarus
 def test_a_greeting_over_the_line(desk):
     port = desk.port(bit=8, patience=200)

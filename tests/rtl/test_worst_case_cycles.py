@@ -48,6 +48,7 @@ def check_cores(seed: int) -> int:
     return checked
 
 
+@pytest.mark.slow
 def test_bounds_hold_on_programs_of_any_phases() -> None:
     assert sum(check_cores(seed) for seed in range(24)) > 100
 
@@ -57,6 +58,7 @@ def test_bounds_hold_on_many_programs_of_any_phases() -> None:
     assert sum(check_cores(seed) for seed in range(24, 1500)) > 5_000
 
 
+@pytest.mark.slow
 def test_the_buffer_holds_no_more_than_the_rate_brings() -> None:
     for seed in range(60):
         case = any_phases.case(seed)

@@ -79,6 +79,7 @@ def test_the_report_says_scales_time_and_what_is_not_known(hybrid):
     assert "objects-hybrid on spinnaker1" in hybrid.to_html()
 
 
+@pytest.mark.slow
 def test_no_report_says_that_resets_were_calibrated(hybrid):
     """Their weights are rounded one by one: other recordings give the same program."""
     sparse = (np.random.default_rng(0).random((2, 250, 78)) < 0.02).astype(np.uint8)

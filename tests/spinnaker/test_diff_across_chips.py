@@ -27,6 +27,7 @@ def builds(tmp_path_factory):
     return [built(place / each, "objects-hybrid", each) for each in ("loihi-sim", "spinnaker1")]
 
 
+@pytest.mark.slow
 def test_the_hybrid_predicts_every_class_alike_with_99_9_percent_of_its_spikes(builds, capsys):
     assert main(["diff", *builds, "--events", TOUCHES, "--json"]) == 0
     played = json.loads(capsys.readouterr().out)["played"]

@@ -115,6 +115,7 @@ def test_equal_programs_give_equal_bytes():
     assert first == second
 
 
+@pytest.mark.slow
 def test_both_phases_of_a_shipped_network_tell_spynnaker_sums_that_give_its_shifts():
     network = lc.load("examples/models/objects-best.pt")
     recordings = recordings_for(network, None)

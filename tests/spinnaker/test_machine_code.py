@@ -143,6 +143,7 @@ EXPONENTIALS = {
 """SHA-256 of what the machine code gave for every argument, as words of 32 bits, lowest byte first."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPONENTIALS)
 def test_every_exponential_is_that_of_the_machine_code(name):
     exponential = getattr(spinnaker, name)

@@ -53,6 +53,7 @@ def test_its_program_runs_with_the_counts_of_the_report(built, capsys):
     )
 
 
+@pytest.mark.slow
 def test_both_engines_say_the_same(built, capsys, tmp_path):
     said = []
     for engine in ("fast", "reference"):

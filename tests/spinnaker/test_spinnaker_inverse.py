@@ -71,6 +71,7 @@ def test_a_current_that_keeps_nothing_and_a_potential_that_keeps_nothing_are_exa
     assert round(membrane.tau_syn / ONE, 5) == 0.09616
 
 
+@pytest.mark.slow
 @given(neuron=NEURONS, sums=SUMS)
 def test_nothing_wraps_however_inputs_come_at_the_scales_of_the_bounds(neuron, sums):
     scales = scales_of(neuron, sums)

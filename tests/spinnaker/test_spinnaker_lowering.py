@@ -152,6 +152,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("of", "message"), REFUSED.values(), ids=REFUSED)
 def test_what_spinnaker_does_not_have_is_refused_by_name(of, message):
     with pytest.raises(TargetError) as caught:
@@ -177,6 +178,7 @@ def test_resets_by_subtraction_and_joined_integers_are_refused_before_any_roundi
     )
 
 
+@pytest.mark.slow
 def test_random_layers_spike_as_on_loihi():
     differ = 0
     compared = 0

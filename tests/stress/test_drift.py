@@ -42,6 +42,7 @@ def test_balanced_weights_drift_as_fast_as_their_rounding():
     assert 0.9 * drift.bound <= drift.error[-1] <= drift.bound
 
 
+@pytest.mark.slow
 def test_what_fades_does_not_grow():
     run = RUNS["leak of 10 steps", "native"]
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 10_000))
@@ -51,6 +52,7 @@ def test_what_fades_does_not_grow():
     assert row.drift.error[-1] <= row.drift.bound < 0.1
 
 
+@pytest.mark.slow
 def test_growth_is_told_where_nothing_fades_and_where_spikes_drift_apart():
     run = RUNS["leak of 10 steps", "native"]
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))

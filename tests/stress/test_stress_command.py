@@ -31,11 +31,13 @@ def few(monkeypatch):
     monkeypatch.setattr(run_module, "long_runs", list)
 
 
+@pytest.mark.slow
 def test_nothing_is_unexplained(rows):
     assert [row for row in rows if row.verdict == "unexplained"] == []
     assert {row.verdict for row in rows} == {"ok", "limited", "refused"}
 
 
+@pytest.mark.slow
 def test_every_group_has_a_row_and_a_lead(rows):
     groups = {*GROUPS} | {run.case.group for run in long_runs()}
     assert {row.case.group for row in rows} == groups == set(LEADS)
@@ -60,6 +62,7 @@ def test_cases_have_names_of_their_own():
     assert len(names) == len(set(names)) > 400
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("group", "name", "strategy", "verdict", "cause"),
     [
@@ -130,6 +133,7 @@ def test_rows(rows, group, name, strategy, verdict, cause):
     assert cause in "; ".join(row.causes)
 
 
+@pytest.mark.slow
 def test_scale_is_all_that_differs_over_twelve_orders_of_magnitude(rows):
     alike = [row.measured for row in rows if row.case.group == "threshold and weights together"]
     by_strategy = {
@@ -139,6 +143,7 @@ def test_scale_is_all_that_differs_over_twelve_orders_of_magnitude(rows):
     assert len({(m.spikes, round(m.error_thresholds, 9)) for m in alike}) == len(by_strategy)
 
 
+@pytest.mark.slow
 def test_refusals_are_one_line_with_a_way_out(rows):
     for row in rows:
         if row.verdict == "refused":
@@ -220,6 +225,7 @@ def test_the_page_is_written_between_its_marks(few, tmp_path, capsys):
     assert page.read_text() == text
 
 
+@pytest.mark.slow
 def test_a_new_page_and_its_pictures(rows, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("locsnn_compile.cli.stress.run_stress", lambda chip, quick, progress: rows)
     page = tmp_path / "new" / "numbers.md"

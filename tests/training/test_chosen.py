@@ -51,6 +51,7 @@ def test_the_network_and_its_windows_are_chosen() -> None:
     assert config.weight_decay in SMOOTHINGS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "wanted"),
     [

@@ -136,6 +136,7 @@ def test_only_spike_response_neurons_and_windows_are_trained_on_the_chips_intege
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ON_TOUCH)
 def test_it_has_configurations_of_its_own(name: str) -> None:
     found = {path.stem: config_from_mapping(read_config(path)) for path in CONFIGS.glob("*.yaml")}

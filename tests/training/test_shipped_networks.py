@@ -145,6 +145,7 @@ def test_a_network_of_two_fingertips_ships_with_its_recordings() -> None:
     assert command in (ROOT / "docs/how-to/train-a-network.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", TRAINABLE)
 def test_both_engines_play_two_fingertips_alike(strategy: str) -> None:
     network, test = load(model("two-fingertips")), read_recordings(TWO, test_share=0.2)

@@ -87,6 +87,7 @@ def check_program_spikes_alike(
     return read_checkpoint(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", TRAINABLE)
 def test_training_from_scratch_learns(strategy: str) -> None:
     config = replace(ON_CHIP, strategy=strategy, epochs=30, validation_fraction=0.25)

@@ -80,6 +80,7 @@ def compared(network: TouchModel, path: Path, target: str = "loihi-sim") -> tupl
     return spikes, int((np.rint(scores * unit) != np.asarray(played.scores)).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bits", [8, 4, 2])
 @pytest.mark.parametrize(
     ("model", "strategy"),
@@ -128,6 +129,7 @@ def test_charges_that_wrap_wrap_in_training(
     assert compared(result.network, tmp_path / "tuned.pt", narrow) != (0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["window-snn", "hybrid-window"])
 def test_planted_faults_are_seen(
     tmp_path: Path, model: str, monkeypatch: pytest.MonkeyPatch
@@ -165,6 +167,7 @@ def test_going_on_from_float_begins_where_it_was() -> None:
     assert largest < numbers.grid.high * numbers.unit < 1.3 * largest
 
 
+@pytest.mark.slow
 def test_both_engines_a_session_and_a_committee_agree(tmp_path: Path) -> None:
     loaded, alone = [], []
     for model, bits in (("hybrid-window", 8), ("window-snn", 4)):

@@ -51,6 +51,7 @@ def with_ties() -> lc.Checkpoint:
     return trained(tie="nothing")
 
 
+@pytest.mark.slow
 def test_a_class_of_silence_is_right_where_ties_predict_it(with_ties: lc.Checkpoint) -> None:
     without = trained()
     assert with_ties.tie_class == 2

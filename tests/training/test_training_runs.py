@@ -38,6 +38,7 @@ def same(first: TrainingResult, second: TrainingResult) -> bool:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "floor"),
     [

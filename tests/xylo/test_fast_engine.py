@@ -15,6 +15,7 @@ from hw_model.xylo.reference import play_xylo
 WITNESSES = [*read(RECORDED), *read(RECORDED_COMPILED)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first_seed", range(2000, 2200, 40))
 def test_both_engines_give_the_same_registers_and_counts(first_seed):
     for seed in range(first_seed, first_seed + 40):

@@ -185,6 +185,7 @@ def trained(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_network_learns_in_the_integers_of_a_xylo(trained):
     checkpoint = read_checkpoint(trained)
     assert checkpoint.description.architecture == "xylo-snn"

@@ -41,6 +41,7 @@ def test_the_oracle_agrees_with_the_witness_and_counts_the_events_of_the_engine(
     assert {name: counted[name] for name in xylo.EVENTS} == play_xylo(network, events).events
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first_seed", range(3000, 3060, 20))
 def test_random_networks_play_as_by_the_oracle(first_seed):
     for seed in range(first_seed, first_seed + 20):
