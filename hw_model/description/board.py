@@ -36,6 +36,7 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 # It goes into comments of files that tools read, where the end of a line would end the comment.
 _DESCRIPTION = re.compile(r"[A-Za-z0-9 ,.()/+-]{1,100}")
 _SITE = re.compile(r"[A-Z]{0,2}[0-9]{1,3}")
+# The clock of the core is called clk and its frequency: no pin may be.
 _HELD_NAME = re.compile(r"[a-z](?!lk[0-9])[a-z0-9_]{0,39}")
 _SIGNALS = {
     "clk",
