@@ -107,7 +107,7 @@ def _train(args: argparse.Namespace, output: Path) -> int:
                 start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
-                progress=_after_epochs(args, moved),
+                progress=after_epochs(args, moved),
                 notice=None if args.quiet else _say_at_once,
             )
             measured = export_checkpoint(
@@ -264,7 +264,7 @@ def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[st
     ]
 
 
-def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
+def after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
     """Return the callback after each epoch: it moves the bar, or prints a line where there is none, and logs."""
     log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None
 

@@ -106,7 +106,7 @@ AHEAD = 2
 """Parts in progress per thread of the cluster, so the next one is there when one is done."""
 
 
-def _on_workers(
+def on_workers(
     client: Any, where: str, work: Callable[[Part], Result], parts: Iterable[Part], /
 ) -> Generator[Result, None, None]:
     """Run parts on the workers of a ``distributed.Client``, a few at a time; ``where`` is how errors name it.
@@ -192,10 +192,10 @@ def spread_over(address: str | None, processes: int | None = None) -> Iterator[S
         yield partial(_in_processes, processes) if processes else here
         return
     with connected(address) as client:
-        yield partial(_on_workers, client, f"--scheduler {address}")
+        yield partial(on_workers, client, f"--scheduler {address}")
 
 
-def _answers(place: tuple[str, int], *, speaks_first: bool = True) -> bool:
+def is_answered_at(place: tuple[str, int], *, speaks_first: bool = True) -> bool:
     """Tell whether something at a host and port answers within :data:`ANSWER_SECONDS`.
 
     A scheduler speaks first, unless by TLS. With a service that accepts and is silent, a client waits for minutes.
@@ -216,7 +216,7 @@ def _client(distributed: Any, address: str) -> Any:
     within = address.startswith("inproc://")  # a scheduler in this process has no port
     if not within:
         place = distributed.comm.addressing.get_address_host_port(address)
-        if not _answers(place, speaks_first=not address.startswith("tls://")):
+        if not is_answered_at(place, speaks_first=not address.startswith("tls://")):
             raise TimeoutError
     return distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)
 
@@ -244,7 +244,7 @@ def connected(address: str) -> Iterator[Any]:
             where, "no scheduler answers", measured=f"within {ANSWER_SECONDS} s", fix=fix
         ) from None
     try:
-        _wait_for_workers(client, where, address)
+        wait_for_workers(client, where, address)
         _check_workers(client, where)
         yield client
     finally:
@@ -252,7 +252,7 @@ def connected(address: str) -> Iterator[Any]:
             _within(ANSWER_SECONDS, client.close)
 
 
-def _wait_for_workers(client: Any, where: str, address: str) -> None:
+def wait_for_workers(client: Any, where: str, address: str) -> None:
     """Wait until a scheduler has a worker; ``InputError`` after :data:`PATIENCE_SECONDS` without."""
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not _ask(where, client.nthreads):

@@ -181,7 +181,7 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
                 command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True
             )
         except subprocess.SubprocessError as error:
-            _check_child_was_free(getattr(error, "returncode", None))
+            check_child_was_free(getattr(error, "returncode", None))
             fix = "Give a whole AEDAT4 file with events."
             raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
     size, array = done.stdout.split(b"\n", maxsplit=1)
@@ -196,7 +196,7 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
     )
 
 
-def _check_child_was_free(exit_code: int | None) -> None:
+def check_child_was_free(exit_code: int | None) -> None:
     """Raise an error where a limit that this process inherited, and no fault of the file, has ended its child."""
     if exit_code == AEDAT4_OUT_OF_MEMORY:
         raise MemoryError

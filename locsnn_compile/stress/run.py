@@ -88,7 +88,7 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
     if defects or row.verdict == "unexplained":
         before = row.causes if row.verdict == "unexplained" else ()
         return replace(row, verdict="unexplained", causes=before + defects, drift=drift)
-    causes = (*row.causes, *_growth(row, drift, run.fades))
+    causes = (*row.causes, *growth(row, drift, run.fades))
     return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
 
 
@@ -162,7 +162,7 @@ def _beyond(drift: Drift) -> str | None:
     return f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"
 
 
-def _growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
+def growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
     """Say what is worse in the last tenth of the run than in its beginning."""
     assert row.measured is not None
     last_error = 0.0 if drift.error is None else drift.error[-1]

@@ -98,7 +98,7 @@ def take_excerpt(observed: Observed, first: Divergence | None) -> Excerpt:
         for view in network.views
         if view.phase in all_steps
     ]
-    rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
+    rows = [rows_shown(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
     central = (
         {}
         if first is None
@@ -142,7 +142,7 @@ def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
     return SpikeRows(view.name, view.axis, view.phase, view.lines, numbers, rows, rows, together)
 
 
-def _rows(
+def rows_shown(
     population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None
 ) -> SpikeRows:
     """Keep the neuron that differs first, those with the most differences, then the busiest; in network order."""

@@ -214,8 +214,8 @@ def test_a_file_is_not_damaged_where_the_inherited_time_ends(own, inherited, ans
 def test_a_camera_file_is_not_damaged_where_the_inherited_time_ends(code, monkeypatch):
     monkeypatch.setattr(event_formats, "processor_seconds", lambda: 2)
     with pytest.raises(InputError) as caught:
-        event_formats._check_child_was_free(code)
+        event_formats.check_child_was_free(code)
     assert f"{caught.value}\n" == OUT_OF_TIME
     for seconds in (None, 10):
         monkeypatch.setattr(event_formats, "processor_seconds", lambda many=seconds: many)
-        event_formats._check_child_was_free(code)
+        event_formats.check_child_was_free(code)

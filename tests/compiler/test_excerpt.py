@@ -116,7 +116,7 @@ def test_neurons_without_differences_are_those_that_spike_most(levels, played, m
     whole = np.zeros((5, 4), dtype=np.uint8)
     whole[0, 1] = whole[:2, 3] = whole[2, 3] = 1
     population = levels.network.populations[0]
-    assert module._rows(population, whole, whole, None).numbers.tolist() == [1, 3]
+    assert module.rows_shown(population, whole, whole, None).numbers.tolist() == [1, 3]
     differs = whole.copy()
     differs[4, 0] = 1
-    assert module._rows(population, whole, differs, None).numbers.tolist() == [0, 3]
+    assert module.rows_shown(population, whole, differs, None).numbers.tolist() == [0, 3]

@@ -108,7 +108,7 @@ def test_counts_and_program_tell_what_memories_do():
     found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
     core, seen = CoreProgram(program, recordings.shape[1], sizes=sizes), set()
     for i, counts in enumerate(found.per_recording):
-        counted = sums._accesses(core, recordings[i], found, i, defaultdict(lambda: (1, 0.0, 0.0)))
+        counted = sums.accesses(core, recordings[i], found, i, defaultdict(lambda: (1, 0.0, 0.0)))
         for array in (one for one in arrays_of(core, sizes, counts) if one.name in counted):
             reads, writes = counted[array.name]
             writes -= SWEPT.get(array.name, 0)

@@ -179,7 +179,7 @@ def test_a_scheduler_that_starts_late_is_waited_for():
                 caller.sendall(b"\0")
 
         threading.Timer(0.5, speak).start()
-        assert spread._answers(late.getsockname())
+        assert spread.is_answered_at(late.getsockname())
 
 
 def test_a_service_that_accepts_and_is_silent_is_no_scheduler(model, tmp_path, monkeypatch, capsys):
@@ -247,7 +247,7 @@ class Future:
 
 
 def spread_on(client):
-    return list(spread._on_workers(client, "--scheduler x", abs, [-1, -2]))
+    return list(spread.on_workers(client, "--scheduler x", abs, [-1, -2]))
 
 
 def test_workers_that_come_back_go_on(monkeypatch):
@@ -290,7 +290,7 @@ def test_a_scheduler_that_stops_before_the_work_is_one_line(ended, monkeypatch):
     monkeypatch.setattr(stopped, "nthreads", nthreads)
     monkeypatch.setattr(spread, "ANSWER_SECONDS", 0.1)
     line = "it does not answer any more (for 0.1 s). Start it and the command again."
-    for job in (spread_on, lambda client: spread._wait_for_workers(client, "--scheduler x", "x")):
+    for job in (spread_on, lambda client: spread.wait_for_workers(client, "--scheduler x", "x")):
         with pytest.raises(InputError) as caught:
             job(stopped)
         assert str(caught.value) == f"--scheduler x: {line}"

@@ -57,13 +57,13 @@ def test_growth_is_told_where_nothing_fades_and_where_spikes_drift_apart():
     run = RUNS["leak of 10 steps", "native"]
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     grown = replace(row.drift, steps=1_000_000, error=(0.05, 0.6))
-    assert not [*drift_module._growth(row, grown, fades=True)]
-    assert [*drift_module._growth(row, grown, fades=False)] == [
+    assert not [*drift_module.growth(row, grown, fades=True)]
+    assert [*drift_module.growth(row, grown, fades=False)] == [
         "nothing fades, so rounding adds up: 0.60 thresholds in 1,000,000 steps"
     ]
     # Of 10 spikes on either side, 2 are equal.
     apart = replace(row.drift, spikes=(PopulationMatch(10, 10, 2),))
-    assert [*drift_module._growth(row, apart, fades=True)] == [
+    assert [*drift_module.growth(row, apart, fades=True)] == [
         "spikes drift apart: 97.8 % are equal in the beginning, 20.0 % in the last tenth"
     ]
 

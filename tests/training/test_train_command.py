@@ -321,13 +321,13 @@ def test_progress_is_drawn_on_a_terminal(
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     asked = argparse.Namespace(tensorboard=None, quiet=False)
     with progress_bar("training", show=True) as moved:
-        progress = command._after_epochs(asked, moved)
+        progress = command.after_epochs(asked, moved)
         assert progress is not None
         progress(1, 4, EpochRecord("select", 1, 0.1, 2.0, 1.0, 0.5))
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "select epoch 1, loss 2.000, validation 0.500" in shown.err
-    command._after_epochs(argparse.Namespace(tensorboard=None, quiet=True), None)(
+    command.after_epochs(argparse.Namespace(tensorboard=None, quiet=True), None)(
         1, 4, EpochRecord("select", 1, 0.1, 2.0, 1.0, 0.5)
     )
     assert capsys.readouterr() == ("", "")

@@ -46,7 +46,7 @@ def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
     core = CoreProgram(program, recordings.shape[1], sizes=hw.chip("locsnn-130nm").open_core)
     return np.array([
         sum(rows * of[name][1] + words * of[name][2] for name, (rows, words) in one.items() if name in of)
-        for one in (_accesses(core, recordings[i], found, i, of) for i in range(len(recordings)))
+        for one in (accesses(core, recordings[i], found, i, of) for i in range(len(recordings)))
     ])  # fmt: skip
 
 
@@ -69,7 +69,7 @@ def sent_by(
     return sent
 
 
-def _accesses(
+def accesses(
     core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict
 ) -> dict:
     """Return rows read and words written of every memory for one recording."""
