@@ -210,7 +210,11 @@ def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
     if wrong.any():
         sample, step, channel = (int(i[0]) for i in np.nonzero(wrong))
         measured = f"{spikes[sample, step, channel]} at sample {first + sample}, channel {channel}, step {step}"
-        raise InputError(where, "its values are not all 0 or 1", measured=measured, fix=fix)
+        way_out = (
+            "Give binned recordings of zeros and ones; numbers go to layers on the host "
+            "(locsnn-compile --host-layers)."
+        )
+        raise InputError(where, "its values are not all 0 or 1", measured=measured, fix=way_out)
     return sealed(np.array(spikes, dtype=np.uint8, order="C"))
 
 

@@ -147,7 +147,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         "a count inside",
         members(_0=npy(ONE[0]), _1=npy(ONE[1] * 3)),
         "archive 'a.zip', 'sample_1_label_0.npy': its values are not all 0 or 1 "
-        "(3.0 at {first}). Give binned recordings of zeros and ones.",
+        "(3.0 at {first}). Give binned recordings of zeros and ones; numbers go to layers on the "
+        "host (locsnn-compile --host-layers).",
     ),
     (
         "text values",

@@ -224,7 +224,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "a.npy",
         lambda path: np.save(path, np.full((1, 2, 3), np.nan)),
         "recordings 'a.npy': its values are not all 0 or 1 (nan at sample 0, channel 0, step 0). "
-        "Give binned recordings of zeros and ones.",
+        "Give binned recordings of zeros and ones; numbers go to layers on the host (locsnn-compile "
+        "--host-layers).",
     ),
     (
         "labels of another number",

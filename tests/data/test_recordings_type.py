@@ -44,6 +44,10 @@ def one(value: float) -> np.ndarray:
 
 
 FIX = "Give binned recordings of zeros and ones."
+NUMBERS = (
+    "Give binned recordings of zeros and ones; numbers go to layers on the host (locsnn-compile "
+    "--host-layers)."
+)
 
 
 @pytest.mark.parametrize(
@@ -53,14 +57,14 @@ FIX = "Give binned recordings of zeros and ones."
             one(2),
             None,
             None,
-            f"its values are not all 0 or 1 (2.0 at sample 1, channel 3, step 2). {FIX}",
+            f"its values are not all 0 or 1 (2.0 at sample 1, channel 3, step 2). {NUMBERS}",
             id="a count",
         ),
         pytest.param(
             one(np.nan),
             None,
             None,
-            f"its values are not all 0 or 1 (nan at sample 1, channel 3, step 2). {FIX}",
+            f"its values are not all 0 or 1 (nan at sample 1, channel 3, step 2). {NUMBERS}",
             id="NaN",
         ),
         pytest.param(
