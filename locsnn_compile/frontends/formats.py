@@ -94,7 +94,10 @@ def _read_nir(source: ModelSource) -> "Network":
 def _read_lava_dl(source: ModelSource) -> "Network":
     from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
 
-    return load_lava_dl(source.path, relay_delays=bool(source.options.relay_delays))
+    options = source.options
+    return load_lava_dl(
+        source.path, relay_delays=bool(options.relay_delays), host_layers=options.host_layers
+    )
 
 
 FORMAT_OPTIONS = (
@@ -132,7 +135,7 @@ FORMAT_OPTIONS = (
     ),
     FormatOption(
         "host_layers",
-        "NIR, state dict: the first N layers of neurons, or those named, run in float on the host "
+        "NIR, lava-dl, state dict: the first N layers of neurons, or those named, run on the host "
         "and send spikes: recordings are arrays of numbers",
         "N|NAME,...",
         elsewhere="{called} takes spikes",
@@ -178,7 +181,7 @@ MODEL_FORMATS = (
         suffixes=(".net", ".nir", *HDF5),
         recognises=_has_layers,
         read=_read_lava_dl,
-        options=("relay_delays",),
+        options=("relay_delays", "host_layers"),
     ),
     ModelFormat(
         called="a state dict with its layers",

@@ -46,7 +46,7 @@ def load(
     - ``relay_delays``: reach delays above 62 steps by neurons that repeat spikes. Without it, lava-dl's delays are cut
       to 62, as its own reader does, and said to be; NIR graphs with such delays do not fit the chip.
     - ``host_layers``: how many of the first layers of neurons run on the host, or the names of such layers, separated
-      by commas: in float, on arrays of numbers. The network is then the rest, and its ``host`` the layers.
+      by commas, on arrays of numbers. The network is then the rest, and its ``host`` the layers.
     - ``channel_order``: how the inputs are numbered, by rows, columns and polarities: ``yxp`` or ``pyx``, as of images
       (C, H, W). For models that do not say so themselves.
 

@@ -100,6 +100,15 @@ class ChipCuba(Shown, ChipNeuron):
         return {key: getattr(self, key) for key in ("bias_mantissa", "bias_exponent", "refractory")}
 
 
+class HostCuba(ChipCuba):
+    """Such neurons on the host, on numbers: their charge comes in float, in the unit of the registers.
+
+    It is truncated toward zero, as lava-dl does before each step of integers.
+    """
+
+    on_grid = False
+
+
 class Refractory(Frozen, eq=False):
     """How own spikes come back through self-synapses (taps), to the alpha dendrite or to a refractory one.
 

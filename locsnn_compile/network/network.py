@@ -20,7 +20,9 @@ from locsnn_compile.data.channels import Channels, Numbering
 from locsnn_compile.data.recordings import STEP_SECONDS, EventTimes, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most, counted, listed
+from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.first_touch import from_first_touch
+from locsnn_compile.network.input_scaling import InputScaling
 from locsnn_compile.network.neurons import Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection
 
@@ -334,23 +336,29 @@ class Network(Shown):
 
 
 class HostOutput(Frozen):
-    """Spikes that the host sends: of a population, which fires ``depth`` steps behind the input."""
+    """Spikes that the host sends: of a population, ``depth`` steps earlier than it fires.
+
+    That is 0 where each layer takes a step in its framework too, and else puts spikes into the step of
+    the numbers that cause them.
+    """
 
     population: str
     depth: int
 
 
 class HostLayers(Shown):
-    """The first layers of a network, which run in float on the host and send spikes to the chip.
+    """The first layers of a network, which run on the host and send spikes to the chip.
 
     - ``network``: the layers; its input takes numbers in place of spikes
     - ``sends``: what it sends, in the order of the chip's input lines
     - ``input_shape``: of the numbers of a step, such as (channels, height, width)
+    - ``scaling``: what happens to the numbers before the first layer, if anything does
     """
 
     network: Network
     sends: tuple[HostOutput, ...]
     input_shape: tuple[int, ...]
+    scaling: InputScaling | None = None
 
     @property
     def lines(self) -> int:
@@ -359,7 +367,7 @@ class HostLayers(Shown):
 
     @property
     def depth(self) -> int:
-        """Steps from an input to the latest spike that it causes on all paths."""
+        """By how many steps the spikes of its last layer are sent earlier than they fire."""
         return max(sent.depth for sent in self.sends)
 
     @property
@@ -373,11 +381,18 @@ class HostLayers(Shown):
         return products
 
     @property
+    def arithmetic(self) -> str:
+        """What it computes in: neurons in the chip's integers take numbers in float."""
+        neurons = [population.neuron for population in self.network.populations]
+        has_integers = any(isinstance(neuron, ChipNeuron) for neuron in neurons)
+        return "float and integers" if has_integers else "float"
+
+    @property
     def sentence(self) -> str:
         """What the host does, for the assumptions of a report."""
         names = listed([repr(name) for name in self.multiplications])
         products = sum(self.multiplications.values())
         return (
-            f"Layers {names} run in float on the host (--host-layers): their {products} "
+            f"Layers {names} run in {self.arithmetic} on the host (--host-layers): their {products} "
             "multiplications a step are not among the chip's operations, energy and time."
         )

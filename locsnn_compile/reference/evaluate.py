@@ -18,13 +18,18 @@ from hw_model.mapping.graph import winning
 from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.errors import InputError
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, HostCuba
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
 from locsnn_compile.network.xylo_neurons import XyloNeuron
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
-from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
+from locsnn_compile.reference.integer_neurons import (
+    ChipCubaSteps,
+    ChipSrmSteps,
+    HostCubaSteps,
+    effective_weights,
+)
 from locsnn_compile.reference.xylo_neurons import evaluate_xylo
 
 
@@ -48,6 +53,7 @@ steps_of.register(SrmAlpha, SrmSteps)
 steps_of.register(Cuba, CubaSteps)
 steps_of.register(SoftCuba, SoftCubaSteps)
 steps_of.register(ChipCuba, ChipCubaSteps)
+steps_of.register(HostCuba, HostCubaSteps)
 steps_of.register(ChipSrm, ChipSrmSteps)
 
 

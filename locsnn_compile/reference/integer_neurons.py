@@ -15,8 +15,8 @@ from hw_model.arithmetic.loihi import Parameters, State
 from hw_model.arithmetic.neutral import NOTHING
 from hw_model.arithmetic.on_integers import OnIntegers
 from hw_model.description.chip import Registers
-from hw_model.values import BoolArray, IntArray
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
+from hw_model.values import BoolArray, FloatArray, IntArray
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, HostCuba
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of, with_values
 
 
@@ -180,3 +180,17 @@ class ChipCubaSteps:
         fired: BoolArray = step.fired
         potential: IntArray = step.potential
         return fired, potential
+
+
+class HostCubaSteps:
+    """Such compartments on the host, whose charge is truncated from float."""
+
+    def __init__(self, neuron: HostCuba, batch: int, size: int, registers: Registers) -> None:
+        self._compartments = ChipCubaSteps(neuron, batch, size, registers)
+        # Beyond the register of q, a float need not be an integer of 64 bits.
+        self._largest = registers.half_charge - 1
+
+    def step(self, arriving: FloatArray) -> tuple[BoolArray, IntArray]:
+        """Take the charge that arrives, (batch, n), in the unit of the registers; return as :class:`ChipCubaSteps`."""
+        held = np.clip(arriving, -self._largest, self._largest)
+        return self._compartments.step(np.trunc(held).astype(np.int64))

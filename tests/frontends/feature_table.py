@@ -173,6 +173,8 @@ NET_CELLS = [
     works("lava-dl", "dense_rec", net(DENSE | {"type": "dense_rec", "weight_rec": 2.0 * RNG.integers(-30, 20, (6, 6))})),
     works("lava-dl", "input", net({"type": "input", "shape": np.array([10])}, DENSE)),
     works("lava-dl", "input with neurons", net({"type": "input", "shape": np.array([10]), "neuron": neuron(4096, 4096, 32)}, DENSE)),
+    works("lava-dl", "input with neurons, on numbers", net({"type": "input", "shape": np.array([10]), "weight": np.array([50.0]), "bias": np.array([6.0]), "neuron": neuron(4096, 1024, 32)}, DENSE), host_layers=1),
+    works("lava-dl", "numbers straight into weights", net(dense(RNG, 10, 10), dense(RNG, 4, 10)), host_layers=1),
     works("lava-dl", "conv, flatten", net(IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 6, 36))),
     works("lava-dl", "conv of stride 1 without an input layer", net(CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])})),
     works("lava-dl", "pool", net(IMAGE, POOL)),
@@ -185,6 +187,7 @@ NET_CELLS = [
     loses("lava-dl", "a last layer that never spikes: class by potential", net(DENSE, dense(RNG, 4, 6, neuron=neuron(threshold=2**18 - 1))), "its threshold of 2^18 - 1 becomes 2^17 - 1, which potentials hardly reach", lambda n: set(n.populations[-1].neuron.threshold.tolist()) == {2**17 - 1}),
     loses("lava-dl", "delays beyond 62, or of fractions", net(dense(RNG, 6, 10, delay=70.5)), "they are 62 at most, and whole, as in netx", lambda n: n.projections[0].delay == 62),
     refused("lava-dl", "graded spikes", net(dense(RNG, 6, 10, neuron=neuron(gradedSpike=True))), ", layer 0: its spikes are graded. Train with graded_spike=False."),
+    refused("lava-dl", "a bias of input neurons, on events", net({"type": "input", "shape": np.array([10]), "bias": np.array([6.0]), "neuron": neuron(4096, 1024, 32)}, DENSE), ", layer 0: it adds a bias to the numbers before its neurons, and events have none (6). Run the layer on the host, and give numbers: --host-layers 1."),
     refused("lava-dl", "other neurons", net(dense(RNG, 6, 10, neuron=neuron(kind="SDNN"))), ", layer 0: 'SDNN' neurons do not fit into one compartment of the chip. Use CUBA neurons."),
     refused("lava-dl", "weights out of 8 bits", net(dense(RNG, 6, 10, weight=np.full((6, 10), 300.0))), ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
     *(refused("lava-dl", kind, net(DENSE, {"type": kind, "shape": np.array([6])}), f", layer 1: {kind!r} is a type of layer that the chip cannot run. {fix}") for kind, fix in {

@@ -65,8 +65,10 @@ def play(layers, spikes, longest_delay=62):
             shape = tuple(layer["shape"]) if layer["type"] == "input" else shape
             if "neuron" not in layer:
                 continue
-            # An event is the value 1, which is 64 on the scale of the weights.
-            layer = {**layer, "type": "dense", "weight": 64 * np.eye(int(np.prod(layer["shape"])))}
+            # An event is the value 1, which is 64 on the scale of the weights, or the layer's own weight.
+            weight = int(np.max(layer.get("weight", 64)))
+            each = weight * np.eye(int(np.prod(layer["shape"])))
+            layer = {**layer, "type": "dense", "weight": each}
         rows = outputs[number] = play_layer(layer, rows, shape, longest_delay)
         shape = tuple(int(n) for n in layer["shape"])
     return outputs

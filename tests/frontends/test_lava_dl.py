@@ -28,6 +28,7 @@ NETS = {
     "dense": [dense(RNG, 12, 10), dense(RNG, 5, 12)],
     "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, 12, 10)],
     "input layer with neurons": [{**IMAGE, "neuron": neuron(4096, 4096, 32)}, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 5, 36)],
+    "input layer with a weight": [{"type": "input", "shape": np.array([10]), "weight": np.array([26.0]), "bias": np.array([0.0]), "neuron": neuron(4096, 1024, 40)}, dense(RNG, 12, 10)],
     "loihi neurons of old files": [dense(RNG, 12, 10, neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0))],
     "a decay each": [dense(RNG, 12, 10, neuron=neuron(RNG.integers(0, 4097, 12), RNG.integers(0, 4097, 12), RNG.integers(100, 500, 12)))],
     "bias": [dense(RNG, 12, 10, bias=RNG.integers(-9, 30, 12).astype(np.float32))],

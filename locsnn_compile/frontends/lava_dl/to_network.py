@@ -5,9 +5,13 @@ holds one less), and ``vDecay`` that of the voltage. Weights, biases and ``vThMa
 :mod:`hw_model.arithmetic.loihi`, and each layer takes one step. Delays are floored and cut to 62 steps,
 unless relays are to carry longer ones. A last layer without neurons is read out: its potential is what arrives in a
 step. A ``flatten`` reads the image (channels, height, width) of the layer before it, in this order.
+
+The first layers may run on the host, on numbers: there, the charge of the first neurons is a sum of floats, cut to an
+integer as slayer does. Layers take a step each on the host too, so its spikes are sent in the steps of slayer.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,9 +20,10 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic import loihi
-from hw_model.values import IntArray, sealed
+from hw_model.values import FloatArray, IntArray, sealed
 from locsnn_compile.data.channels import image_channels
 from locsnn_compile.errors import InputError, check_same, counted
+from locsnn_compile.frontends.host_choice import chosen_layers, none_left
 from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import (
     Ints,
@@ -31,15 +36,24 @@ from locsnn_compile.frontends.linear_maps import (
 )
 from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
 from locsnn_compile.frontends.relays import DELAY_MAX, add_relays
-from locsnn_compile.network.chip_neurons import ChipCuba, integers
-from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.chip_neurons import ChipCuba, HostCuba, integers
+from locsnn_compile.network.input_scaling import InputScaling
+from locsnn_compile.network.network import (
+    HostLayers,
+    HostOutput,
+    InputView,
+    Network,
+    Population,
+)
 from locsnn_compile.network.projections import (
     ChipProjection,
     Matrix,
+    Projection,
     matrix,
     of_source,
     of_target,
     values_of,
+    with_values,
 )
 
 INPUT = "input"
@@ -50,7 +64,10 @@ BIAS_EXPONENT = 6
 SILENT = 2**18 - 1
 """The threshold that lava-dl writes for neurons that must not spike."""
 INPUT_WEIGHT = 64
-"""The weight of an event at the neurons of an input layer: the value 1, as slayer scales it in training."""
+"""The weight of an event at the neurons of an input layer: the value 1, as slayer scales it in training.
+
+A weight of the layer replaces it.
+"""
 _REFUSED = {
     "convT": "Replace it with a convolution.",
     "unpool": "Train without it.",
@@ -64,7 +81,8 @@ class _Built(Parts):
     """The network's parts so far, the name and shape of the last layer, and the shape of the input.
 
     ``relay_delays``: keep delays that a synapse cannot have. ``assumed`` are sentences on delays: on
-    those that the file holds and the network does not, and on what they hold back.
+    those that the file holds and the network does not, and on what they hold back. ``on_host``: the
+    input is made of numbers, which ``scaling`` changes if there is an input layer with neurons.
     """
 
     source: str = INPUT
@@ -72,17 +90,33 @@ class _Built(Parts):
     input_shape: Shape = ()
     relay_delays: bool = False
     assumed: list[str] = field(default_factory=list)
+    on_host: bool = False
+    scaling: InputScaling | None = None
+
+    @property
+    def takes_numbers(self) -> bool:
+        """Whether the next layer of neurons takes the numbers of the input."""
+        return self.on_host and not self.populations
 
 
-def load_lava_dl(path: Path, *, relay_delays: bool = False) -> Network:
+def load_lava_dl(
+    path: Path, *, relay_delays: bool = False, host_layers: str | None = None
+) -> Network:
     """Read a ``.net`` file and return its network; populations are called ``layer<i>``, the input ``input``.
 
+    ``host_layers``: the first layers that run on the host, as :func:`chosen_layers` reads it.
     Raises ``InputError`` for a file that cannot be used.
     """
     where = f"model {path.name!r}"
     file, data = read_net(path, where)
     built = _Built(relay_delays=relay_delays)
-    for layer in file.layers:
+    host = None
+    chip_layers = file.layers
+    if host_layers is not None:
+        border = _border(file, host_layers, f"{where}, --host-layers")
+        host = _host_layers(built, file.layers[:border])
+        chip_layers = file.layers[border:]
+    for layer in chip_layers:
         _add(built, layer, last=layer is file.layers[-1])
     if not built.populations:
         raise InputError(
@@ -95,7 +129,39 @@ def load_lava_dl(path: Path, *, relay_delays: bool = False) -> Network:
     said: dict[str, Any] = {"origin": file, "any_length": True}
     said["inputs"] = image_channels(built.input_shape)
     said["assumptions"] = (*built.assumed, *relayed)
+    if host is not None:
+        said |= {"host": host, "inputs": None, "origin": None}
+        said["assumptions"] += (host.sentence,)
     return built.network_of_file(path, data, lines, steps, seconds, **said)
+
+
+def _border(file: NetFile, host_layers: str, place: str) -> int:
+    """Return how many layers of the file come before the chip: up to the last one that is named."""
+    numbers = {f"layer{layer.number}": layer.number for layer in file.layers if _has_neurons(layer)}
+    names = list(numbers)
+    chosen = chosen_layers(host_layers, names, names, place)
+    border = max(numbers[name] for name in chosen) + 1
+    if border > max(numbers.values()):
+        raise none_left(place)
+    return border
+
+
+def _host_layers(chip: _Built, layers: Sequence[NetLayer]) -> HostLayers:
+    """Return the first layers as those of the host; the chip begins with the lines that they send."""
+    first = _Built(relay_delays=chip.relay_delays, on_host=True)
+    for layer in layers:
+        _add(first, layer, last=False)
+    first.outputs = {first.source: None}
+    numbers = first.views[0].lines
+    network = first.network(name="host", channels=numbers, steps=STEPS, any_length=True)
+    lines = first.populations[-1].size
+    chip.views.append(InputView(INPUT, "time", lines))
+    chip.shape = first.shape
+    chip.assumed += first.assumed
+    if first.scaling is not None:
+        chip.assumed.append(first.scaling.sentence)
+    sends = (HostOutput(first.source, depth=0),)
+    return HostLayers(network, sends, first.input_shape or (numbers,), first.scaling)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
@@ -126,10 +192,8 @@ def _add(built: _Built, layer: NetLayer, *, last: bool) -> None:
         built.shape = _shape(layer)
         built.input_shape = built.shape
         built.views.append(InputView(INPUT, "time", math.prod(built.shape)))
-        if any(key.startswith("neuron/") for key in layer.values):
-            # At these neurons, an event counts as the value 1.
-            one = INPUT_WEIGHT * sparse.eye_array(math.prod(built.shape), dtype=np.int64)
-            _append(built, layer, built.shape, matrix(sparse.csr_array(one), np.int64))
+        if _has_neurons(layer):
+            _add_input_neurons(built, layer, built.shape)
     elif kind == "flatten":
         built.shape = None if built.shape is None else (math.prod(built.shape),)
     elif kind in ("dense", "dense_rec", "conv", "pool"):
@@ -144,6 +208,21 @@ def _add(built: _Built, layer: NetLayer, *, last: bool) -> None:
             f"{kind[:40]!r} is not a known type of layer",
             fix="Use dense and conv layers.",
         )
+
+
+def _add_input_neurons(built: _Built, layer: NetLayer, shape: Shape) -> None:
+    """Add the neurons of an input layer; an event counts as the value 1."""
+    weight = layer.one("weight", INPUT_WEIGHT)
+    bias = layer.one("bias", 0)
+    if built.takes_numbers:
+        built.scaling = InputScaling(weight / INPUT_WEIGHT, bias / INPUT_WEIGHT)
+        weight = INPUT_WEIGHT
+    elif bias:
+        what = "it adds a bias to the numbers before its neurons, and events have none"
+        fix = "Run the layer on the host, and give numbers: --host-layers 1."
+        raise InputError(layer.where, what, measured=f"{bias}", fix=fix)
+    of_each = weight * sparse.eye_array(math.prod(shape), dtype=np.int64)
+    _append(built, layer, shape, matrix(sparse.csr_array(of_each), np.int64))
 
 
 def _add_weights(built: _Built, layer: NetLayer, *, last: bool) -> None:
@@ -175,7 +254,11 @@ def _append(
     """
     name = f"layer{layer.number}"
     size = math.prod(shape)
-    neurons = _sums_of_arriving_weights(layer, size) if read_out else _neurons(layer, shape)
+    takes_numbers = built.takes_numbers
+    if read_out:
+        neurons = _sums_of_arriving_weights(layer, size)
+    else:
+        neurons = _neurons(layer, shape, takes_numbers=takes_numbers)
     built.populations.append(Population(name, "time", size, neurons))
     delay = 0 if layer.kind == "input" else _delay(built, layer, mantissa)
     if np.any(delay) and neurons.biased.any():
@@ -183,8 +266,10 @@ def _append(
             f"The delays of layer {layer.number} hold back its inputs and not its biases, as in netx; "
             "slayer delays what it sends."
         )
-    built.projections.append(_projection(built.source, name, mantissa, delay, layer.where))
-    built.source, built.shape = name, shape
+    held = _projection(built.source, name, mantissa, delay, layer.where)
+    built.projections.append(_in_float(held) if takes_numbers else held)
+    built.source = name
+    built.shape = shape
 
 
 def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
@@ -272,6 +357,12 @@ def _projection(
     return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
 
 
+def _in_float(held: ChipProjection) -> Projection:
+    """Return the charge of each weight, in the unit of the registers, as a factor of numbers."""
+    charges: FloatArray = loihi.UNIT * values_of(held.mantissa).astype(np.float64)
+    return Projection(held.source, held.target, with_values(held.mantissa, charges), held.delay)
+
+
 def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
     """Return the delays as netx spreads them: one for all, one per neuron, or one per input.
 
@@ -331,7 +422,7 @@ def _sums_of_arriving_weights(layer: NetLayer, size: int) -> ChipCuba:
     return ChipCuba.of(size, decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=THRESHOLD_MAX)
 
 
-def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
+def _neurons(layer: NetLayer, shape: Shape, *, takes_numbers: bool) -> ChipCuba:
     kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
         what = (
@@ -363,13 +454,16 @@ def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
             raise InputError(
                 layer.where, f"{key} is not a decay", measured=measured, fix="Correct it."
             )
-    return ChipCuba.of(
+    # The bias of an input layer belongs to its numbers.
+    has_bias = "bias" in layer.values and layer.kind != "input"
+    model = HostCuba if takes_numbers else ChipCuba
+    return model.of(
         size,
         decay_u=decays["iDecay"],
         decay_v=decays["vDecay"],
         # Neurons that must not spike have more than the register holds; 2^17 - 1 is near the end of v itself.
         threshold=np.minimum(each("neuron/vThMant"), THRESHOLD_MAX),
-        bias_mantissa=each("bias", 0),
-        bias_exponent=BIAS_EXPONENT if "bias" in layer.values else 0,
+        bias_mantissa=each("bias") if has_bias else 0,
+        bias_exponent=BIAS_EXPONENT if has_bias else 0,
         refractory=np.maximum(each("neuron/refDelay", 1), 1),
     )

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from hw_model.values import Frozen
-from locsnn_compile.errors import InputError, check_known, counted
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.host_choice import chosen_layers, none_left
 from locsnn_compile.frontends.linear_maps import Shape
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
@@ -43,10 +44,12 @@ def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str
     if len(inputs) != 1:
         what = "layers on the host need one Input"
         raise InputError(place, what, measured=f"{len(inputs)}", fix="Leave it out.")
-    on_host = _before(flat, _asked(flat, host_layers, order, place), stop=())
+    with_memory = [name for name in order if flat.nodes[name].kind in WITH_MEMORY]
+    chosen = chosen_layers(host_layers, order, with_memory, place)
+    on_host = _before(flat, chosen, stop=())
     neurons_left = [name for name in order if name not in on_host]
     if not neurons_left:
-        raise InputError(place, "no neurons are left for the chip", fix="Name fewer layers.")
+        raise none_left(place)
     _check_host(flat, on_host, place)
     borders = [name for name in order if name in on_host]
     ends = [*neurons_left, *flat.named("Output")]
@@ -67,22 +70,6 @@ def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str
     host_shapes = {**host.shapes, SENT: flat.shapes[sent[0]]}
     host = replace(host, nodes=host_nodes, sources=host_sources, shapes=host_shapes)
     return Divided(host, replace(chip, nodes=nodes, sources=sources), sent, flat.shapes[inputs[0]])
-
-
-def _asked(flat: FlatGraph, host_layers: str, order: list[str], place: str) -> list[str]:
-    """Return the nodes of neurons that are named, or the first ones of a number."""
-    if not host_layers.isdecimal():
-        names = [name.strip() for name in host_layers.split(",")]
-        for name in names:
-            check_known(place, f"there is no layer {name[:60]!r}", name, order)
-        return names
-    layers = [name for name in order if flat.nodes[name].kind in WITH_MEMORY]
-    number = int(host_layers)
-    if not 1 <= number < len(layers):
-        what = f"it is not a number of layers from 1 to {len(layers) - 1}"
-        measured = f"{number}, of {counted(len(layers), 'layer')}"
-        raise InputError(place, what, measured=measured, fix="Leave one for the chip.")
-    return layers[:number]
 
 
 def _check_host(flat: FlatGraph, on_host: Collection[str], place: str) -> None:

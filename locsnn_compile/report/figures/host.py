@@ -7,7 +7,7 @@ from locsnn_compile.report.figures.entries import Entry
 
 
 class HostLayerFigures(Entry):
-    """A layer on the host: its neurons, and its operations in float for a recording."""
+    """A layer on the host: its neurons, and its operations for a recording."""
 
     neurons: int
     multiplications: int

@@ -47,7 +47,7 @@ _OPERATIONS = (
     "fan-out, and the events that are transposed for the location branch."
 )
 _HOST = (
-    "These layers run in float outside the chip, on numbers, and send spikes to it over {lines}. They are "
+    "These layers run outside the chip, on numbers, and send spikes to it over {lines}. They are "
     "not in the program: its operations, energy and time begin with these spikes."
 )
 _COMPARISON = (
@@ -95,7 +95,7 @@ def operations(figures: OperationFigures) -> Section:
 
 
 def host_layers(report: ReportFigures) -> Section | None:
-    """The layers on the host, and what they compute in float; None without such layers."""
+    """The layers on the host, and what they compute; None without such layers."""
     if report.host is None:
         return None
     rows = tuple(
@@ -107,7 +107,7 @@ def host_layers(report: ReportFigures) -> Section | None:
         "host",
         "Layers on the host",
         _HOST.format(lines=plural(report.host.lines, "line")),
-        Table("Computed in float on the host, for each recording", columns, rows),
+        Table("Computed on the host, for each recording", columns, rows),
     )
 
 

@@ -1,0 +1,36 @@
+"""How the host scales numbers before its first layer."""
+
+import numpy as np
+
+from hw_model.values import FloatArray, Frozen
+
+STEP = 1 / 32
+"""slayer's weights of 8 bits are even, and 64 of their units are 1."""
+LEAST = -4.0
+MOST = 127 / 32
+
+
+class InputScaling(Frozen):
+    """An input layer of lava-dl: numbers are rounded to 8 bits, multiplied by ``weight``, and ``bias`` is added.
+
+    As slayer computes it (``block.cuba.Input``); netx leaves the scaling to those who send the numbers.
+    """
+
+    weight: float
+    bias: float
+
+    def scaled(self, values: FloatArray) -> FloatArray:
+        """Return what reaches the neurons, in float64; its multiples of 1/1024 are exact."""
+        # Numbers far outside need not fit into float32, in which slayer rounds, half to even.
+        near = np.clip(values, 2 * LEAST, 2 * MOST).astype(np.float32)
+        rounded = np.rint(near / STEP).astype(np.float64) * STEP
+        held: FloatArray = np.clip(rounded, LEAST, MOST)
+        return held * self.weight + self.bias
+
+    @property
+    def sentence(self) -> str:
+        """What is lost of the numbers, for the assumptions of a report."""
+        return (
+            f"The host rounds numbers to multiples of 1/32 from {LEAST:g} to {MOST:g}, as slayer's "
+            "input layer does."
+        )
