@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from net_files import dense, neuron, write_net
 
+import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.network.input_scaling import InputScaling
@@ -16,6 +17,8 @@ from locsnn_compile.request.recordings import recordings_for
 
 RECORDED = Path(__file__).parent / "lava-dl-numbers"
 """Written by ``tests/peers/record_lava_dl_numbers.py``."""
+RNG = np.random.default_rng(7)
+INPUT = {"type": "input", "shape": np.array([10]), "neuron": neuron(1024, 128, 60)}
 
 
 def recorded(name, folder):
@@ -42,6 +45,8 @@ DIVIDED = {
     "images through an input layer": ("images", 1, 0),
     "images, and a convolution on the host": ("images", 2, 1),
     "signals straight into weights": ("direct", "layer0", 0),
+    "signals into recurrent neurons": ("recurrent", 1, 0),
+    "images into a convolution": ("convolved", 1, 0),
 }
 
 
@@ -54,6 +59,35 @@ def test_host_and_chip_spike_as_slayer_did(case, tmp_path):
     for layer, rows in ours.items():
         assert spikes[layer].sum() > 50
         np.testing.assert_array_equal(rows, spikes[layer], err_msg=layer)
+
+
+@pytest.mark.parametrize("name", ["signals", "images", "direct"])
+def test_the_program_spikes_as_slayer_did(name, tmp_path):
+    path, inputs, spikes = recorded(name, tmp_path)
+    network = lc.load(path, host_layers=1)
+    program = lc.compile(network, events=inputs, diagnosis=False).program
+    events = recordings_for(network, inputs).spikes
+    result = hw.simulate(program, events)
+    for population in network.populations:
+        np.testing.assert_array_equal(result.spikes[population.name], spikes[population.name])
+
+
+@pytest.mark.parametrize("on_host", [1, 2])
+def test_zeros_and_ones_through_the_host_are_the_whole_network_on_events(on_host, tmp_path):
+    biases = RNG.integers(-9, 30, 12)
+    layers = [
+        INPUT | {"weight": np.array([50.0])},
+        dense(RNG, 12, 10, bias=biases),
+        dense(RNG, 5, 12, bias=biases[:5]),
+    ]
+    write_net(tmp_path / "model.net", layers)
+    events = (RNG.random((3, 40, 10)) < 0.4).astype(np.uint8)
+    whole = evaluate(lc.load(tmp_path / "model.net"), events).spikes
+    divided = played(tmp_path / "model.net", events.astype(float), on_host)
+    assert len(divided) == 4 - on_host
+    for layer, rows in divided.items():
+        assert whole[layer].sum() > 50
+        np.testing.assert_array_equal(rows, whole[layer])
 
 
 FAULTS = {
@@ -141,10 +175,6 @@ def test_layers_that_cannot_run_on_the_host_are_refused(case, tmp_path):
     with pytest.raises(lc.InputError) as refused:
         lc.load(path, host_layers=host_layers)
     assert str(refused.value) == f"model 'signals.net', --host-layers: {message}"
-
-
-RNG = np.random.default_rng(7)
-INPUT = {"type": "input", "shape": np.array([10]), "neuron": neuron(1024, 128, 60)}
 
 
 def refusal(layers, folder, host_layers):

@@ -1,5 +1,6 @@
 """Write ``tests/frontends/lava-dl-numbers/<network>.npz``, in the environment of lava-dl 0.6.
 
+With ``record_lava_dl_numbers.py FOLDER SEED``, write other networks of these kinds, and other recordings.
 Each file holds a network as lava-dl exports it, ``net`` (the bytes of a ``.net`` file), real-valued recordings,
 ``inputs`` (samples, steps, ...), and what each layer of neurons sends in slayer's forward pass, by the layer's
 name, (samples, steps, neurons).
@@ -54,6 +55,24 @@ def image_blocks() -> Blocks:
     ]
 
 
+def recurrent_blocks() -> Blocks:
+    """Numbers that reach neurons with connections to themselves."""
+    return [
+        CUBA.Recurrent(dict(NEURON), 9, 16, weight_scale=4),
+        CUBA.Dense(NEURON, 16, 6, weight_scale=6),
+    ]
+
+
+def convolved_blocks() -> Blocks:
+    """Images that reach a convolution unrounded."""
+    return [
+        CUBA.Conv(NEURON, 2, 4, 3, padding=1, weight_scale=4),
+        CUBA.Pool(dict(NEURON), 2, weight_scale=8),
+        CUBA.Flatten(),
+        CUBA.Dense(NEURON, 36, 5, weight_scale=4),
+    ]
+
+
 def direct_blocks() -> Blocks:
     """Numbers that reach a layer of weights without an input layer, unrounded."""
     return [
@@ -87,12 +106,14 @@ NETWORKS = {
     "signals": Recorded(signal_blocks, lambda: signals(12)),
     "images": Recorded(image_blocks, lambda: held_images(2, 6, 6)),
     "direct": Recorded(direct_blocks, lambda: 0.3 * signals(9)),
+    "recurrent": Recorded(recurrent_blocks, lambda: 0.4 * signals(9)),
+    "convolved": Recorded(convolved_blocks, lambda: held_images(2, 6, 6)),
 }
 
 
-def record(name: str) -> dict[str, np.ndarray]:
+def record(name: str, seed: int) -> dict[str, np.ndarray]:
     """Return what the file of a network holds."""
-    torch.manual_seed(4)
+    torch.manual_seed(seed)
     blocks = NETWORKS[name].blocks()
     inputs = NETWORKS[name].recordings()
     sent: dict[str, np.ndarray] = {}
@@ -112,9 +133,11 @@ def record(name: str) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    seed = int(sys.argv[2]) if len(sys.argv) > 1 else 4
+    folder.mkdir(exist_ok=True)
     for name in NETWORKS:
-        recorded = record(name)
-        np.savez_compressed(FOLDER / f"{name}.npz", **recorded)
+        recorded = record(name, seed)
+        np.savez_compressed(folder / f"{name}.npz", **recorded)
         spikes = {key: array for key, array in recorded.items() if key.startswith("layer")}
         print(name, {key: round(float(array.mean()), 3) for key, array in spikes.items()})

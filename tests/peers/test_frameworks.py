@@ -23,6 +23,7 @@ from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.request.recordings import recordings_for
 
 pytestmark = pytest.mark.peers
 
@@ -126,6 +127,29 @@ def test_we_spike_as_the_framework_does(framework, name, written):
         assert wanted.sum() > 5
         compared += 1
     assert compared
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_numbers_through_the_host_spike_as_in_lava_dl(seed, tmp_path):
+    if reason := why_missing("lava-dl"):
+        pytest.skip(f"lava-dl: {reason}")
+    script = SCRIPTS / "record_lava_dl_numbers.py"
+    command = [str(python_of("lava-dl")), str(script), str(tmp_path), str(seed)]
+    ran = subprocess.run(command, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    files = sorted(tmp_path.glob("*.npz"))
+    assert len(files) == 5
+    for file in files:
+        with np.load(file) as arrays:
+            held = dict(arrays)
+        path = file.with_suffix(".net")
+        path.write_bytes(held["net"].tobytes())
+        network = lc.load(path, host_layers=1)
+        events = recordings_for(network, held["inputs"]).spikes
+        np.testing.assert_array_equal(events, held["layer0"], err_msg=file.stem)
+        for name, spikes in evaluate(network, events).spikes.items():
+            if name in held:
+                np.testing.assert_array_equal(spikes, held[name], err_msg=f"{file.stem}, {name}")
 
 
 CHAIN = (("input", "a", 0), ("a", "b", 0), ("b", "c", 0))
