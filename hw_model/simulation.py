@@ -4,6 +4,7 @@ import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, lru_cache, partial
+from itertools import chain
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams, steps_of
-from hw_model.engine.probes import KINDS, Kind, Part, Probe, parts_of, read_probes
+from hw_model.engine.probes import KINDS, Kind, Probe, ProbedPopulation, phase_probes, read_probes
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.engine.usable import fix_of, why_not_compiled
 from hw_model.errors import InputError, check_known, check_most
@@ -150,11 +151,11 @@ def play_recordings(
         )
     longest = _plans(program, tuple(probes.values()), rows, steps)[1]
     size = max(1, sum(program.populations.values()) * longest)
-    asked = program, tuple(probes.values()), rows, steps, batched, run_phase, player
+    arguments = program, tuple(probes.values()), rows, steps, batched, run_phase, player
     remember = remember and batch == 1 and size <= MAX_REMEMBERED
     if remember and not any(array.max(initial=0) for array in streams.values()):
-        return SimulationResult(**_copied(vars(_of_nothing(*asked))))
-    return _played(streams, *asked)
+        return SimulationResult(**_copied(vars(_of_nothing(*arguments))))
+    return _played(streams, *arguments)
 
 
 @lru_cache(maxsize=8)
@@ -183,7 +184,7 @@ def _copied(value: Any) -> Any:
 def _played(
     streams: Mapping[str, ByteArray],
     program: ChipProgram,
-    asked: tuple[Probe, ...],
+    probes: tuple[Probe, ...],
     rows: int,
     steps: int | None,
     batched: bool,
@@ -191,56 +192,78 @@ def _played(
     player: Player,
 ) -> SimulationResult:
     """Play recordings, all of ``rows`` rows, as many at a time as can be held, and keep what the probes ask for."""
-    plans, longest = _plans(program, asked, rows, steps)
-    probes, batch = {probe.kind for probe in asked}, len(next(iter(streams.values())))
+    plans, longest = _plans(program, probes, rows, steps)
+    keeps_activity = any(probe.kind == "activity" for probe in probes)
+    batch = len(next(iter(streams.values())))
     together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
 
-    kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
+    probed: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
     counts: dict[str, list[IntArray]] = {phase.name: [] for phase in program.phases}
-    activity: dict[str, list[StepActivity]] = {
-        phase.name: [] for phase in program.phases if "activity" in probes
-    }
+    activity: dict[str, list[StepActivity]] = {}
+    if keeps_activity:
+        activity = {phase.name: [] for phase in program.phases}
     events: dict[str, IntArray] = {}
     scores: list[FloatArray] = []
     for start in range(0, batch, together):
         stop = min(start + together, batch)
-        part = {
+        lists_by_stream = {
             name: player.list_events(name, array[start:stop]) for name, array in streams.items()
         }
-        given: dict[str, AnyArray] = {}
+        readings: dict[str, AnyArray] = {}
         for phase, windows, wanted, deciding, counting in plans:
-            played = play(program, phase, part, steps, player)
+            played = play(program, phase, lists_by_stream, steps, player)
             trace = run_phase(program, phase.name, played, windows)
-            found: dict[Any, AnyArray] = {"spikes": trace.spikes, **trace.registers}
+            arrays: dict[Any, AnyArray] = {"spikes": trace.spikes, **trace.registers}
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
-            if "activity" in probes:
+            if keeps_activity:
                 activity[phase.name] += count_steps(program, phase.name, played, trace)
-            for one in wanted:
-                kept[one.kind].setdefault(one.name, []).append(one.of(found))
+            for population in wanted:
+                values = population.taken_from(arrays)
+                probed[population.kind].setdefault(population.name, []).append(values)
             _add_events(program, phase.name, trace, events)
-            given |= {one.name: largest(one.of(found), 0) for one in deciding}
-            given |= {name: trace.fired[:, columns] for name, columns in counting.items()}
+            for population in deciding:
+                readings[population.name] = largest(population.taken_from(arrays), 0)
+            for name, columns in counting.items():
+                readings[name] = trace.fired[:, columns]
         if program.readout is not None:
-            scores.append(program.readout.weighed(given))
+            scores.append(program.readout.weighed(readings))
 
     def result(kind: Kind) -> dict[str, AnyArray]:
         return {
-            name: joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()
+            name: joined(arrays) if batched else arrays[0][0]
+            for name, arrays in probed[kind].items()
         }
 
     return SimulationResult(
-        spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
+        spikes=result("spikes"),
+        u=result("u"),
+        v=result("v"),
+        potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
         count_tables={phase: joined(tables) for phase, tables in counts.items()},
-        events={
-            name: dict(zip(EVENTS, kinds, strict=True))
-            for phase, found in events.items()
-            for name, kinds in zip(program.columns_of(phase), found.tolist(), strict=True)
-            if any(kinds)
-        },
-        scores=None if program.readout is None else joined(scores) if batched else scores[0][0],
+        events=_events_by_population(program, events),
+        scores=_scores(scores, batched=batched),
         tie_class=None if program.readout is None else program.readout.tie_class,
-    )  # fmt: skip
+    )
+
+
+def _events_by_population(
+    program: ChipProgram, events: Mapping[str, IntArray]
+) -> dict[str, dict[str, int]]:
+    """Return wraps and clips by population and kind, without populations that have none."""
+    by_population: dict[str, dict[str, int]] = {}
+    for phase, table in events.items():
+        for name, counts in zip(program.columns_of(phase), table.tolist(), strict=True):
+            if any(counts):
+                by_population[name] = dict(zip(EVENTS, counts, strict=True))
+    return by_population
+
+
+def _scores(parts: Sequence[FloatArray], *, batched: bool) -> FloatArray | None:
+    """Return the scores of all recordings, or of the only one; None without a readout."""
+    if not parts:
+        return None
+    return joined(parts) if batched else parts[0][0]
 
 
 class _Plan(NamedTuple):
@@ -248,8 +271,8 @@ class _Plan(NamedTuple):
 
     phase: Phase
     windows: dict[Register, Window]
-    wanted: list[Part]
-    deciding: list[Part]
+    wanted: list[ProbedPopulation]
+    deciding: list[ProbedPopulation]
     counting: dict[str, slice]
 
 
@@ -258,22 +281,28 @@ def _plans(
     program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None
 ) -> tuple[list[_Plan], int]:
     """Return all that recordings of ``rows`` rows have in common, phase by phase, and the most steps of one."""
-    first, read = (
-        ({}, ())
-        if program.readout is None
-        else (program.readout.from_step, program.readout.populations)
-    )
-    decisive = [
-        Probe("potential", (name,), range(step, sys.maxsize)) for name, step in first.items()
+    first_step_of_potentials: Mapping[str, int] = {}
+    read_out: Sequence[str] = ()
+    if program.readout is not None:
+        first_step_of_potentials = program.readout.from_step
+        read_out = program.readout.populations
+    deciding_probes = [
+        Probe("potential", (name,), range(step, sys.maxsize))
+        for name, step in first_step_of_potentials.items()
     ]
     plans = []
     for phase in program.phases:
-        many, columns = steps_of(program, phase, rows, steps), program.columns_of(phase.name)
-        windows, parts = parts_of(program, phase.name, (*probes, *decisive), many)
-        wanted, deciding = (
-            [part for probe in some for part in parts[probe]] for some in (probes, decisive)
+        phase_steps = steps_of(program, phase, rows, steps)
+        columns = program.columns_of(phase.name)
+        windows, populations = phase_probes(
+            program, phase.name, (*probes, *deciding_probes), phase_steps
         )
-        counting = {name: columns[name] for name in read if name in columns and name not in first}
+        wanted = list(chain.from_iterable(populations[probe] for probe in probes))
+        deciding = list(chain.from_iterable(populations[probe] for probe in deciding_probes))
+        counting = {}
+        for name in read_out:
+            if name in columns and name not in first_step_of_potentials:
+                counting[name] = columns[name]
         plans.append(_Plan(phase, windows, wanted, deciding, counting))
     return plans, max(length_of(program, phase, rows, steps) for phase in program.phases)
 
@@ -327,7 +356,7 @@ def _add_events(
     if not np.count_nonzero(trace.totals[:, _EVENTS]):
         return
     starts = [columns.start for columns in program.columns_of(phase).values()]
-    found = np.add.reduceat(
-        trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1
-    )
-    events[phase] = events.get(phase, 0) + found.T
+    # A batch of one, as most calls are, needs no sum.
+    by_column = trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0)
+    by_population = np.add.reduceat(by_column, starts, axis=1)
+    events[phase] = events.get(phase, 0) + by_population.T

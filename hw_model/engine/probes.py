@@ -25,98 +25,143 @@ class Probe(Frozen):
 
 def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kind, Probe]:
     """Return the probes by kind; an unknown kind or population, or a kind twice, is an ``InputError``."""
-    found: dict[Kind, Probe] = {}
-    for item in probe:
-        one = item if isinstance(item, Probe) else Probe(item)
-        if isinstance(
-            one.populations, list
-        ):  # a program is planned once for equal probes, which a list cannot be
-            one = Probe(one.kind, tuple(one.populations), one.steps)
-        check_known(f"probe {one.kind!r}", "does not exist", str(one.kind), KINDS)
-        if one.kind in found:
+    by_kind: dict[Kind, Probe] = {}
+    for kind_or_probe in probe:
+        read = _hashable(kind_or_probe)
+        where = f"probe {read.kind!r}"
+        check_known(where, "does not exist", str(read.kind), KINDS)
+        if read.kind in by_kind:
+            raise InputError(where, "is asked for twice", fix="List its populations in one probe.")
+        for name in read.populations or ():
+            check_known(where, f"there is no {name!r}", str(name), program.populations)
+        if read.steps is not None and (read.steps.step != 1 or read.steps.start < 0):
             raise InputError(
-                f"probe {one.kind!r}",
-                "is asked for twice",
-                fix="List its populations in one probe.",
+                where, "steps must count up by one from 0 or later", fix="Give a range."
             )
-        for name in one.populations or ():
-            check_known(
-                f"probe {one.kind!r}", f"there is no {name!r}", str(name), program.populations
-            )
-        if one.steps is not None and (one.steps.step != 1 or one.steps.start < 0):
-            raise InputError(
-                f"probe {one.kind!r}",
-                "steps must count up by one from 0 or later",
-                fix="Give a range.",
-            )
-        found[one.kind] = one
-    return found
+        by_kind[read.kind] = read
+    return by_kind
 
 
-class Part(NamedTuple):
-    """Rows of a population that are kept, and where they lie in what an engine gives: all spikes, or a window."""
+def _hashable(kind_or_probe: Kind | Probe) -> Probe:
+    """Return a probe whose populations are no list: a program is planned once for equal probes."""
+    if not isinstance(kind_or_probe, Probe):
+        return Probe(kind_or_probe)
+    if isinstance(kind_or_probe.populations, list):
+        return Probe(kind_or_probe.kind, tuple(kind_or_probe.populations), kind_or_probe.steps)
+    return kind_or_probe
+
+
+class ProbedPopulation(NamedTuple):
+    """Steps of a population that are kept, and where they lie in an array of the engine.
+
+    An engine returns all spikes of a phase, and of each register what its :class:`Window` covers.
+    ``rows`` and ``columns`` are those of the array of this ``kind``.
+    """
 
     kind: Kind
     name: str
     rows: slice
     columns: slice
-    few: bool
-    """A part of all spikes keeps them all in memory: where only a few are wanted, it is copied."""
+    is_copied: bool
+    """Whether a small part of all spikes is copied: a view would keep them all in memory."""
 
-    def of(self, given: Mapping[Kind, AnyArray]) -> AnyArray:
-        """Return them, (batch, rows, n), of what an engine gives by kind."""
-        found = given[self.kind][:, self.rows, self.columns]
-        return found.copy() if self.few else found
+    def taken_from(self, arrays: Mapping[Kind, AnyArray]) -> AnyArray:
+        """Return its steps, (batch, rows, n), from the arrays of an engine by kind."""
+        view = arrays[self.kind][:, self.rows, self.columns]
+        return view.copy() if self.is_copied else view
 
 
-def parts_of(
+class PhaseProbes(NamedTuple):
+    """What an engine must keep of a phase for some probes, and where each probe has it from."""
+
+    windows: dict[Register, Window]
+    populations: dict[Probe, list[ProbedPopulation]]
+
+
+class _Selection(NamedTuple):
+    """What a probe selects of a phase: steps, and populations with their columns in the phase."""
+
+    columns: dict[str, slice]
+    steps: range
+
+
+class _EngineArray(NamedTuple):
+    """An array that an engine returns: the step of its first row, and the columns of populations."""
+
+    first_step: int
+    columns: dict[str, slice]
+
+
+SMALL_PART = 4
+"""A probe of less than a fourth of a phase's spikes is copied."""
+
+
+def phase_probes(
     program: ChipProgram, phase: str, probes: Sequence[Probe], steps: int
-) -> tuple[dict[Register, Window], dict[Probe, list[Part]]]:
-    """Return what an engine must keep of a phase for some probes, of which it gives spikes anyway, and their parts."""
-    arrays = [probe for probe in probes if probe.kind != "activity"]
-    asked = {probe: (_columns(program, phase, probe), _rows(probe, steps)) for probe in arrays}
+) -> PhaseProbes:
+    """Return what an engine must keep of a phase of ``steps`` steps; it returns spikes anyway."""
+    selections: dict[Probe, _Selection] = {}
+    for probe in probes:
+        if probe.kind != "activity":
+            selections[probe] = _Selection(_columns(program, phase, probe), _steps(probe, steps))
     windows: dict[Register, Window] = {}
-    places: dict[Kind, tuple[int, dict[str, slice]]] = {"spikes": (0, program.columns_of(phase))}
+    arrays: dict[Kind, _EngineArray] = {"spikes": _EngineArray(0, program.columns_of(phase))}
     for register in REGISTERS:
-        if its := [kept for probe, kept in asked.items() if probe.kind == register]:
-            columns = {name: place for names, _ in its for name, place in names.items()}
-            start, stop = min(rows.start for _, rows in its), max(rows.stop for _, rows in its)
-            each = [np.arange(place.start, place.stop) for place in columns.values()]
-            windows[register] = Window(
-                np.concatenate([np.empty(0, dtype=np.int64), *each]), start, stop
-            )
-            ends = np.cumsum([0, *map(len, each)]).tolist()
-            places[register] = start, dict(zip(columns, map(slice, ends, ends[1:]), strict=True))
-    parts: dict[Probe, list[Part]] = {probe: [] for probe in probes}
-    for probe, (names, rows) in asked.items():
-        start, columns = places[probe.kind]
-        size, whole = (
-            sum(program.populations[name] for name in some)
-            for some in (names, program.columns_of(phase))
-        )
-        few, within = (
-            len(rows) * size < steps * whole // 4,
-            slice(rows.start - start, rows.stop - start),
-        )
-        parts[probe] = [
-            Part(probe.kind, n, within, columns[n], few and probe.kind == "spikes") for n in names
+        of_register = [
+            selection for probe, selection in selections.items() if probe.kind == register
         ]
-    return windows, parts
+        if of_register:
+            windows[register], arrays[register] = _common_window(of_register)
+
+    phase_size = sum(program.populations[name] for name in program.columns_of(phase))
+    populations: dict[Probe, list[ProbedPopulation]] = {probe: [] for probe in probes}
+    for probe, selection in selections.items():
+        size = sum(program.populations[name] for name in selection.columns)
+        is_small = len(selection.steps) * size < steps * phase_size // SMALL_PART
+        is_copied = is_small and probe.kind == "spikes"
+        array = arrays[probe.kind]
+        rows = slice(
+            selection.steps.start - array.first_step, selection.steps.stop - array.first_step
+        )
+        for name in selection.columns:
+            population = ProbedPopulation(probe.kind, name, rows, array.columns[name], is_copied)
+            populations[probe].append(population)
+    return PhaseProbes(windows, populations)
+
+
+def _common_window(selections: Sequence[_Selection]) -> tuple[Window, _EngineArray]:
+    """Return a window of a register that covers some selections, and the array it gives."""
+    start = min(selection.steps.start for selection in selections)
+    stop = max(selection.steps.stop for selection in selections)
+    columns_in_phase: dict[str, slice] = {}
+    for selection in selections:
+        columns_in_phase |= selection.columns
+    phase_columns = [np.empty(0, dtype=np.int64)]
+    columns_in_window: dict[str, slice] = {}
+    width = 0
+    for name, columns in columns_in_phase.items():
+        size = columns.stop - columns.start
+        phase_columns.append(np.arange(columns.start, columns.stop))
+        columns_in_window[name] = slice(width, width + size)
+        width += size
+    window = Window(np.concatenate(phase_columns), start, stop)
+    return window, _EngineArray(start, columns_in_window)
 
 
 def _columns(program: ChipProgram, phase: str, probe: Probe) -> dict[str, slice]:
-    """Return the populations of a phase of which there is something to keep, and their columns."""
-    return {
-        name: columns
-        for name, columns in program.columns_of(phase).items()
-        if (probe.populations is None or name in probe.populations)
-        and (probe.kind != "spikes" or name in program.spiking)
-    }
+    """Return the populations of a phase that a probe selects, and their columns."""
+    selected: dict[str, slice] = {}
+    for name, columns in program.columns_of(phase).items():
+        is_named = probe.populations is None or name in probe.populations
+        has_values = probe.kind != "spikes" or name in program.spiking
+        if is_named and has_values:
+            selected[name] = columns
+    return selected
 
 
-def _rows(probe: Probe, steps: int) -> range:
+def _steps(probe: Probe, steps: int) -> range:
+    """Return the steps of a probe that a phase of ``steps`` steps has."""
     if probe.steps is None:
         return range(steps)
-    return range(
-        min(probe.steps.start, steps), min(max(probe.steps.stop, probe.steps.start), steps)
-    )
+    stop = max(probe.steps.stop, probe.steps.start)
+    return range(min(probe.steps.start, steps), min(stop, steps))
