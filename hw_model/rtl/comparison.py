@@ -8,7 +8,7 @@ import numpy as np
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind
 from hw_model.program.chip_program import ChipProgram
-from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
+from hw_model.rtl.cosimulation import ANSWER, ANSWER_COUNTS, PATIENCE, play_on_core
 from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes
 from hw_model.rtl.simulators import Simulator
@@ -27,24 +27,31 @@ def compare(
 ) -> dict[str, Any]:
     """Return what was compared, and how often the two differ; ``spikes`` are a batch, (batch, steps, channels)."""
     expected = simulate(program, spikes, probe=KINDS)
-    found, answers = play_on_core(program, spikes, None, KINDS, simulator, texts, sizes, patience)
-    of_core = dict(zip(ANSWER, answers.T, strict=True))
-    kept = [(getattr(expected, kind), getattr(found, kind)) for kind in KINDS]
-    pairs = [(ours[name], theirs[name]) for ours, theirs in kept for name in ours]
-    pairs += [
-        ([counts[name] for counts in expected.per_recording], of_core[name]) for name in ANSWER[3:]
-    ]
-    pairs += [([0], of_core["error"])]
+    on_core, answers = play_on_core(program, spikes, None, KINDS, simulator, texts, sizes, patience)
+    core_figures = dict(zip(ANSWER, answers.T, strict=True))
+    # Arrays of the simulator, each with that of the core.
+    pairs: list[tuple[Any, Any]] = []
+    for kind in KINDS:
+        of_core = getattr(on_core, kind)
+        for name, simulated in getattr(expected, kind).items():
+            pairs.append((simulated, of_core[name]))
+    for name in ANSWER_COUNTS:
+        pairs.append(([counts[name] for counts in expected.per_recording], core_figures[name]))
+    no_error = [0]
+    pairs.append((no_error, core_figures["error"]))
     if expected.scores is not None:
-        pairs += [(expected.scores, found.scores), (expected.prediction, of_core["class"])]
+        pairs.append((expected.scores, on_core.scores))
+        pairs.append((expected.prediction, core_figures["class"]))
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
     core = CoreProgram(program, recordings.shape[1], None, program.chip.open_core or sizes)
     predicted = predicted_cycles(core, recordings, expected.spikes)
-    cycles = of_core["cycles"].tolist()
+    cycles = core_figures["cycles"].tolist()
     return {
         "recordings": len(recordings),
-        "compared_values": sum(np.size(theirs) for _, theirs in pairs),
-        "mismatches": sum(int(np.count_nonzero(ours != theirs)) for ours, theirs in pairs),
+        "compared_values": sum(np.size(of_core) for _, of_core in pairs),
+        "mismatches": sum(
+            int(np.count_nonzero(simulated != of_core)) for simulated, of_core in pairs
+        ),
         "cycles": cycles,
         "predicted_cycles": predicted,
         "cycle_mismatches": sum(a != b for a, b in zip(cycles, predicted, strict=True)),

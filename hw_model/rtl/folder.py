@@ -11,7 +11,7 @@ from hw_model.description.open_core import Sizes
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.board_sources import board_sources
-from hw_model.rtl.cosimulation import ANSWER, words_of
+from hw_model.rtl.cosimulation import ANSWER_COUNTS, words_of
 from hw_model.rtl.cycles import core_cycles
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram, parameters, sizes_for
@@ -26,7 +26,7 @@ from hw_model.values import ByteArray, IntArray
 def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     """Return the files by name, in the folder ``rtl``; ``spikes``: the one recording that its bench plays."""
     recording = np.concatenate(
-        [one[0] for one in read_streams(program, spikes)[0].values()], axis=1
+        [stream[0] for stream in read_streams(program, spikes)[0].values()], axis=1
     )
     device = program.chip
     board = next((name for name, target in BOARDS.items() if target == device.name), "")
@@ -40,7 +40,7 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     cycles = core_cycles(core, recording, played.spikes)
     winner = 0 if played.scores is None else int(played.prediction)
     updates = _updates(core, recording, played)
-    answer = [0, winner, cycles, *(played.counts[name] for name in ANSWER[3:])]
+    answer = [0, winner, cycles, *(played.counts[name] for name in ANSWER_COUNTS)]
     made = board_files(sizes, board) | {
         "load": hex_words(core.load_words(sizes)),
         "words": "".join(f"{word:x}\n" for word in words_of(core, recording)).encode(),

@@ -10,7 +10,7 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import InputError
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.board import Board, spike_numbers
-from hw_model.rtl.cosimulation import ANSWER
+from hw_model.rtl.cosimulation import ANSWER_COUNTS
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram
 from hw_model.rtl.ports import open_port
@@ -35,26 +35,24 @@ def stream(
             core = CoreProgram(program, recordings.shape[1], None, board.sizes)
             board.load(core)
             board.report(report)
-            answers = [board.play(core, one) for one in recordings]
+            answers = [board.play(core, recording) for recording in recordings]
         except OSError as error:
             raise InputError(
                 f"port {port!r}", "the line broke", measured=str(error), fix="Plug it in again."
             ) from None
     expected = simulate(program, spikes, probe=("spikes",))
+    # Names of the figures that differ, per recording.
     different: list[list[str]] = []
     for i, answer in enumerate(answers):
         winner = answer.winner if expected.scores is None else expected.prediction[i]
-        counts = [expected.per_recording[i][name] for name in ANSWER[3:]]
-        found = dict(zip(ANSWER, (answer.error == 0, answer.winner == winner, True), strict=False))
-        found |= {
-            name: a == b for name, a, b in zip(ANSWER[3:], answer.counts, counts, strict=True)
-        }
+        is_equal = {"error": answer.error == 0, "class": answer.winner == winner}
+        for name, count in zip(ANSWER_COUNTS, answer.counts, strict=True):
+            is_equal[name] = count == expected.per_recording[i][name]
         if report:
-            times = spike_numbers(
-                core, recordings[i], {name: its[i] for name, its in expected.spikes.items()}
-            )
-            found["times of spikes"] = list(answer.spikes) == times
-        different.append([name for name, same in found.items() if not same])
+            spikes_of_recording = {name: array[i] for name, array in expected.spikes.items()}
+            times = spike_numbers(core, recordings[i], spikes_of_recording)
+            is_equal["times of spikes"] = list(answer.spikes) == times
+        different.append([name for name, equal in is_equal.items() if not equal])
     return {
         "recordings": len(answers),
         "classes": [answer.winner for answer in answers],
