@@ -27,6 +27,16 @@ class InputScaling(Frozen):
         held: FloatArray = np.clip(rounded, LEAST, MOST)
         return held * self.weight + self.bias
 
+    def cut_sentences(self, values: FloatArray) -> tuple[str, ...]:
+        """Return a sentence on the numbers that are outside the range, if any are."""
+        cut = int(((values < LEAST) | (values > MOST)).sum())
+        if not cut:
+            return ()
+        return (
+            f"{cut} of {values.size} numbers are outside {LEAST:g} to {MOST:g}, and are cut to these: "
+            "give them in the range of the training.",
+        )
+
     @property
     def sentence(self) -> str:
         """What is lost of the numbers, for the assumptions of a report."""

@@ -31,7 +31,13 @@ def host_recordings(host: HostLayers, inputs: RealValues, steps: int | None = No
     spikes = np.concatenate(parts)
     # Line i is input i of the chip: the host numbers both.
     lines = Channels(columns=host.lines)
-    return Recordings(spikes, inputs.labels, inputs.step_seconds, inputs.source, channels=lines)
+    recordings = Recordings(
+        spikes, inputs.labels, inputs.step_seconds, inputs.source, channels=lines
+    )
+    if host.scaling is not None:
+        for sentence in host.scaling.cut_sentences(inputs.values):
+            recordings = recordings.assuming(sentence)
+    return recordings
 
 
 def _wide_registers() -> Registers:

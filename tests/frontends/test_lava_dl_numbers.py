@@ -135,12 +135,16 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     samples, steps, _ = inputs.shape
     counted = {"neurons": 12, "multiplications": 12 * steps, "neuron_updates": 12 * steps}
     assert report["host"] == {"layers": {"layer0": counted}, "lines": 12}
+    cut = np.count_nonzero((inputs < -4) | (inputs > 127 / 32))
+    assert cut > 20
     sent = spikes["layer0"].sum() / samples
     assert report["operations"]["per_sample"]["input_events"] == pytest.approx(sent)
     assert report["assumptions"] == [
         "The host rounds numbers to multiples of 1/32 from -4 to 3.96875, as slayer's input layer does.",
         "Layers 'layer0' run in float and integers on the host (--host-layers): their 12 "
         "multiplications a step are not among the chip's operations, energy and time.",
+        f"{cut} of {inputs.size} numbers are outside -4 to 3.96875, and are cut to these: give them in "
+        "the range of the training.",
         "How long a step lasts is not known, because neither the model nor the recordings say it "
         "(--step-seconds): there is no comparison with the pace of a sensor.",
     ]
@@ -198,6 +202,22 @@ def test_neurons_that_send_numbers_are_refused_on_the_host_too(tmp_path):
         "model 'model.net', layer 0: 'SDNN' neurons do not fit into one compartment of the chip. "
         "Use CUBA neurons."
     )
+
+
+def test_numbers_inside_the_range_are_not_said_to_be_cut():
+    scaling = InputScaling(weight=1.0, bias=0.0)
+    assert scaling.cut_sentences(np.array([-4.0, 0.3, 127 / 32])) == ()
+
+
+def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
+    weights = np.array([[2.0], [-2.0]])
+    fast = neuron(4096, 4096, 2**17 - 1)
+    write_net(
+        tmp_path / "model.net",
+        [dense(RNG, 2, 1, weight=weights, neuron=fast), dense(RNG, 5, 2)],
+    )
+    sent = played(tmp_path / "model.net", np.full((1, 9, 1), 1e300), 1)["layer0"][0]
+    np.testing.assert_array_equal(sent[1:], np.tile([1, 0], (8, 1)))
 
 
 def test_a_delay_on_the_host_holds_numbers_back(tmp_path):
