@@ -11,7 +11,7 @@ from hw_model.program.sealed import CHIP_PROGRAM, save_files, sealed_files
 from hw_model.values import IntArray, picked
 
 if TYPE_CHECKING:
-    from hw_model.mapping.graph import Readout
+    from hw_model.mapping.graph import Input, Phase, Readout
     from hw_model.program.chip_program import ChipProgram, Core
 
 VERSION = 1
@@ -21,13 +21,14 @@ _NUMBERS: dict[str, type[int] | type[float]] = {
     "psi": float,
 }
 RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
-"""What is known about how recordings become steps and predictions; unknown values are left out."""
+"""What is known about how recordings become steps and predictions, with its type; unknown values are left out."""
 CHANNEL_ORDERS = ("yxp", "pyx")
 """How channels may be numbered, by their axes from the slowest to the fastest: rows, columns and polarities."""
 TIME_UNITS = ("ns", "us", "ms", "s")
 """Units of the times of events."""
 FIRST = "first"
 """The start of recordings at their first events."""
+# Arrays of ``program.npz``, and entries of ``program.yaml``: fields of Core, AxonTables, InputRoute and Input.
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = (
     "list_start",
@@ -55,42 +56,72 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
 
 def program_document(program: ChipProgram) -> dict[str, Any]:
     """Return the entries of ``program.yaml`` but for its format and checksums."""
-    readout = program.readout
     return {
         "name": program.name,
         "target": program.chip.name,
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
-        **{
-            name: value for name, value in picked(program, *RECORDINGS).items() if value is not None
-        },
-        **({"channel_order": program.channel_order} if program.channel_order else {}),
-        **({} if program.start is None else {"start": program.start}),
-        **({"time_unit": program.time_unit} if program.time_unit else {}),
-        **({"recorded": program.recorded.document()} if program.recorded else {}),
-        **({"class_names": list(program.class_names)} if program.class_names else {}),
-        "phases": [_given(asdict(phase)) for phase in program.phases],
-        "inputs": [
-            {**picked(i, *INPUT_ENTRIES), "transposed": i.positions is not None}
-            for i in program.inputs
-        ],
-        "readout": None if readout is None else dict(readout.terms),
-        **(
-            {}
-            if readout is None or readout.tie_class is None
-            else {"readout_tie_class": readout.tie_class}
-        ),
-        **(
-            {"readout_potentials_from": _potentials_from(readout)}
-            if readout and readout.from_step
-            else {}
-        ),
-        "cores": [_core(core) for core in program.cores],
+        **_recording_entries(program),
+        "phases": [_phase_entries(phase) for phase in program.phases],
+        "inputs": [_input_entries(line_input) for line_input in program.inputs],
+        **_readout_entries(program.readout),
+        "cores": [_core_entries(core) for core in program.cores],
         "chip": program.chip.document,
     }
 
 
-def _core(core: Core) -> dict[str, Any]:
+def _recording_entries(program: ChipProgram) -> dict[str, Any]:
+    """Return what is known of recordings; what is unknown has no entry."""
+    entries = {
+        name: value for name, value in picked(program, *RECORDINGS).items() if value is not None
+    }
+    if program.channel_order:
+        entries["channel_order"] = program.channel_order
+    if program.start is not None:
+        entries["start"] = program.start
+    if program.time_unit:
+        entries["time_unit"] = program.time_unit
+    if program.recorded:
+        entries["recorded"] = program.recorded.document()
+    if program.class_names:
+        entries["class_names"] = list(program.class_names)
+    return entries
+
+
+def _phase_entries(phase: Phase) -> dict[str, Any]:
+    """Return the entries of a phase; one that starts with the recording does not say so."""
+    entries = asdict(phase)
+    if phase.align_events is None:
+        del entries["align_events"]
+    return entries
+
+
+def _input_entries(line_input: Input) -> dict[str, Any]:
+    """Return the entries of an input; its positions, if it is transposed, are an array."""
+    is_transposed = line_input.positions is not None
+    return {**picked(line_input, *INPUT_ENTRIES), "transposed": is_transposed}
+
+
+def _readout_entries(readout: Readout | None) -> dict[str, Any]:
+    """Return the entries of the readout, which may be none."""
+    if readout is None:
+        return {"readout": None}
+    entries: dict[str, Any] = {"readout": dict(readout.terms)}
+    if readout.tie_class is not None:
+        entries["readout_tie_class"] = readout.tie_class
+    if readout.from_step:
+        entries["readout_potentials_from"] = _potentials_from(readout)
+    return entries
+
+
+def _potentials_from(readout: Readout) -> int | dict[str, int]:
+    """Return the first step whose potentials count: one for all populations, or by population if some give spikes."""
+    if isinstance(readout.potentials_from, int):
+        return readout.potentials_from
+    return readout.from_step
+
+
+def _core_entries(core: Core) -> dict[str, Any]:
     axons = core.axons
     return {
         **picked(core, "number", "slot", "phase", "compartments"),
@@ -98,42 +129,29 @@ def _core(core: Core) -> dict[str, Any]:
         "synapses": len(axons.target),
         **picked(axons, "synapse_words"),
         **picked(core, "vmin", "vmax"),
-        "slices": [asdict(piece) for piece in core.slices],
+        "slices": [asdict(part) for part in core.slices],
         "compartment_profiles": [asdict(profile) for profile in core.profiles],
         "threshold_mantissas": list(core.thresholds),
-        "synapse_formats": [asdict(form) for form in axons.formats],
+        "synapse_formats": [asdict(synapse_format) for synapse_format in axons.formats],
     }
-
-
-def _given(phase: dict[str, Any]) -> dict[str, Any]:
-    """Return a phase without its start, if it has none."""
-    return {
-        key: value for key, value in phase.items() if key != "align_events" or value is not None
-    }
-
-
-def _potentials_from(readout: Readout) -> int | dict[str, int]:
-    """Return the first step whose potentials count: one for all populations, or by population if some give spikes."""
-    given = readout.potentials_from
-    return given if isinstance(given, int) else readout.from_step
 
 
 def program_arrays(program: ChipProgram) -> dict[str, IntArray]:
     """Return the arrays of ``program.npz``: ``input<i>/<name>`` and ``core<number>/<name>``."""
     arrays: dict[str, IntArray] = {}
-    for index, item in enumerate(program.inputs):
-        visits = picked(item, "positions", "first_lines")
-        arrays |= {
-            f"input{index}/{name}": array for name, array in visits.items() if array is not None
-        }
+    for index, line_input in enumerate(program.inputs):
+        for name, array in picked(line_input, "positions", "first_lines").items():
+            if array is not None:
+                arrays[f"input{index}/{name}"] = array
     for index, route in enumerate(program.input_routes):
-        arrays.update(
-            {f"input{index}/{name}": array for name, array in picked(route, *ROUTE_ARRAYS).items()}
-        )
+        for name, array in picked(route, *ROUTE_ARRAYS).items():
+            arrays[f"input{index}/{name}"] = array
     for core in program.cores:
-        held = picked(core, *CORE_ARRAYS) | picked(core.axons, *AXON_ARRAYS)
-        arrays.update({f"core{core.number}/{name}": array for name, array in held.items()})
+        core_arrays = picked(core, *CORE_ARRAYS) | picked(core.axons, *AXON_ARRAYS)
+        for name, array in core_arrays.items():
+            arrays[f"core{core.number}/{name}"] = array
     return arrays
 
 
+# An array that is added to the axons is written, or this fails.
 assert {f.name for f in fields(AxonTables)} == {*AXON_ARRAYS, "formats", "synapse_words"}
