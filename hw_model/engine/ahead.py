@@ -10,7 +10,7 @@ from hw_model.engine.threads import cores
 
 
 class _Helper:
-    """A module that compiles loops, those of ``modules``, when it is run as a process."""
+    """A module that, run as a process, compiles the loops of ``modules``."""
 
     def __init__(self, name: str, modules: tuple[str, ...]) -> None:
         self._name = name
@@ -24,26 +24,27 @@ class _Helper:
 
 
 _helpers: dict[str, _Helper] = {}
-"""By name: they are started as soon as something is found not compiled."""
+"""By the name of their module: they are started as soon as a loop turns out not to be compiled."""
 
 
 def compile_ahead(name: str, modules: tuple[str, ...]) -> None:
-    """Let module ``name``, run as a process, compile the loops of ``modules`` as soon as others are compiled here.
+    """Let module ``name``, run as a process, compile the loops of ``modules``.
 
-    Who needs these loops then waits for its end. With one core nothing happens.
+    It is started as soon as this process compiles others, and who needs these loops then waits for its end
+    (:func:`compiled_ahead`). With one core nothing happens.
     """
     if name not in _helpers and cores() > 1 and sys.executable:
         _helpers[name] = _Helper(name, modules)
 
 
 def start_ahead() -> None:
-    """Start what compiles ahead: something is not compiled, or soon will be missed."""
+    """Start all helpers, because a loop that is needed, or soon will be, is not compiled."""
     for helper in _helpers.values():
         helper.start()
 
 
 def compiled_ahead(module: str) -> bool:
-    """Start all that compiles ahead; wait for what compiles the loops of a module, and tell whether it did."""
+    """Start all helpers, and wait for the one that compiles the loops of a module; tell whether it succeeded."""
     start_ahead()
     for helper in _helpers.values():
         if module in helper.modules and helper.process is not None:
@@ -52,17 +53,22 @@ def compiled_ahead(module: str) -> bool:
 
 
 def _started(module: str) -> subprocess.Popen[bytes]:
+    """Start a module as a process that imports this very copy of the package."""
     root = str(Path(__file__).parents[2])
-    found = os.pathsep.join((root, os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
+    python_path = os.pathsep.join((root, os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", module], env=os.environ | {"PYTHONPATH": found},
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        # -P: no module is imported from the folder that the user happens to be in.
+        [sys.executable, "-P", "-m", module],
+        env=os.environ | {"PYTHONPATH": python_path},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     atexit.register(_end, process)
     return process
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Let no process outlive this one: what it has not kept yet is compiled another time."""
+    """Let no process outlive this one: loops that it has not cached yet are compiled another time."""
     process.kill()
     process.wait()

@@ -35,7 +35,7 @@ class StepScores(Shown):
 
 
 def leads(scores: FloatArray) -> FloatArray:
-    """Return by how much the best of scores (..., classes) is above the second; an only one is above 0."""
+    """Return by how much the best of scores (..., classes) is above the second, or above 0 if it is the only one."""
     if scores.shape[-1] == 1:
         return scores[..., 0]
     best = np.partition(scores, -2, axis=-1)
@@ -45,11 +45,12 @@ def leads(scores: FloatArray) -> FloatArray:
 class Stops(Shown):
     """Where each recording of a batch stops, and what was done until then.
 
-    ``steps`` (batch,) of ``all_steps``: over all phases, one after the other, for :func:`stop_when_proven`, and of the
-    recording for the others. ``prediction`` (batch,) there, ``final`` (batch,) without stopping; ``counts`` until
-    there, ``all_counts`` without stopping, of all recordings together, in the counts that cost energy
-    (:data:`hw_model.description.counts.BY_CORE`): the others, wraps and clips too, are 0. ``latency_ns`` and
-    ``all_latency_ns`` likewise, by the chip's default profile.
+    - ``steps``: the step in which each stops, (batch,), out of ``all_steps``. Steps are those of all phases, one after
+      the other, if it stops by :func:`stop_when_proven`, and those of the recording if it stops by another rule
+    - ``prediction``: at the stop, (batch,); ``final``: without stopping, (batch,)
+    - ``counts``: until the stops, of all recordings together; ``all_counts``: without stopping. They hold the counts
+      that cost energy (:data:`hw_model.description.counts.BY_CORE`); all others, such as wraps and clips, are 0
+    - ``latency_ns``: until the stops, by the chip's default profile; ``all_latency_ns``: without stopping
     """
 
     steps: IntArray

@@ -1,4 +1,7 @@
-"""The kinds of ``--emit`` that builds of a family write themselves, from what the family has."""
+"""The kinds of ``--emit`` of families of chips with an arithmetic of their own, as Xylo and SpiNNaker.
+
+A build of such a family writes its files itself, and only the kinds that show what its chips have.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, TypeVar
@@ -51,7 +54,7 @@ def text_file(name: str, text: str) -> Files:
 
 
 def network_file(compiled: Compiled, shown: ShownRecording | None) -> Files:
-    """Return ``network.txt``, the trained network as stable text."""
+    """Return ``network.txt``, the trained network as stable text; a writer of it needs no recording."""
     return text_file("network.txt", network_text(compiled.network))
 
 
@@ -59,6 +62,6 @@ def recording_to_show(network: Network, shown: ShownRecording | None) -> AnyArra
     """Return the shown recording, (steps, channels) of a network; ``InputError`` where none is given."""
     if shown is None:
         raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
-    fitted = network.fit(np.asarray(shown.spikes)[None], shown.title)
-    recording: AnyArray = fitted[0]
+    batch_of_one = np.asarray(shown.spikes)[np.newaxis]
+    recording: AnyArray = network.fit(batch_of_one, shown.title)[0]
     return recording

@@ -37,7 +37,8 @@ from locsnn_compile.spinnaker.synapses import (
 class ScaledPopulation(Shown):
     """How the numbers of a population were chosen.
 
-    - ``sums``: the largest that weights of each sign bring to a neuron in a step, in weights of 1
+    - ``sums``: the largest that weights of each sign bring to a neuron in a step, in units of the
+      integer weights
     - ``gain``: mV by which a weight of 1 lifts V at once, as rounded, the mean of its neurons
     - ``current_decay_error``: the largest difference of what a step keeps of a current, as a share
     - ``weights_rounded``: weights that lost bits when they were stored
@@ -174,9 +175,10 @@ def _bounding_neurons(group: Compartments) -> list[LeakyNeuron]:
     """
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
     settings = np.stack([group.decay_u, group.decay_v, np.abs(bias)])
+    distinct = np.unique(settings, axis=1)
     return [
-        LeakyNeuron(decay_u, decay_v, threshold=0, bias=strongest_bias, refractory=1)
-        for decay_u, decay_v, strongest_bias in np.unique(settings, axis=1).T.tolist()
+        LeakyNeuron(decay_u, decay_v, threshold=0, bias=bias_magnitude, refractory=1)
+        for decay_u, decay_v, bias_magnitude in distinct.T.tolist()
     ]
 
 
@@ -184,9 +186,9 @@ def _fitted_neurons(group: Compartments, scales: Scales) -> list[_FittedNeuron]:
     """Return each neuron of a group in the numbers of SpiNNaker; equal ones are fitted once."""
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
     settings = np.stack([group.decay_u, group.decay_v, group.threshold, bias, group.refractory])
-    different, setting_of_neuron = np.unique(settings, axis=1, return_inverse=True)
-    fitted = [_fitted(LeakyNeuron(*setting), scales) for setting in different.T.tolist()]
-    return [fitted[number] for number in setting_of_neuron.ravel().tolist()]
+    distinct, index_of_neuron = np.unique(settings, axis=1, return_inverse=True)
+    fitted = [_fitted(LeakyNeuron(*setting), scales) for setting in distinct.T.tolist()]
+    return [fitted[index] for index in index_of_neuron.ravel().tolist()]
 
 
 def _fitted(neuron: LeakyNeuron, scales: Scales) -> _FittedNeuron:

@@ -42,7 +42,7 @@ PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
 
 
-class Float(Frozen, eq=False):
+class FloatRun(Frozen, eq=False):
     """Spikes and potentials of the float network, (samples, steps, n), in units of the registers.
 
     For a long run they are (steps, n), in the network's own units.
@@ -86,14 +86,14 @@ class Sides:
             return np.zeros_like(self.float.potential)
         return np.abs(self.forced("kernel") - self.float.potential)
 
-    def _float(self, levels: Levels, recordings: ByteArray) -> Float:
+    def _float(self, levels: Levels, recordings: ByteArray) -> FloatRun:
         """Evaluate in float64; on-grid neurons as the same numbers without cuts, wraps and clips."""
         population = levels.quantized.population(POPULATION)
         if population.population.on_grid:
             trace = run_twin(twin_with(self.phase, ()), self.lines, potentials=(POPULATION,))
-            return Float(trace.spikes[POPULATION], trace.potential[POPULATION])
+            return FloatRun(trace.spikes[POPULATION], trace.potential[POPULATION])
         found = evaluate(levels.network, recordings, potentials=True)
-        return Float(found.spikes[POPULATION], found.potential[POPULATION] * population.scale)
+        return FloatRun(found.spikes[POPULATION], found.potential[POPULATION] * population.scale)
 
 
 def thresholds(q: QuantizedPopulation) -> FloatArray:

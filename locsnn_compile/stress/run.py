@@ -20,13 +20,15 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.format import share, short
 from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.cases.case import BLOCK, POPULATION, Case, LongRun, long_runs
-from locsnn_compile.stress.measure import Float, Sides, lowered, measure
+from locsnn_compile.stress.measure import FloatRun, Sides, lowered, measure
 from locsnn_compile.stress.row import TENTH, Drift, Row, judge
 from locsnn_compile.verification.matching import PopulationMatch, Progress
 
 TENTHS = 10
-LESS = 0.05
+AGREEMENT_SLACK = 0.05
 """How far the spike agreement in the last tenth of a run may fall below the beginning unnoticed."""
+ROUNDING_SLACK = 1e-6
+"""Share by which an error may exceed its bound, as both are computed in float64."""
 LONG_STEPS = 1_000_000
 """Steps of a long run."""
 QUICK_STEPS = 10 * BLOCK
@@ -40,38 +42,40 @@ def run_stress(
     short_cases = cases(quick=quick)
     runs = [run for run in long_runs() if run.case.quick or not quick]
     steps = QUICK_STEPS if quick else LONG_STEPS
+    row_count = len(short_cases) + len(runs)
+    short_rows = (run_case(case, chip) for case in short_cases)
     rows: list[Row] = []
-    for row in chain((run_case(case, chip) for case in short_cases), _long_rows(runs, chip, steps)):
+    for row in chain(short_rows, _long_rows(runs, chip, steps)):
         rows.append(row)
         if progress:
-            progress(len(rows), len(short_cases) + len(runs))
+            progress(len(rows), row_count)
     return tuple(rows)
 
 
 def _long_rows(runs: Sequence[LongRun], chip: hw.Chip, steps: int) -> Iterator[Row]:
     """Yield the rows of long runs; those that follow each other with one network share its float run."""
-    for network, of_network in groupby(runs, key=lambda run: run.case.network):
-        float_run: Float | None = None
-        for run in of_network:
+    for network, runs_of_network in groupby(runs, key=lambda run: run.case.network):
+        float_run: FloatRun | None = None
+        for run in runs_of_network:
             if float_run is None:
                 float_run = play_float(network, run.block, steps)
-            yield _row(run.case, partial(long_row, run, chip, float_run))
+            yield _row_or_error(run.case, partial(long_row, run, chip, float_run))
 
 
 def run_case(case: Case, chip: hw.Chip) -> Row:
     """Return the row of a case, whatever happens."""
-    return _row(case, lambda: judge(case, measure(case, chip)))
+    return _row_or_error(case, lambda: judge(case, measure(case, chip)))
 
 
-def _row(case: Case, make: Callable[[], Row]) -> Row:
-    """Make a row; if that ends in an error, return the row of the error.
+def _row_or_error(case: Case, judged_row: Callable[[], Row]) -> Row:
+    """Return the row of a case; if computing it ends in an error, the row of the error.
 
     Warnings of numpy count as crashes: an infinity that nobody meant to compute leads to nonsense.
     """
     with warnings.catch_warnings(), np.errstate(over="raise", divide="raise", invalid="raise"):
         warnings.simplefilter("error", RuntimeWarning)
         try:
-            return make()
+            return judged_row()
         except LocsnnError as error:
             if not error.fix.strip():
                 return Row(case, "unexplained", (f"refused without a way out: {error}",))
@@ -80,21 +84,22 @@ def _row(case: Case, make: Callable[[], Row]) -> Row:
             return Row(case, "unexplained", (f"crash: {type(error).__name__}: {error}",))
 
 
-def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
+def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
     """Return the row of a long run, from its beginning and from how it went on."""
     row = judge(run.case, measure(run.case, chip))
     drift, session_differs = measure_drift(run, chip, float_run)
-    defects = tuple(defect for defect in (session_differs, _beyond(drift)) if defect)
-    if defects or row.verdict == "unexplained":
-        before = row.causes if row.verdict == "unexplained" else ()
-        return replace(row, verdict="unexplained", causes=before + defects, drift=drift)
+    defects = tuple(defect for defect in (session_differs, _beyond_bound(drift)) if defect)
+    if row.verdict == "unexplained":
+        return replace(row, causes=row.causes + defects, drift=drift)
+    if defects:
+        return replace(row, verdict="unexplained", causes=defects, drift=drift)
     causes = (*row.causes, *growth(row, drift, run.fades))
     return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
 
 
-def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, str | None]:
+def measure_drift(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> tuple[Drift, str | None]:
     """Return figures by tenth of the run, and how a session differs from the simulation, if it does."""
-    steps = len(wanted.spikes)
+    steps = len(float_run.spikes)
     levels = lowered(run.case, chip, steps)
     played = _repeated(run.block, steps)
     potential_probe = hw.Probe("potential", (POPULATION,))
@@ -103,29 +108,30 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
     potential = result.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
     theta = run.case.network.populations[0].thresholds
-    quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
+    has_spikes = np.asarray(float_run.spikes.any(axis=0) | spikes.any(axis=0))
+    quiet: BoolArray = ~has_spikes
     matches = []
     errors = []
-    for of_tenth in np.array_split(np.arange(steps), TENTHS):
-        tenth = slice(of_tenth[0], of_tenth[-1] + 1)
-        matches.append(PopulationMatch.of(wanted.spikes[tenth], spikes[tenth]))
+    for tenth_steps in np.array_split(np.arange(steps), TENTHS):
+        tenth = slice(tenth_steps[0], tenth_steps[-1] + 1)
+        matches.append(PopulationMatch.of(float_run.spikes[tenth], spikes[tenth]))
         # Tenth by tenth, because all of a long run at a time takes too much memory.
-        difference = np.abs(potential[tenth] / scale - wanted.potential[tenth]) / theta
+        difference = np.abs(potential[tenth] / scale - float_run.potential[tenth]) / theta
         errors.append(float(difference[:, quiet].max(initial=0.0)))
     drift = Drift(
-        steps,
-        tuple(matches),
-        tuple(errors) if quiet.any() else None,
-        _bound(run, chip, quiet, steps),
+        steps=steps,
+        spikes=tuple(matches),
+        error=tuple(errors) if quiet.any() else None,
+        bound=_bound(run, chip, quiet, steps),
     )
     return drift, _session_differs(levels.program, played, spikes, len(run.block))
 
 
-def play_float(network: Network, block: ByteArray, steps: int) -> Float:
+def play_float(network: Network, block: ByteArray, steps: int) -> FloatRun:
     """Play a block (steps, channels) repeatedly to a float network; return (steps, n) in its own units."""
     recording = _repeated(block, steps)
     result = evaluate(replace(network, steps=steps), recording[None], potentials=True)
-    return Float(result.spikes[POPULATION][0], result.potential[POPULATION][0])
+    return FloatRun(result.spikes[POPULATION][0], result.potential[POPULATION][0])
 
 
 def _repeated(block: ByteArray, steps: int) -> ByteArray:
@@ -137,9 +143,12 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
     if not quiet.any():
         return 0.0
     sides = Sides(lowered(run.case, chip), run.case.recordings)
-    shares = (sides.model_error() + sum(sides.bound().values())) / sides.threshold
-    settled = float(shares[:, -len(run.block) :][..., quiet].max())
-    return settled * (1.0 if run.fades else steps / run.case.network.steps)
+    bounds_in_thresholds = (sides.model_error() + sum(sides.bound().values())) / sides.threshold
+    last_block = bounds_in_thresholds[:, -len(run.block) :]
+    settled = float(last_block[..., quiet].max())
+    if run.fades:
+        return settled
+    return settled * (steps / run.case.network.steps)
 
 
 def _session_differs(
@@ -147,17 +156,19 @@ def _session_differs(
 ) -> str | None:
     """Push the run to a session, ``rows`` rows at a time; say where it first counts different spikes."""
     session = hw.Session(program)
-    counted = spikes.cumsum(axis=0, dtype=np.int64)
+    simulated_counts = spikes.cumsum(axis=0, dtype=np.int64)
     for start in range(0, len(played), rows):
-        pushed = session.push(played[start : start + rows]).spikes[POPULATION]
-        if not np.array_equal(pushed[-1], counted[start + len(pushed) - 1]):
-            return f"a session counts other spikes until step {start + len(pushed)}"
+        session_counts = session.push(played[start : start + rows]).spikes[POPULATION]
+        stop = start + len(session_counts)
+        if not np.array_equal(session_counts[-1], simulated_counts[stop - 1]):
+            return f"a session counts other spikes until step {stop}"
     return None
 
 
-def _beyond(drift: Drift) -> str | None:
+def _beyond_bound(drift: Drift) -> str | None:
+    """Say by how much the largest error exceeds its bound, if it does."""
     largest = max(drift.error or (0.0,))
-    if largest <= drift.bound * (1 + 1e-6):
+    if largest <= drift.bound * (1 + ROUNDING_SLACK):
         return None
     return f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"
 
@@ -173,6 +184,6 @@ def growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
     last = drift.spikes[-1].agreement
     # If neither side spikes in the beginning, nothing differs there.
     beginning = 1.0 if first is None else first
-    if last is not None and last < beginning - LESS:
+    if last is not None and last < beginning - AGREEMENT_SLACK:
         equal = f"{share(first)} are equal" if first is not None else "there are none"
         yield f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth"

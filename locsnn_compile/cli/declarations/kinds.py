@@ -28,16 +28,16 @@ def number(
 
     A number that is not from ``low`` to ``high``, or not ``above`` a bound, is an ``InputError``.
     """
-    wanted = _range_in_words(low, high, above)
+    accepted = _range_in_words(low, high, above)
 
     def checked(text: str) -> Any:
         value = read(text)
-        fits = math.isfinite(value)
-        fits = fits and (low is None or value >= low)
-        fits = fits and (high is None or value <= high)
-        fits = fits and (above is None or value > above)
-        if not fits:
-            raise InputError(f"{option} {text}", "it is out of range", fix=f"Give {wanted}.")
+        is_high_enough = low is None or value >= low
+        is_low_enough = high is None or value <= high
+        is_above = above is None or value > above
+        is_in_range = is_high_enough and is_low_enough and is_above
+        if not (math.isfinite(value) and is_in_range):
+            raise InputError(f"{option} {text}", "it is out of range", fix=f"Give {accepted}.")
         return value
 
     # argparse shows this name if the text is not a number.
@@ -50,7 +50,9 @@ def _range_in_words(low: float | None, high: float | None, above: float | None) 
         return f"a number above {above:g}"
     if low is None:
         return "a finite number"
-    return f"a number from {low:g} up" if high is None else f"a number from {low:g} to {high:g}"
+    if high is None:
+        return f"a number from {low:g} up"
+    return f"a number from {low:g} to {high:g}"
 
 
 def choice(option: str, known: tuple[str, ...], read: Callable[[str], Any] = str) -> dict[str, Any]:

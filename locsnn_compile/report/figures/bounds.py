@@ -1,4 +1,7 @@
-"""Entry of report.json on bounds: what any input can take that keeps a rate of events, next to what was measured."""
+"""Entry of report.json on bounds.
+
+They are the most that any input up to a rate of events can take, next to what was measured.
+"""
 
 from typing import NamedTuple
 
@@ -10,7 +13,10 @@ from locsnn_compile.verification.matching import Match
 
 
 class Bounded(Entry):
-    """A bound, the most over the recordings of the check, and its share of the bound; None if not known."""
+    """A bound, the largest value measured over the recordings of the check, and its share of the bound.
+
+    ``measured`` and ``share`` are None if not known.
+    """
 
     bound: float
     measured: float | None
@@ -18,7 +24,12 @@ class Bounded(Entry):
 
 
 class RateBounds(Entry):
-    """Bounds for any recording with at most ``events_per_step`` events in a step."""
+    """Bounds for any recording with at most ``events_per_step`` events in a step.
+
+    ``answer_ns`` is the time from the last row to the answer. ``queued_packets`` are those
+    of a link of the mesh in a step or, on the open core, the spikes in its queue. ``buffered_events`` are in the
+    transpose buffer.
+    """
 
     events_per_step: int
     slowest_step_ns: Bounded
@@ -44,7 +55,7 @@ class BoundFigures(Entry):
 
 
 class _Measured(NamedTuple):
-    """The most over the recordings of the check; None where nothing is measured."""
+    """The largest values over the recordings of the check; None where nothing is measured."""
 
     slowest_step_ns: float | None
     answer_ns: float | None
@@ -66,6 +77,7 @@ def bound_figures(
         return None
     channels = sum(program.streams.values())
     measured = _measured(match, peaks, times_cores=target.times_cores)
+    as_recorded = hw.worst_case(program, steps, peaks.of_step)
     any_input = hw.worst_case(program, steps, channels)
     step_ns = None if step_seconds is None else step_seconds * 1e9
     sustained = None
@@ -73,7 +85,7 @@ def bound_figures(
         sustained = hw.sustained_events(program, steps, step_ns)
     return BoundFigures(
         channels=channels,
-        as_recorded=_bounds(hw.worst_case(program, steps, peaks.of_step), measured),
+        as_recorded=_bounds(as_recorded, measured),
         any_input=_bounds(any_input, measured),
         step_ns=step_ns,
         sustained_events_per_step=sustained,
@@ -81,15 +93,22 @@ def bound_figures(
 
 
 def _measured(match: Match, peaks: EventPeaks, *, times_cores: bool) -> _Measured:
-    """Return what was measured: the open core has exact times of whole recordings alone."""
+    """Return what was measured; ``times_cores``: whether the chip has times of steps, or of whole recordings alone."""
     recording_ns = max(latency.total_ns for latency in match.latencies)
     if not times_cores:
-        return _Measured(None, None, recording_ns, None, peaks.of_buffer)
+        return _Measured(
+            slowest_step_ns=None,
+            answer_ns=None,
+            recording_ns=recording_ns,
+            queued_packets=None,
+            buffered_events=peaks.of_buffer,
+        )
+    most_packets_by_phase = [int(used.link_most.max(initial=0)) for used in match.usage.values()]
     return _Measured(
         slowest_step_ns=max(latency.slowest_step_ns for latency in match.latencies),
         answer_ns=max(latency.after_last_row_ns for latency in match.latencies),
         recording_ns=recording_ns,
-        queued_packets=max(int(used.link_most.max(initial=0)) for used in match.usage.values()),
+        queued_packets=max(most_packets_by_phase),
         buffered_events=peaks.of_buffer,
     )
 

@@ -16,18 +16,18 @@ def render_markdown(report: content.Report) -> str:
     verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     notices = "".join(_notice(notice) for notice in report.notices)
     sections = "".join(section_markdown(section) for section in report.sections)
-    whole = f"""\
+    page = f"""\
 # {text(report.title)}
 
 {text(report.subtitle)}
 
 {verdicts}{_assumptions(report.assumptions)}{notices}{sections}"""
-    return whole.rstrip("\n") + "\n"
+    return page.rstrip("\n") + "\n"
 
 
 def text(value: str) -> str:
     """Return a string that Markdown, the HTML in it and its tables show unchanged."""
-    escaped = _SPECIAL.sub(lambda found: f"\\{found.group()}", plain(value))
+    escaped = _SPECIAL.sub(lambda special: f"\\{special.group()}", plain(value))
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
@@ -80,7 +80,7 @@ def _block(block: content.Block) -> str:
         case content.Mesh():
             return f"{text(block.title)}: {text(block.description)}.\n\n"
         case content.Folded():
-            return "".join(_block(each) for each in block.blocks)
+            return "".join(_block(folded) for folded in block.blocks)
         case content.Stack() | content.Plot() | content.Raster():
             return ""
 
@@ -95,17 +95,23 @@ def _items(sentences: Sequence[str]) -> str:
 
 def _table(table: content.Table) -> str:
     """Return the table without its drawn columns, below its caption."""
-    named = [i for i, name in enumerate(table.columns) if name]
+    # Columns without a name are drawn, and so left out.
+    shown_columns = [i for i, name in enumerate(table.columns) if name]
+    alignments = ["---", *("---:" for _ in shown_columns[1:])]
     lines = [
-        line([text(table.columns[i]) for i in named]),
-        line(["---", *("---:" for _ in named[1:])]),
+        line([text(table.columns[i]) for i in shown_columns]),
+        line(alignments),
     ]
-    lines += [line([_cell(row[i]) for i in named]) for row in table.rows]
+    for row in table.rows:
+        lines.append(line([_cell(row[i]) for i in shown_columns]))
     return f"**{text(table.caption)}**\n\n" + "\n".join(lines)
 
 
 def _cell(cell: content.Cell) -> str:
-    return text(cell.label if isinstance(cell, content.Bar) else cell)
+    """Return a cell as text; a bar is replaced by what stands beside it."""
+    if isinstance(cell, content.Bar):
+        return text(cell.label)
+    return text(cell)
 
 
 def line(cells: Sequence[str]) -> str:
