@@ -21,11 +21,10 @@ class InputScaling(Frozen):
 
     def scaled(self, values: FloatArray) -> FloatArray:
         """Return what reaches the neurons, in float64; its multiples of 1/1024 are exact."""
-        # Numbers far outside need not fit into float32, in which slayer rounds, half to even.
-        near = np.clip(values, 2 * LEAST, 2 * MOST).astype(np.float32)
-        rounded = np.rint(near / STEP).astype(np.float64) * STEP
-        held: FloatArray = np.clip(rounded, LEAST, MOST)
-        return held * self.weight + self.bias
+        # Both ends are multiples themselves: numbers may be cut before slayer's float32, which ends sooner.
+        held = np.clip(values, LEAST, MOST).astype(np.float32)
+        rounded: FloatArray = np.rint(held / STEP).astype(np.float64) * STEP
+        return rounded * self.weight + self.bias
 
     def cut_sentences(self, values: FloatArray) -> tuple[str, ...]:
         """Return a sentence on the numbers that are outside the range, if any are."""

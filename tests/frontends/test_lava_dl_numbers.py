@@ -196,6 +196,14 @@ def test_a_bias_of_the_input_layer_needs_numbers(tmp_path):
     )
 
 
+def test_sums_without_neurons_are_refused_on_the_host(tmp_path):
+    sums = {key: value for key, value in dense(RNG, 8, 10).items() if key != "neuron"}
+    layers = [sums, dense(RNG, 6, 8), dense(RNG, 5, 6)]
+    assert refusal(layers, tmp_path, "layer1") == (
+        "model 'model.net', layer 0: it has no neurons. Use CUBA neurons."
+    )
+
+
 def test_neurons_that_send_numbers_are_refused_on_the_host_too(tmp_path):
     graded = INPUT | {"neuron": neuron(1024, 128, 60, kind="SDNN")}
     assert refusal([graded, dense(RNG, 5, 10)], tmp_path, 1) == (
@@ -221,7 +229,7 @@ def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
 
 
 def test_a_delay_on_the_host_holds_numbers_back(tmp_path):
-    layers = [dense(RNG, 8, 10, delay=3.0), dense(RNG, 5, 8)]
+    layers = [dense(RNG, 8, 10, delay=3.5), dense(RNG, 5, 8)]
     write_net(tmp_path / "late.net", layers)
     write_net(tmp_path / "early.net", [layers[0] | {"delay": 0.0}, layers[1]])
     inputs = RNG.normal(0.3, 0.5, (2, 30, 10))
@@ -229,3 +237,5 @@ def test_a_delay_on_the_host_holds_numbers_back(tmp_path):
     early = played(tmp_path / "early.net", inputs, 1)
     assert early["layer0"].any()
     np.testing.assert_array_equal(late["layer0"][:, 3:], early["layer0"][:, :-3])
+    assumed = lc.load(tmp_path / "late.net", host_layers=1).assumptions
+    assert "Of layer 0, 1 of 1 delay lose a fraction of a step, as in netx." in assumed

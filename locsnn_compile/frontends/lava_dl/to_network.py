@@ -147,15 +147,13 @@ def _border(file: NetFile, host_layers: str, place: str) -> int:
 
 
 def _host_layers(chip: _Built, layers: Sequence[NetLayer]) -> HostLayers:
-    """Return the first layers as those of the host; the chip begins with the lines that they send."""
+    """Return the first layers as those of the host; the chip begins with the shape of what they send."""
     first = _Built(relay_delays=chip.relay_delays, on_host=True)
     for layer in layers:
         _add(first, layer, last=False)
     first.outputs = {first.source: None}
     numbers = first.views[0].lines
     network = first.network(name="host", channels=numbers, steps=STEPS, any_length=True)
-    lines = first.populations[-1].size
-    chip.views.append(InputView(INPUT, "time", lines))
     chip.shape = first.shape
     chip.assumed += first.assumed
     if first.scaling is not None:
