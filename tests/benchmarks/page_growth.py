@@ -40,11 +40,10 @@ def held_by(mib: float) -> str:
 
 def activity(record: Found) -> str:
     """Return cost against activity, beside a straight line through all points (least squares of relative errors)."""
-    ops = np.array([m["synaptic_ops"] for m in record["rates"]])
-    seconds = np.array([m["seconds"] for m in record["rates"]])
-    start, slope = line(ops, seconds)
+    start, slope = _line_through(record)
     rows = []
-    for m, fitted in zip(record["rates"], start + slope * ops, strict=True):
+    for m in record["rates"]:
+        fitted = start + slope * m["synaptic_ops"]
         rows.append(
             [
                 percent(m['rate'], 1), f"{m['synaptic_ops'] / 1e6:,.2f}", f"{m['seconds'] * 1e3:.2f}",
@@ -72,6 +71,27 @@ def tables(record: Found) -> str:
         for kib, speed in zip(record["kib"], record["synaptic_ops_per_second"], strict=True)
     ]
     return table(["KiB of weights per core", "billion operations per second"], rows, left=0)
+
+
+def growth_in_short(records: dict[str, Found]) -> str:
+    """Say what an operation costs as networks grow and fire more."""
+    sizes = records["sizes"]["sizes"]
+    costs = [m["seconds"] / m["synaptic_ops"] * 1e9 for m in sizes]
+    _, dense = _line_through(records["activity_dense"])
+    _, local = _line_through(records["activity_local"])
+    return (
+        f"From {sizes[0]['compartments']:,} to {sizes[-1]['compartments']:,} compartments, a "
+        f"synaptic operation takes {min(costs):.2f} to {max(costs):.2f} ns. Time grows with "
+        f"spikes along a straight line: {dense * 1e9:.3f} ns for each operation more where layers are "
+        f"fully connected, {local * 1e9:.3f} ns where they are sparse."
+    )
+
+
+def _line_through(record: Found) -> tuple[float, float]:
+    """Return the seconds without an operation and those of each operation, by the line through all rates."""
+    ops = np.array([m["synaptic_ops"] for m in record["rates"]])
+    seconds = np.array([m["seconds"] for m in record["rates"]])
+    return line(ops, seconds)
 
 
 def growth(records: dict[str, Found]) -> str:

@@ -18,6 +18,51 @@ from page_figures import (
 from workloads import WORKLOADS
 
 
+def headline(records: dict[str, Found]) -> str:
+    """Say how much faster than the peers that there are goals for."""
+    workloads = [records[f"side_by_side_{name}"] for name in GOALS]
+    return f"A recording plays {_faster(workloads, ['nengo-loihi', 'sanafe', 'lava-dl'])}."
+
+
+def tools_in_short(records: dict[str, Found]) -> str:
+    """Say how much faster than every peer, and how near to the limit."""
+    workloads = _workloads(records)
+    shares = [limit_seconds(record) / own(record)["seconds"] for record in workloads]
+    faster = _faster(workloads, ["lava-dl", "sanafe", "nengo-loihi", "brian2-loihi"])
+    return (
+        f"A batch plays {faster}. It reaches {percent(min(shares))} to {percent(max(shares))} "
+        "of what the machine can do at most."
+    )
+
+
+PEER_NAMES = {
+    "lava-dl": "lava-dl",
+    "sanafe": "SANA-FE",
+    "nengo-loihi": "nengo-loihi's emulator",
+    "brian2-loihi": "brian2-loihi",
+}
+
+
+def _faster(workloads: list[Found], tools: list[str]) -> str:
+    """Return how many times faster than some tools, those that were there, the workloads play."""
+    parts = []
+    for tool in tools:
+        rows = [(peer(record, tool), own(record)["seconds"]) for record in workloads]
+        ratios = [found["seconds"] / ours for found, ours in rows if found]
+        if ratios:
+            least, most = ratio(min(ratios)), ratio(max(ratios))
+            parts.append(f"{least} to {most} times faster than in {PEER_NAMES[tool]}")
+    if len(parts) < 2:
+        return "".join(parts) or "in the time that the tables give"
+    return f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _workloads(records: dict[str, Found]) -> list[Found]:
+    """Return the records of the workloads that were played."""
+    names = [f"side_by_side_{name}" for name in WORKLOADS]
+    return [records[name] for name in names if name in records]
+
+
 def summary(records: dict[str, Found]) -> str:
     """Return the ratios that there is a goal for."""
     rows = []
@@ -82,9 +127,7 @@ time {times(limits["plain"])} µs), and with the state read and written {times(l
 
 def tools(records: dict[str, Found]) -> str:
     """Return every tool on every workload, with what was measured how."""
-    workloads = [
-        records[key] for key in (f"side_by_side_{name}" for name in WORKLOADS) if key in records
-    ]
+    workloads = _workloads(records)
     turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
     return f"""{made_by("test_side_by_side.py")} The same networks and input spikes for every tool, in one run: each waits in a process of its
 own, loaded and built, and all take turns, so that noise of the machine hits all alike. Medians of {turns} turns; a turn of

@@ -56,6 +56,19 @@ number of synapses; arranging grows with the cube of the board's slots instead, 
 """
 
 
+def placing_in_short(records: dict[str, Found]) -> str:
+    """Say what a synapse takes, and what arranging saves."""
+    sizes = records["sizes"]["sizes"]
+    seconds = [sum(m.get(part, 0.0) for part in PLACING) for m in sizes]
+    costs = [took / m["synapses"] * 1e6 for took, m in zip(seconds, sizes, strict=True)]
+    saved = [1 - m["after"] / m["before"] for m in records["hops"]["networks"]]
+    return (
+        f"To build, place and route a million synapses takes {min(costs):.2f} to {max(costs):.2f} "
+        f"seconds, up to {sizes[-1]['compartments']:,} compartments. Arranging the cores saves "
+        f"{percent(min(saved))} to {percent(max(saved))} of the hops."
+    )
+
+
 def placing(records: dict[str, Found]) -> str:
     """Return placing and routing against size, and the hops that arranging saves."""
     return f"""## Placing and routing against size

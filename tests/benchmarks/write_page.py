@@ -12,10 +12,10 @@ import textwrap
 from pathlib import Path
 
 from page_figures import Found
-from page_growth import growth
-from page_peers import summary, tools
-from page_placing import placing
-from page_recordings import recordings
+from page_growth import growth, growth_in_short
+from page_peers import headline, summary, tools, tools_in_short
+from page_placing import placing, placing_in_short
+from page_recordings import recordings, recordings_in_short
 from page_section import section_of
 
 COMMAND_SPEED = "command-speed"
@@ -47,8 +47,8 @@ def pages(records: dict[str, Found], picture: str) -> dict[str, str]:
 {versions}; hw_model {machine["hw_model"]}."""
     head = f"""# Benchmarks
 
-`make bench` measures the figures on these pages and writes them; the public simulators come from `make peers`. {measured}
-Seconds differ from machine to machine. Ratios within one run are the result.
+{headline(records)} `make bench` measures the figures on these pages and writes them; the public simulators come from
+`make peers`. {measured} Seconds differ from machine to machine. Ratios within one run are the result.
 
 How many times faster than each simulator a recording is, the goal in brackets, and the share of the machine's limit:
 
@@ -60,11 +60,21 @@ How many times faster than each simulator a recording is, the goal in brackets, 
 """
     return {
         "": head,
-        "side-by-side": f"# Side by side with public simulators\n\n{measured}\n\n{tools(records)}",
-        "size-and-activity": f"# Cost against size and activity\n\n{measured}\n\n{growth(records)}",
-        "recordings": f"# Real recordings\n\n{measured}\n\n{recordings(records)}",
-        "placing": f"# Placing and routing\n\n{measured}\n\n{placing(records)}",
+        "side-by-side": _page(
+            "Side by side with public simulators", tools_in_short(records), tools(records)
+        ),
+        "size-and-activity": _page(
+            "Cost against size and activity", growth_in_short(records), growth(records)
+        ),
+        "recordings": _page("Real recordings", recordings_in_short(records), recordings(records)),
+        "placing": _page("Placing and routing", placing_in_short(records), placing(records)),
     }
+
+
+def _page(title: str, conclusion: str, sections: str) -> str:
+    """Return a page next to the headline's, which says what machine it was."""
+    machine = "Measured on the machine that [Benchmarks](../benchmarks.md) names."
+    return f"# {title}\n\n{conclusion} {machine}\n\n{sections}"
 
 
 LINKS = """- [Side by side](benchmarks/side-by-side.md): every tool on four workloads, and the kernel that is the limit.
