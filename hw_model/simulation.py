@@ -4,7 +4,6 @@ import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, lru_cache, partial
-from itertools import chain
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -113,6 +112,33 @@ def simulate(
 
 
 Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
+"""Plays some recordings to a phase of a program, and keeps of registers what the windows ask for."""
+
+
+class _Playback(NamedTuple):
+    """How recordings are played: all that those of one call have in common.
+
+    ``rows``: of every recording; ``steps``: of phases whose length the program does not fix.
+    """
+
+    program: ChipProgram
+    probes: tuple[Probe, ...]
+    rows: int
+    steps: int | None
+    is_batch: bool
+    run_phase: Run
+    player: Player
+
+    @property
+    def spikes_of_recording(self) -> int:
+        """Numbers of 0 and 1 that a recording's spikes take, at most."""
+        compartments = sum(self.program.populations.values())
+        return max(1, compartments * self.longest_phase)
+
+    @property
+    def longest_phase(self) -> int:
+        """The most steps of a phase."""
+        return _longest_phase(self.program, self.rows, self.steps)
 
 
 def play_recordings(
@@ -128,46 +154,48 @@ def play_recordings(
 
     ``remember``: an empty recording is played once, and later ones are given copies.
     """
-    if steps is not None and steps < 1:
+    _check_steps(steps)
+    probes = read_probes(program, probe)
+    streams, is_batch = read_streams(program, spikes, listed=True)
+    batch, rows = next(iter(streams.values())).shape[:2]
+    if batch == 0 or (rows == 0 and steps is None):
+        raise InputError(
+            "spikes",
+            "nothing to simulate",
+            measured=f"recordings: {batch}, steps: {rows}",
+            fix="Give some recordings and steps.",
+        )
+    playback = _Playback(program, tuple(probes.values()), rows, steps, is_batch, run_phase, player)
+    is_small = batch == 1 and playback.spikes_of_recording <= MAX_REMEMBERED
+    if remember and is_small and not any(array.max(initial=0) for array in streams.values()):
+        return _copied_result(_of_nothing(playback))
+    return _played(streams, playback)
+
+
+def _check_steps(steps: int | None) -> None:
+    if steps is None:
+        return
+    if steps < 1:
         raise InputError(
             "steps",
             "nothing to simulate",
             measured=f"{steps} against at least 1",
             fix="Raise steps.",
         )
-    check_most(
-        steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps."
-    )
-    probes = read_probes(program, probe)
-    streams, batched = read_streams(program, spikes, listed=True)
-    batch, rows = next(iter(streams.values())).shape[:2]
-    if batch == 0 or (rows == 0 and steps is None):
-        measured = f"recordings: {batch}, steps: {rows}"
-        raise InputError(
-            "spikes",
-            "nothing to simulate",
-            measured=measured,
-            fix="Give some recordings and steps.",
-        )
-    longest = _plans(program, tuple(probes.values()), rows, steps)[1]
-    size = max(1, sum(program.populations.values()) * longest)
-    arguments = program, tuple(probes.values()), rows, steps, batched, run_phase, player
-    remember = remember and batch == 1 and size <= MAX_REMEMBERED
-    if remember and not any(array.max(initial=0) for array in streams.values()):
-        return SimulationResult(**_copied(vars(_of_nothing(*arguments))))
-    return _played(streams, *arguments)
+    check_most(steps, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
 
 
 @lru_cache(maxsize=8)
-def _of_nothing(
-    program: ChipProgram, probes: tuple[Probe, ...], rows: int, *rest: Any
-) -> SimulationResult:
-    """Return the result of an empty recording of ``rows`` rows, which nobody changes; others as for :func:`_played`."""
-    streams = {
-        name: np.zeros((1, rows, channels), dtype=np.uint8)
-        for name, channels in program.streams.items()
-    }
-    return _played(streams, program, probes, rows, *rest)
+def _of_nothing(playback: _Playback) -> SimulationResult:
+    """Return the result of an empty recording, which nobody changes."""
+    streams = {}
+    for name, channels in playback.program.streams.items():
+        streams[name] = np.zeros((1, playback.rows, channels), dtype=np.uint8)
+    return _played(streams, playback)
+
+
+def _copied_result(result: SimulationResult) -> SimulationResult:
+    return SimulationResult(**_copied(vars(result)))
 
 
 def _copied(value: Any) -> Any:
@@ -181,130 +209,171 @@ def _copied(value: Any) -> Any:
     return StepActivity(**_copied(vars(value))) if isinstance(value, StepActivity) else value
 
 
-def _played(
-    streams: Mapping[str, ByteArray],
-    program: ChipProgram,
-    probes: tuple[Probe, ...],
-    rows: int,
-    steps: int | None,
-    batched: bool,
-    run_phase: Run,
-    player: Player,
-) -> SimulationResult:
-    """Play recordings, all of ``rows`` rows, as many at a time as can be held, and keep what the probes ask for."""
-    plans, longest = _plans(program, probes, rows, steps)
-    keeps_activity = any(probe.kind == "activity" for probe in probes)
+def _played(streams: Mapping[str, ByteArray], playback: _Playback) -> SimulationResult:
+    """Play recordings, as many at a time as can be held, and keep what the probes ask for."""
+    program, player = playback.program, playback.player
+    plans = _plans(program, playback.probes, playback.rows, playback.steps)
+    collected = _Collected(playback)
     batch = len(next(iter(streams.values())))
-    together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
-
-    probed: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
-    counts: dict[str, list[IntArray]] = {phase.name: [] for phase in program.phases}
-    activity: dict[str, list[StepActivity]] = {}
-    if keeps_activity:
-        activity = {phase.name: [] for phase in program.phases}
-    events: dict[str, IntArray] = {}
-    scores: list[FloatArray] = []
+    together = max(1, MAX_TOGETHER // playback.spikes_of_recording)
     for start in range(0, batch, together):
         stop = min(start + together, batch)
-        lists_by_stream = {
-            name: player.list_events(name, array[start:stop]) for name, array in streams.items()
-        }
-        readings: dict[str, AnyArray] = {}
-        for phase, windows, wanted, deciding, counting in plans:
-            played = play(program, phase, lists_by_stream, steps, player)
-            trace = run_phase(program, phase.name, played, windows)
-            arrays: dict[Any, AnyArray] = {"spikes": trace.spikes, **trace.registers}
-            counts[phase.name].append(count_totals(program, phase.name, played, trace))
-            if keeps_activity:
-                activity[phase.name] += count_steps(program, phase.name, played, trace)
-            for population in wanted:
-                values = population.taken_from(arrays)
-                probed[population.kind].setdefault(population.name, []).append(values)
-            _add_events(program, phase.name, trace, events)
-            for population in deciding:
-                readings[population.name] = largest(population.taken_from(arrays), 0)
-            for name, columns in counting.items():
-                readings[name] = trace.fired[:, columns]
+        events = {}
+        for name, array in streams.items():
+            events[name] = player.list_events(name, array[start:stop])
+        voting: dict[str, AnyArray] = {}
+        for plan in plans:
+            played = play(program, plan.phase, events, playback.steps, player)
+            trace = playback.run_phase(program, plan.phase.name, played, plan.windows)
+            collected.add(plan, played, trace)
+            voting |= plan.voting(trace)
         if program.readout is not None:
-            scores.append(program.readout.weighed(readings))
-
-    def result(kind: Kind) -> dict[str, AnyArray]:
-        return {
-            name: joined(arrays) if batched else arrays[0][0]
-            for name, arrays in probed[kind].items()
-        }
-
-    return SimulationResult(
-        spikes=result("spikes"),
-        u=result("u"),
-        v=result("v"),
-        potential=result("potential"),
-        activity={phase: tuple(items) for phase, items in activity.items()},
-        count_tables={phase: joined(tables) for phase, tables in counts.items()},
-        events=_events_by_population(program, events),
-        scores=_scores(scores, batched=batched),
-        tie_class=None if program.readout is None else program.readout.tie_class,
-    )
-
-
-def _events_by_population(
-    program: ChipProgram, events: Mapping[str, IntArray]
-) -> dict[str, dict[str, int]]:
-    """Return wraps and clips by population and kind, without populations that have none."""
-    by_population: dict[str, dict[str, int]] = {}
-    for phase, table in events.items():
-        for name, counts in zip(program.columns_of(phase), table.tolist(), strict=True):
-            if any(counts):
-                by_population[name] = dict(zip(EVENTS, counts, strict=True))
-    return by_population
-
-
-def _scores(parts: Sequence[FloatArray], *, batched: bool) -> FloatArray | None:
-    """Return the scores of all recordings, or of the only one; None without a readout."""
-    if not parts:
-        return None
-    return joined(parts) if batched else parts[0][0]
+            collected.scores.append(program.readout.weighed(voting))
+    return collected.result()
 
 
 class _Plan(NamedTuple):
-    """A phase, and what to keep of it: for the probes, and, for the readout, potentials and counts of columns."""
+    """A phase, and what to keep of it.
+
+    - ``windows``: registers that the engine keeps
+    - ``probed``: what the probes ask for
+    - ``deciding``: potentials by which the readout predicts
+    - ``counted``: columns of the populations whose spikes the readout counts
+    """
 
     phase: Phase
     windows: dict[Register, Window]
-    wanted: list[ProbedPopulation]
+    probed: list[ProbedPopulation]
     deciding: list[ProbedPopulation]
-    counting: dict[str, slice]
+    counted: dict[str, slice]
+
+    def voting(self, trace: PhaseTrace) -> dict[str, AnyArray]:
+        """Return what the readout weighs, by population, (batch, n): largest potentials, or numbers of spikes."""
+        voting: dict[str, AnyArray] = {}
+        arrays = _arrays_of(trace)
+        for population in self.deciding:
+            voting[population.name] = largest(population.taken_from(arrays), 0)
+        for name, columns in self.counted.items():
+            voting[name] = trace.fired[:, columns]
+        return voting
+
+
+def _arrays_of(trace: PhaseTrace) -> dict[Kind, AnyArray]:
+    """Return what an engine keeps of a phase, by kind."""
+    arrays: dict[Kind, AnyArray] = {"spikes": trace.spikes}
+    for register, rows in trace.registers.items():
+        arrays[register] = rows
+    return arrays
 
 
 @lru_cache(maxsize=16)
 def _plans(
     program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None
-) -> tuple[list[_Plan], int]:
-    """Return all that recordings of ``rows`` rows have in common, phase by phase, and the most steps of one."""
-    first_step_of_potentials: Mapping[str, int] = {}
-    read_out: Sequence[str] = ()
-    if program.readout is not None:
-        first_step_of_potentials = program.readout.from_step
-        read_out = program.readout.populations
-    deciding_probes = [
-        Probe("potential", (name,), range(step, sys.maxsize))
-        for name, step in first_step_of_potentials.items()
-    ]
+) -> list[_Plan]:
+    """Return what to keep of each phase, where recordings have ``rows`` rows."""
+    readout = program.readout
+    first_step_of = {} if readout is None else readout.from_step
+    read = () if readout is None else readout.populations
+    deciding_probes = []
+    for name, first_step in first_step_of.items():
+        to_the_end = range(first_step, sys.maxsize)
+        deciding_probes.append(Probe("potential", (name,), to_the_end))
     plans = []
     for phase in program.phases:
         phase_steps = steps_of(program, phase, rows, steps)
         columns = program.columns_of(phase.name)
-        windows, populations = phase_probes(
-            program, phase.name, (*probes, *deciding_probes), phase_steps
+        all_probes = (*probes, *deciding_probes)
+        kept = phase_probes(program, phase.name, all_probes, phase_steps)
+        plan = _Plan(
+            phase=phase,
+            windows=kept.windows,
+            probed=[each for probe in probes for each in kept.populations[probe]],
+            deciding=[each for probe in deciding_probes for each in kept.populations[probe]],
+            counted={
+                name: columns[name]
+                for name in read
+                if name in columns and name not in first_step_of
+            },
         )
-        wanted = list(chain.from_iterable(populations[probe] for probe in probes))
-        deciding = list(chain.from_iterable(populations[probe] for probe in deciding_probes))
-        counting = {}
-        for name in read_out:
-            if name in columns and name not in first_step_of_potentials:
-                counting[name] = columns[name]
-        plans.append(_Plan(phase, windows, wanted, deciding, counting))
-    return plans, max(length_of(program, phase, rows, steps) for phase in program.phases)
+        plans.append(plan)
+    return plans
+
+
+@lru_cache(maxsize=16)
+def _longest_phase(program: ChipProgram, rows: int, steps: int | None) -> int:
+    return max(length_of(program, phase, rows, steps) for phase in program.phases)
+
+
+class _Collected:
+    """What is kept of recordings that were played so far."""
+
+    def __init__(self, playback: _Playback) -> None:
+        phases = [phase.name for phase in playback.program.phases]
+        self.scores: list[FloatArray] = []
+        self._playback = playback
+        self._keeps_activity = any(probe.kind == "activity" for probe in playback.probes)
+        self._arrays: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
+        self._counts: dict[str, list[IntArray]] = {phase: [] for phase in phases}
+        self._activity: dict[str, list[StepActivity]] = {}
+        self._events: dict[str, IntArray] = {}
+
+    def add(self, plan: _Plan, played: PhaseInput, trace: PhaseTrace) -> None:
+        """Keep what is asked for of some recordings in a phase."""
+        program = self._playback.program
+        phase = plan.phase.name
+        self._counts[phase].append(count_totals(program, phase, played, trace))
+        if self._keeps_activity:
+            activity = self._activity.setdefault(phase, [])
+            activity += count_steps(program, phase, played, trace)
+        arrays = _arrays_of(trace)
+        for population in plan.probed:
+            parts = self._arrays[population.kind].setdefault(population.name, [])
+            parts.append(population.taken_from(arrays))
+        if np.count_nonzero(trace.totals[:, _EVENTS]):
+            self._add_events(phase, trace)
+
+    def _add_events(self, phase: str, trace: PhaseTrace) -> None:
+        """Add up wraps and clips of a phase, (populations, kinds)."""
+        columns = self._playback.program.columns_of(phase).values()
+        # A sum over one recording would only copy it.
+        of_columns = trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0)
+        of_populations = np.add.reduceat(of_columns, [own.start for own in columns], axis=1)
+        self._events[phase] = self._events.get(phase, 0) + of_populations.T
+
+    def result(self) -> SimulationResult:
+        """Return what was kept of all recordings."""
+        readout = self._playback.program.readout
+        return SimulationResult(
+            spikes=self._of_kind("spikes"),
+            u=self._of_kind("u"),
+            v=self._of_kind("v"),
+            potential=self._of_kind("potential"),
+            activity={phase: tuple(items) for phase, items in self._activity.items()},
+            count_tables={phase: joined(tables) for phase, tables in self._counts.items()},
+            events=self._events_by_population(),
+            scores=None if readout is None else self._whole(self.scores),
+            tie_class=None if readout is None else readout.tie_class,
+        )
+
+    def _of_kind(self, kind: Kind) -> dict[str, AnyArray]:
+        return {name: self._whole(parts) for name, parts in self._arrays[kind].items()}
+
+    def _whole(self, parts: list[AnyArray]) -> AnyArray:
+        """Return the arrays of all parts as one; without the axis of recordings, where one was given."""
+        if self._playback.is_batch:
+            return joined(parts)
+        only: AnyArray = parts[0][0]
+        return only
+
+    def _events_by_population(self) -> dict[str, dict[str, int]]:
+        """Return wraps and clips by kind, of populations that have some."""
+        by_population = {}
+        for phase, table in self._events.items():
+            names = self._playback.program.columns_of(phase)
+            for name, numbers in zip(names, table.tolist(), strict=True):
+                if any(numbers):
+                    by_population[name] = dict(zip(EVENTS, numbers, strict=True))
+        return by_population
 
 
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
@@ -347,16 +416,3 @@ def _compiles() -> bool:
             fix_of(reason),
         )
     return reason is None
-
-
-def _add_events(
-    program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]
-) -> None:
-    """Add up wraps and clips by phase, (populations, kinds)."""
-    if not np.count_nonzero(trace.totals[:, _EVENTS]):
-        return
-    starts = [columns.start for columns in program.columns_of(phase).values()]
-    # A batch of one, as most calls are, needs no sum.
-    by_column = trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0)
-    by_population = np.add.reduceat(by_column, starts, axis=1)
-    events[phase] = events.get(phase, 0) + by_population.T
