@@ -1,7 +1,9 @@
 """Play random and hostile recordings to programs of shipped models, and keep how near each comes to its bound.
 
     python docs/research/hardware/bounds.py --recordings 10000 --state build/bounds.json [--csv bounds.csv]
+    python docs/research/hardware/bounds.py --on-core objects-hybrid --target ecp5-85f --recordings 100
 
+The second plays them to the open core itself, in Verilator, and adds a row to bounds-on-core.csv.
 Bounds hold for the busiest step of each recording. What is done is kept in the state, so that an
 interrupted run goes on; it ends with an error at the first recording that exceeds a bound.
 """
@@ -20,6 +22,10 @@ import numpy as np
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.io.files import replace_file
+from hw_model.rtl.comparison import compare
+from hw_model.rtl.device import on_core
+from hw_model.rtl.simulators import sources
+from hw_model.rtl.worst_case import core_costs
 from hw_model.targets import target_of
 
 MODELS = (
@@ -133,6 +139,43 @@ def play(name: str, wanted: int, state: dict[str, Any], path: Path) -> None:
         replace_file(path, json.dumps(state, indent=1).encode(), "--state")
 
 
+def play_on_core(model: str, target: str, wanted: int) -> list[object]:
+    """Play recordings of all kinds to the core in Verilator; return a row of bounds-on-core.csv."""
+    program = program_of(model, target)
+    rows = lc.load(Path(__file__).parents[3] / "examples/models" / f"{model}.pt").steps
+    channels = sum(program.streams.values())
+    costs = core_costs(on_core(program, rows, program.chip))
+    shares: list[tuple[float, str]] = []
+    values = 0
+    for number, (kind, make) in enumerate(KINDS.items()):
+        shape = (wanted // len(KINDS), rows, channels)
+        recordings = make(np.random.default_rng(number), shape).astype(np.uint8)
+        compared = compare(program, recordings, sources())
+        if compared["mismatches"] or compared["cycle_mismatches"]:
+            raise SystemExit(f"{model} on {target}: {kind}: the core differs from the simulator")
+        values += compared["compared_values"]
+        busiest = recordings.sum(axis=2, dtype=np.int64).max(axis=1)
+        for cycles, events in zip(compared["cycles"], busiest.tolist(), strict=True):
+            share = cycles / costs.recording(events)
+            if share > 1:
+                raise SystemExit(f"{model} on {target}: {kind}: {share} of the bound")
+            shares.append((share, kind))
+    least, _ = min(shares)
+    most, nearest = max(shares)
+    return [model, target, len(shares), values, f"{least:.3f}", f"{most:.3f}", nearest]
+
+
+def append_on_core(row: list[object]) -> None:
+    """Write a row at the end of bounds-on-core.csv."""
+    path = Path(__file__).parent / "bounds-on-core.csv"
+    is_new = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if is_new:
+            writer.writerow("program target recordings values least most kind".split())
+        writer.writerow(row)
+
+
 def table(state: dict[str, Any]) -> list[list[str]]:
     """Return a row for every program: recordings, and the largest share of each bound with its kind."""
     rows = [["program", "target", "recordings", "step", "answer", "recording", "kind"]]
@@ -150,9 +193,15 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=10_000)
     parser.add_argument("--target", default="loihi-sim")
     parser.add_argument("--models", nargs="*", default=list(MODELS))
-    parser.add_argument("--state", type=Path, required=True)
+    parser.add_argument("--state", type=Path)
     parser.add_argument("--csv", type=Path)
+    parser.add_argument("--on-core", metavar="MODEL")
     args = parser.parse_args()
+    if args.on_core:
+        append_on_core(play_on_core(args.on_core, args.target, args.recordings))
+        return
+    if args.state is None:
+        parser.error("--state is needed")
     state: dict[str, Any] = json.loads(args.state.read_text()) if args.state.exists() else {}
     for model in args.models:
         play(f"{model} on {args.target}", args.recordings, state, args.state)
