@@ -228,6 +228,15 @@ def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
     np.testing.assert_array_equal(sent[1:], np.tile([1, 0], (8, 1)))
 
 
+def test_currents_on_the_host_wrap_in_no_register_of_the_chip(tmp_path):
+    # 3.9 is 125 / 32, and 16,000 units of a current that keeps all: after 525 steps, more than 2^23.
+    keeps_current = neuron(0, 4096, 100)
+    layer = {"type": "input", "shape": np.array([4]), "neuron": keeps_current}
+    write_net(tmp_path / "model.net", [layer, dense(RNG, 5, 4)])
+    sent = played(tmp_path / "model.net", np.full((1, 600, 4), 3.9), 1)["layer0"][0]
+    assert sent[1:].all()
+
+
 def test_a_delay_on_the_host_holds_numbers_back(tmp_path):
     layers = [dense(RNG, 8, 10, delay=3.5), dense(RNG, 5, 8)]
     write_net(tmp_path / "late.net", layers)
