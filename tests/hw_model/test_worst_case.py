@@ -134,4 +134,4 @@ def test_bounds_hold_on_programs_of_any_phases() -> None:
 
 @pytest.mark.slow
 def test_bounds_hold_on_many_programs_of_any_phases() -> None:
-    assert sum(check_mesh(seed) for seed in range(24, 1500)) > 5_000
+    assert sum(check_mesh(seed) for seed in range(24, 700)) > 2_500
