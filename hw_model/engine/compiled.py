@@ -28,8 +28,9 @@ llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
 FOLDERS_OF_LOOPS = ("arithmetic", "engine", "spinnaker", "streaming", "xylo")
 """A change of a file in them compiles the loops anew."""
 OPTIONS = {"nogil": True, "boundscheck": False} | private_numba.WITHOUT_RUNTIME
+"""Of numba, for every function: it holds no lock, and makes no arrays, so that it needs no counts of references."""
 CHECK_KINDS = "LOCSNN_CHECK_KINDS"
-"""Set in the environment, makes every call of an :func:`entry` look at its arguments."""
+"""Set in the environment, it makes every call of an :func:`entry` look at its arguments."""
 
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
@@ -55,7 +56,7 @@ def shared(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any], **options: Any) -> Any:
-    """Compile a function that only other compiled ones call: Python cannot, and what it becomes is kept with theirs."""
+    """Compile a function that only compiled functions call; its machine code becomes part of theirs."""
     return numba.njit(**OPTIONS, **private_numba.OF_A_PART, **options)(function)
 
 
@@ -67,28 +68,30 @@ def absorbed(function: Callable[..., Any]) -> Any:
 def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
     """Return the machine code of a compiled function for arguments of these kinds; it must never be given others.
 
-    A call of the function itself looks at the kind of every array that it is given, which takes longer than a short
-    loop. With :data:`CHECK_KINDS` in the environment, as in the tests, it does so: others are then a ``TypeError``.
+    A kind is a type of numba, such as that of a contiguous array of int32 with two axes. A call of the function itself
+    looks at the kinds of all arguments, which takes longer than a short loop. The machine code does so only with
+    :data:`CHECK_KINDS` in the environment, as in the tests: arguments of other kinds are then a ``TypeError``.
     """
-    kinds = tuple(map(numba.typeof, arguments))
-    code = private_numba.code_of(function, kinds)
+    numba_types = tuple(map(numba.typeof, arguments))
+    code = private_numba.code_of(function, numba_types)
     if CHECK_KINDS not in os.environ:
         return code
 
-    named = [*map(_named, kinds)]
+    expected_kinds = [_kind_of(numba_type) for numba_type in numba_types]
 
-    def checked(*given: Any) -> Any:
-        for expected, argument in zip(named, given, strict=True):
-            if (kind := _named(numba.typeof(argument))) != expected:
+    def checked(*values: Any) -> Any:
+        for expected, value in zip(expected_kinds, values, strict=True):
+            kind = _kind_of(numba.typeof(value))
+            if kind != expected:
                 raise TypeError(f"{function.py_func.__name__}: made for {expected}, given {kind}")
-        return code(*given)
+        return code(*values)
 
     return checked
 
 
-def _named(kind: Any) -> str:
-    """Return a kind without what does not matter: what is read-only lies in memory as other arrays do."""
-    return str(kind).replace("readonly ", "")
+def _kind_of(numba_type: Any) -> str:
+    """Return the kind of an argument: a type of numba, but read-only arrays lie in memory as others do."""
+    return str(numba_type).replace("readonly ", "")
 
 
 def address(function: Any, *arguments: Any) -> np.int64:
@@ -96,23 +99,25 @@ def address(function: Any, *arguments: Any) -> np.int64:
     return private_numba.address_of(function, tuple(map(numba.typeof, arguments)))
 
 
-_of_one_kind: dict[Any, Callable[..., Any]] = {}
+_code_by_function: dict[Any, Callable[..., Any]] = {}
+"""The machine code of each function that was :func:`called`."""
 
 
 def called(function: Any, *arguments: Any) -> Any:
     """Call a compiled function whose arguments are of the same kinds in every call: only the first looks at them.
 
-    As with :func:`entry`, others would be read as if they were of those kinds.
+    As with :func:`entry`, arguments of other kinds would be read as if they were of those.
     """
-    code = _of_one_kind.get(function)
+    code = _code_by_function.get(function)
     if code is None:
-        code = _of_one_kind[function] = entry(function, *arguments)
+        code = entry(function, *arguments)
+        _code_by_function[function] = code
     return code(*arguments)
 
 
 @lru_cache(maxsize=1)
 def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
-    """Return age and size of every file that may hold compiled loops, or constants of theirs."""
+    """Return the time of change and the size of every file that may hold compiled loops, or constants of theirs."""
     folders = [Path(__file__).parents[1] / name for name in FOLDERS_OF_LOOPS]
     files = [path.stat() for folder in folders for path in sorted(folder.glob("*.py"))]
     return tuple((file.st_mtime_ns, file.st_size) for file in files)

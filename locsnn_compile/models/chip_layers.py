@@ -5,11 +5,12 @@ chip's steps, of whatever strategy. Backward: rounding passes the gradient strai
 the steps count as linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the
 integer potential.
 
-The scans take charges (batch, steps, n), int32 in units of :mod:`hw_model.arithmetic.loihi`, whose step
-:mod:`hw_model.engine.alone` takes; what the spikes of step t send on acts at step t + 1. ``keep`` is what a decay
-keeps, and ``ends`` are :func:`register_ends`. They fill ``potential`` (int32), v at the threshold before any reset,
-``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all (batch, steps, n), and add to ``events`` (3,) how
-often all compartments of the population met each.
+The scan takes charges (batch, steps, n), int32 in units of :mod:`hw_model.arithmetic.loihi`, whose step
+:mod:`hw_model.engine.alone` takes; what the spikes of step t send on acts at step t + 1. ``keep`` is the share of u and
+of v that a step keeps, in 4096ths, and ``ends`` are :func:`register_ends`. It fills ``potential`` (int32), v at the
+threshold before any reset, ``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all (batch, steps, n), and
+adds to ``events`` (3,) how often all compartments of the population met each of
+:data:`hw_model.arithmetic.loihi.EVENTS`.
 """
 
 from typing import Any
@@ -33,10 +34,11 @@ from locsnn_compile.models.touch_model import DenseLayer, applied, constants, to
 from locsnn_compile.network.chip_neurons import ChipCuba
 
 Ends = tuple[np.int32, np.int32, np.int32]
+"""Of registers: the largest v, and how many values on either side of 0 hold q, in units, and u."""
 
 
 def register_ends(registers: RegisterWidths) -> Ends:
-    """Return the largest v, and 2^bits of q, in units, and of u."""
+    """Return the ends of the registers of a chip."""
     return (
         np.int32(registers.voltage_max),
         np.int32(loihi.charge_span(registers.charge_bits)),
@@ -50,17 +52,25 @@ def scan(  # type: ignore[no-untyped-def]
 ):
     """Take all steps of a population, with whatever follows from its own spikes; what is None is not compiled.
 
-    ``keep`` is that of u and v. ``pull``: keep of a refractory dendrite, and the charge that an own spike sends it; a
-    memoryless soma adds both. ``refractory``: the count of the chip's own reset. ``taps`` (2, k), int32: delays, and
-    charges in units, with which own spikes come back.
+    - ``refractory``: the refractory steps of the chip's own reset; None for the other strategies
+    - ``pull``: of a refractory dendrite, what a step keeps, and the charge that a spike of its neuron sends it. A soma
+      that keeps nothing adds both dendrites. None for the other strategies
+    - ``taps`` (2, k), int32: delays, and charges in units, with which a neuron's spikes come back to it
     """
     batch, steps, n = charge.shape
-    longest = taps[0].max() if taps.shape[1] > 0 else 0
-    due = np.zeros((steps + 1 + longest, n), np.int32)
-    u, v, fired = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    pull_u, pull_v, blocked = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    wraps_q, wraps_u, clips = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    many = np.uint64(n)
+    longest_delay = taps[0].max() if taps.shape[1] > 0 else 0
+    due = np.zeros((steps + 1 + longest_delay, n), np.int32)
+    u = np.zeros(n, np.int32)
+    v = np.zeros(n, np.int32)
+    fired = np.zeros(n, np.int32)
+    pull_u = np.zeros(n, np.int32)
+    pull_v = np.zeros(n, np.int32)
+    blocked = np.zeros(n, np.int32)
+    wraps_q = np.zeros(n, np.int32)
+    wraps_u = np.zeros(n, np.int32)
+    clips = np.zeros(n, np.int32)
+    # Unsigned indices cannot count from the end of an array, so the loops over neurons run in vectors.
+    size = np.uint64(n)
     live[:] = 1
     for b in range(batch):
         for state in (u, v, pull_u, pull_v, fired, blocked):
@@ -68,7 +78,7 @@ def scan(  # type: ignore[no-untyped-def]
         due[1 : steps + 1] = charge[b]
         due[steps + 1 :] = 0
         for t in range(steps):
-            for i in range(many):
+            for i in range(size):
                 if refractory is not None:
                     u[i], v[i], blocked[i], seen, fires, open_now, wrap_q, wrap_u, clip = (
                         compartment(
@@ -80,14 +90,14 @@ def scan(  # type: ignore[no-untyped-def]
                     u[i], v[i], wrap_q, wrap_u, clip = dendrite(u[i], v[i], due[t, i], keep, *ends)
                     joined = v[i]
                     if pull is not None:
-                        own = np.int32(pull[1] * fired[i])
-                        pull_u[i], pull_v[i], own_q, own_u, own_clip = dendrite(
-                            pull_u[i], pull_v[i], own, pull[0], *ends
+                        pull_charge = np.int32(pull[1] * fired[i])
+                        pull_u[i], pull_v[i], pull_wrap_q, pull_wrap_u, pull_clip = dendrite(
+                            pull_u[i], pull_v[i], pull_charge, pull[0], *ends
                         )
                         joined = np.int32(joined + pull_v[i])
-                        wrap_q = np.int32(wrap_q + own_q)
-                        wrap_u = np.int32(wrap_u + own_u)
-                        clip = np.int32(clip + own_clip)
+                        wrap_q = np.int32(wrap_q + pull_wrap_q)
+                        wrap_u = np.int32(wrap_u + pull_wrap_u)
+                        clip = np.int32(clip + pull_clip)
                     seen, fires, _, _, clips_of_sum = sum_of_joined(joined, threshold, *ends)
                     clip = np.int32(clip + clips_of_sum)
 
@@ -100,7 +110,7 @@ def scan(  # type: ignore[no-untyped-def]
             if taps.shape[1] > 0 and fired.any():
                 for k in range(taps.shape[1]):
                     row = np.uint64(t + 1 + taps[0, k])
-                    for i in range(many):
+                    for i in range(size):
                         due[row, i] += np.int32(taps[1, k] * fired[i])
     events[0] += wraps_q.sum()
     events[1] += wraps_u.sum()
@@ -112,28 +122,28 @@ def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
 
     Rounding passes the gradient straight through: d mantissa / d w = 1 / unit.
     """
-    high, step, scaled = numbers.grid.high, numbers.grid.step, weight / numbers.unit
-    held = (
-        torch.round(weight.detach() / (numbers.unit * step))
-        .clamp_(-(high // step), high // step)
-        .mul_(step)
-    )
-    return held + (scaled - scaled.detach())
+    step = numbers.grid.step
+    most_steps = numbers.grid.high // step
+    mantissas = torch.round(weight.detach() / (numbers.unit * step))
+    mantissas.clamp_(-most_steps, most_steps).mul_(step)
+    # Twice the same number: 0, with the gradient of the weight.
+    scaled = weight / numbers.unit
+    return mantissas + (scaled - scaled.detach())
 
 
 def potential_of_sum(
     drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths
 ) -> IntArray:
     """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
-    last = registers.voltage_max
+    voltage_max = registers.voltage_max
     parameters = Parameters(
         keep_u=loihi.keep_of(neuron.decay_u),
         keep_v=loihi.keep_of(neuron.decay_v),
         bias=loihi.bias_of(neuron.bias_mantissa, neuron.bias_exponent),
         threshold=loihi.threshold_of(neuron.threshold),
         refractory=neuron.refractory,
-        vmin=-last,
-        vmax=last,
+        vmin=-voltage_max,
+        vmax=voltage_max,
     )
     charge = loihi.charge_of(drive.astype(np.int64), exponent)
     at_rest = np.zeros_like(charge)
@@ -149,26 +159,32 @@ class _Steps(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, drive: Tensor, layer: "ChipLayer") -> Tensor:
         spikes, potential, live = layer.steps(to_host(drive))
-        ctx.layer, ctx.potential, ctx.live, ctx.spikes = layer, potential, live, spikes
+        ctx.layer = layer
+        ctx.potential = potential
+        ctx.live = live
+        ctx.spikes = spikes
         return to_device(spikes, drive).to(drive.dtype)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         layer: ChipLayer = ctx.layer
-        numbers, neuron = layer.numbers, layer.neuron
+        numbers = layer.numbers
+        neuron = layer.neuron
+        by_spikes = grads[0]
+        # SLAYER's surrogate: scale_rho / width * exp(-|u - theta| / width), in place.
         width = neuron.tau_rho * neuron.theta
-        u = to_device(ctx.potential, grads[0]).to(grads[0].dtype).div_(numbers.scale)
-        slope = to_host(
-            u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
-        )
-        carry = None
+        surrogate = to_device(ctx.potential, by_spikes).to(by_spikes.dtype).div_(numbers.scale)
+        surrogate.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_()
+        slope = to_host(surrogate.mul_(neuron.scale_rho / width))
+        v_carries_on = None
         if layer.chip.strategy == "reset":
             slope *= ctx.live
-            carry = ctx.live & (1 - ctx.spikes)
-        keep = loihi_inverse.share_kept(numbers.decay)
+            v_carries_on = ctx.live & (1 - ctx.spikes)
+        decay = loihi_inverse.share_kept(numbers.decay)
         gain = loihi.in_registers(2.0**numbers.exponent) / numbers.scale
-        respond_back(slope, to_host(grads[0]), carry, constants(slope.dtype, keep, gain, 0))
-        return to_device(slope, grads[0]), None
+        of_step = constants(slope.dtype, decay, gain, 0)
+        respond_back(slope, to_host(by_spikes), v_carries_on, of_step)
+        return to_device(slope, by_spikes), None
 
 
 class ChipLayer(DenseLayer[NeuronParameters]):
@@ -187,7 +203,9 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         chip: ChipNumbers,
     ) -> None:
         super().__init__(inputs, outputs, neuron)
-        self.numbers, self.chip, self._ends = numbers, chip, register_ends(chip.registers)
+        self.numbers = numbers
+        self.chip = chip
+        self._ends = register_ends(chip.registers)
         self.events = np.zeros(len(EVENTS), dtype=np.int64)
 
     def mantissas(self) -> IntArray:
@@ -204,27 +222,25 @@ class ChipLayer(DenseLayer[NeuronParameters]):
 
     def steps(self, drive: AnyArray) -> tuple[ByteArray, Int32Array, ByteArray]:
         """Return spikes, potentials and live marks, (batch, steps, n), of sums of mantissas of that shape."""
-        n = self.numbers
-        whole = drive.astype(np.int32, order="C")
+        numbers = self.numbers
+        sums = drive.astype(np.int32, order="C")
         # Weights of few bits are multiples of a power of two: a negative exponent loses none.
-        charge = (
-            np.left_shift(whole, n.exponent)
-            if n.exponent >= 0
-            else np.right_shift(whole, -n.exponent)
-        )
-        spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
+        if numbers.exponent >= 0:
+            charge = np.left_shift(sums, numbers.exponent)
+        else:
+            charge = np.right_shift(sums, -numbers.exponent)
+        spikes = np.empty(charge.shape, np.uint8)
+        live = np.empty(charge.shape, np.uint8)
         potential = np.empty(charge.shape, np.int32)
-        mantissa, exponent, delay = np.array(n.own, dtype=np.int64).reshape(-1, 3).T
-        charges = loihi.whole_units(loihi.charge_of(mantissa, exponent))
-        pull, taps = None, np.stack([delay, charges]).astype(np.int32)
+        taps = self._taps()
+        pull = None
         if self.chip.strategy == "dendrite":
-            pull, taps = (
-                (np.int32(loihi.keep_of(n.refractory_decay)), taps[1].sum(dtype=np.int32)),
-                taps[:, :0],
-            )
-        refractory = np.int32(n.refractory) if self.chip.strategy == "reset" else None
-        keep = np.int32(loihi.keep_of(n.decay))
-        threshold = np.int32(loihi.threshold_of(n.threshold))
+            keep_of_pull = np.int32(loihi.keep_of(numbers.refractory_decay))
+            pull = (keep_of_pull, taps[1].sum(dtype=np.int32))
+            taps = taps[:, :0]
+        refractory = np.int32(numbers.refractory) if self.chip.strategy == "reset" else None
+        keep = np.int32(loihi.keep_of(numbers.decay))
+        threshold = np.int32(loihi.threshold_of(numbers.threshold))
         scan(
             charge,
             keep,
@@ -239,3 +255,10 @@ class ChipLayer(DenseLayer[NeuronParameters]):
             self.events,
         )
         return spikes, potential, live
+
+    def _taps(self) -> Int32Array:
+        """Return delays, and charges in units, of the synapses of a neuron to itself, (2, synapses)."""
+        own_synapses = np.array(self.numbers.own, dtype=np.int64).reshape(-1, 3)
+        mantissa, exponent, delay = own_synapses.T
+        charges = loihi.whole_units(loihi.charge_of(mantissa, exponent))
+        return np.stack([delay, charges]).astype(np.int32)
