@@ -1,7 +1,7 @@
 """Single events, and how they become bins of 0 or 1 in channel ``polarities * (columns * y + x) + polarity``.
 
 How many polarities and columns there are is told by options, by the format, or by the model that takes the recordings;
-else the events show it.
+else the events show it. A taxel is a pixel of a tactile sensor: it has a number, and no row and column.
 """
 
 import math
@@ -25,10 +25,14 @@ from locsnn_compile.data.recordings import (
 from locsnn_compile.errors import InputError, check_known, check_most, counted, listed
 
 STEP_SECONDS = 0.02
+"""Width of a bin where nothing states one."""
 MICROSECONDS = 1_000_000
+"""In a second."""
+ROUNDING_SLACK = 1e-6
+"""Bins, or microseconds of a bin: a quotient of float64 that is this near to a whole number stands for it."""
 _APART = "Keep them apart by --polarities 2, or merge them by --merge-polarities."
-#: Most events of one set of recordings.
 MAX_EVENTS = 20_000_000
+"""Events of one set of recordings, at most."""
 
 StepRule = Literal["floor", "nearest"]
 """Which step an event at time t belongs to, with steps of width w: ``floor``, the bin that t lies in, [k w, (k + 1) w);
@@ -45,7 +49,7 @@ FIRST = "first"
 class Binning(Frozen):
     """What files of events leave open. None: as the format defines it, or else as the events require.
 
-    - ``step_seconds``: width of a bin. None: that of the format if it has one (a slip of NeuTouch: 1 ms), else
+    - ``step_seconds``: width of a bin. None: that of the format if it has one (1 ms for the slips of NeuTouch), else
       ``usual_step_seconds``, else 0.02 s
     - ``threshold``: a bin with more events is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
@@ -190,8 +194,14 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
         elsewhere,
         step_is_default=stated_width is None,
     )
-    known = None if all(stream.polarity is None for stream in streams) else sensor
-    return Bins(spikes.reshape(len(streams), steps, channels), width, binned, known, assumed)
+    only_number_channels = all(stream.polarity is None for stream in streams)
+    return Bins(
+        spikes=spikes.reshape(len(streams), steps, channels),
+        step_seconds=width,
+        binned=binned,
+        channels=None if only_number_channels else sensor,
+        assumed=assumed,
+    )
 
 
 class _Placed(Frozen, eq=False):
@@ -210,7 +220,7 @@ class _Lost(Sums):
 
 def _highest_channel(placed: Sequence[_Placed]) -> int:
     """Return the highest channel on which there is an event; -1 without any."""
-    return max((int(of.channel.max(initial=-1)) for of in placed), default=-1)
+    return max((int(recording.channel.max(initial=-1)) for recording in placed), default=-1)
 
 
 def _channel_count(
@@ -222,20 +232,22 @@ def _channel_count(
     """Return the number of channels: that asked for, that of the format, or what the events reach, in whole pixels."""
     if binning.channels is not None:
         return binning.channels
-    reached = _highest_channel(placed) + 1
-    whole_pixels = -(-reached // sensor.polarities) * sensor.polarities
-    return max((stream.channels or whole_pixels for stream in streams), default=0)
+    reached_channels = _highest_channel(placed) + 1
+    reached_pixels = -(-reached_channels // sensor.polarities)
+    channels_of_pixels = reached_pixels * sensor.polarities
+    return max((stream.channels or channels_of_pixels for stream in streams), default=0)
 
 
 def _fill(row: ByteArray, placed: _Placed, steps: int, channels: int, threshold: int) -> _Lost:
     """Set the bins of a recording, (steps * channels,), that hold more events than the threshold."""
-    inside = (placed.step >= 0) & (placed.step < steps)
-    of_event = placed.step[inside].astype(np.int64) * channels + placed.channel[inside]
-    bins, counts = np.unique(of_event, return_counts=True)
+    is_inside = (placed.step >= 0) & (placed.step < steps)
+    bin_of_event = placed.step[is_inside].astype(np.int64) * channels + placed.channel[is_inside]
+    bins, counts = np.unique(bin_of_event, return_counts=True)
     row[bins[counts > threshold]] = 1
-    outside = len(inside) - int(inside.sum())
-    below = int(counts[counts <= threshold].sum())
-    return _Lost(outside, below)
+    return _Lost(
+        outside=len(is_inside) - int(is_inside.sum()),
+        below=int(counts[counts <= threshold].sum()),
+    )
 
 
 def _starting(stream: EventStream, binning: Binning) -> EventStream:
@@ -257,7 +269,8 @@ def _assumed(streams: Sequence[EventStream], where: str, binning: Binning) -> It
         unit = "" if binning.unit else ", with t in microseconds (--time-unit)"
         yield f"The columns of {where} were taken as {listed(orders, 'or')}{unit}."
     usual = binning.usual_times
-    if binning.time_unit is None and usual.time_unit and any(s.unit_is_open for s in streams):
+    units_open = any(stream.unit_is_open for stream in streams)
+    if binning.time_unit is None and usual.time_unit and units_open:
         yield f"Times were read in {usual.time_unit}, as in the training (--time-unit)."
     starts_open = not all(stream.start_is_fixed for stream in streams)
     if binning.start is None and usual.start is not None and starts_open:
@@ -276,24 +289,33 @@ def _assumed(streams: Sequence[EventStream], where: str, binning: Binning) -> It
 
 def _sensor(streams: Sequence[EventStream], where: str, binning: Binning) -> Channels:
     """Return the pixels that events belong to: as asked for, or as the format, the model or the events say."""
-    widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
-    columns = binning.columns or max(widest, default=1)
+    columns = binning.columns or max(map(_columns, streams), default=1)
     polarities, polarity = _polarities(streams, where, binning, columns)
     if binning.columns is None and binning.channels is not None:
         _check_columns(streams, where, binning.channels, columns, polarities)
-    of_format = max((one.channels or 0 for one in streams), default=0)
-    count = binning.channels or of_format or None
-    if any(one.y is not None for one in streams):
-        highest = max(
-            (int(one.y.max()) for one in streams if one.y is not None and len(one.y)), default=0
-        )
-        stated = count is not None and (binning.columns is not None or of_format > 0)
-        if stated and count is not None:
-            rows = -(-count // (columns * polarities))
+    channels_of_format = max((stream.channels or 0 for stream in streams), default=0)
+    channels = binning.channels or channels_of_format or None
+    if any(stream.y is not None for stream in streams):
+        is_grid_stated = binning.columns is not None or channels_of_format > 0
+        if channels is not None and is_grid_stated:
+            rows = -(-channels // (columns * polarities))
             return Channels(columns, rows, polarities, polarity=polarity)
-        return Channels(columns, 1 + highest, polarities, reached=True, polarity=polarity)
-    places = columns if count is None else -(-count // polarities)
-    return Channels(places, 1, polarities, reached=count is None, polarity=polarity)
+        rows = max(map(_rows, streams))
+        return Channels(columns, rows, polarities, reached=True, polarity=polarity)
+    taxels = columns if channels is None else -(-channels // polarities)
+    return Channels(taxels, 1, polarities, reached=channels is None, polarity=polarity)
+
+
+def _columns(stream: EventStream) -> int:
+    """Return the columns that the format has, or else those that the events reach; 1 without events."""
+    return stream.columns or 1 + int(stream.x.max(initial=0))
+
+
+def _rows(stream: EventStream) -> int:
+    """Return the rows that the events reach; 1 without events, or if they have no rows."""
+    if stream.y is None:
+        return 1
+    return 1 + int(stream.y.max(initial=0))
 
 
 def _stated_width(streams: Sequence[EventStream], binning: Binning) -> float | None:
@@ -308,22 +330,25 @@ def _polarities(
     streams: Sequence[EventStream], where: str, binning: Binning, columns: int
 ) -> tuple[int, int | None]:
     """Return the number of polarities and, if events of one do not say how many the sensor has, that polarity."""
-    occurring = sorted(
-        {int(p) for one in streams if one.polarity is not None for p in np.unique(one.polarity)}
-    )
     if binning.merge_polarities:
         return 1, None
-    told = binning.polarities
-    if told is None and any(one.polarities == 2 for one in streams):
-        told = 2
-    whose, fix = "the sensor has one", _APART
-    if told is None and binning.model_inputs is not None:
-        told = min(binning.model_inputs.polarities, 2)
-        whose, fix = "the model takes one", "Merge them by --merge-polarities."
-    if told == 1 and len(occurring) > 1:
-        raise InputError(where, f"its events have two polarities, but {whose}", fix=fix)
-    if told is not None:
-        return told, None
+    occurring: set[int] = set()
+    for stream in streams:
+        if stream.polarity is not None:
+            occurring |= {int(polarity) for polarity in np.unique(stream.polarity)}
+    stated = binning.polarities
+    if stated is None and any(stream.polarities == 2 for stream in streams):
+        stated = 2
+    contradiction = "the sensor has one"
+    fix = _APART
+    if stated is None and binning.model_inputs is not None:
+        stated = min(binning.model_inputs.polarities, 2)
+        contradiction = "the model takes one"
+        fix = "Merge them by --merge-polarities."
+    if stated == 1 and len(occurring) > 1:
+        raise InputError(where, f"its events have two polarities, but {contradiction}", fix=fix)
+    if stated is not None:
+        return stated, None
     if len(occurring) > 1:
         return 2, None
     _check_one_polarity(streams, where, binning.model_channels, columns)
@@ -334,15 +359,16 @@ def _check_one_polarity(
     streams: Sequence[EventStream], where: str, channels: int | None, columns: int
 ) -> None:
     """Refuse events of one polarity that do not tell taxels from the channels of a model."""
-    cells = [_cells(one, columns) for one in streams if one.polarity is not None and len(one.x)]
-    highest = max((int(own.max()) for own in cells), default=None)
-    if (
-        channels is not None
-        and channels % 2 == 0
-        and highest is not None
-        and 2 * highest < channels
-    ):
-        # As taxels, their channels would be twice as high.
+    pixels_by_stream = [
+        _pixels(stream, columns)
+        for stream in streams
+        if stream.polarity is not None and len(stream.x)
+    ]
+    if channels is None or channels % 2 == 1 or not pixels_by_stream:
+        return
+    highest = max(int(pixels.max()) for pixels in pixels_by_stream)
+    # As taxels, their channels would be twice as high.
+    if 2 * highest < channels:
         measured = f"up to {highest} of {counted(channels, 'channel')}"
         fix = "Give --polarities 2 (taxels) or 1 (channels)."
         what = "its events have one polarity, so x may count taxels or channels"
@@ -353,11 +379,12 @@ def _check_columns(
     streams: Sequence[EventStream], where: str, channels: int, columns: int, polarities: int
 ) -> None:
     """Refuse a width that is only that of the events, unless they fill the channels: other files have other widths."""
-    guessed = [
-        one.y for one in streams if one.columns is None and one.y is not None and one.y.any()
-    ]
-    rows = 1 + max((int(y.max()) for y in guessed), default=0)
-    if guessed and columns * rows * polarities != channels:
+    rows = 1
+    for stream in streams:
+        if stream.columns is None:
+            rows = max(rows, _rows(stream))
+    is_width_guessed = rows > 1
+    if is_width_guessed and columns * rows * polarities != channels:
         what = "the width of its grid is not known"
         measured = f"up to {columns} x {rows} in {counted(channels, 'channel')}"
         fix = "Give --grid WxH of the sensor."
@@ -367,7 +394,7 @@ def _check_columns(
 def _bins(stream: EventStream, width_seconds: float) -> FloatArray:
     """Return the step of every event, as whole numbers; absurd times overflow to infinity, which is outside."""
     width = width_seconds * MICROSECONDS
-    if abs(width - round(width)) < 1e-6:
+    if abs(width - round(width)) < ROUNDING_SLACK:
         # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
         width = round(width)
     with np.errstate(over="ignore"):
@@ -378,52 +405,72 @@ def _bins(stream: EventStream, width_seconds: float) -> FloatArray:
         return np.floor(since_start / width)
 
 
-def _length(one: EventStream, placed: _Placed, width_seconds: float, binning: Binning) -> int:
+def _length(stream: EventStream, placed: _Placed, width_seconds: float, binning: Binning) -> int:
     """Return the number of steps of a recording; 0 if it has no events and no span."""
     if binning.steps is not None:
         return binning.steps
-    bins = placed.step
-    most = binning.most_steps
-    if one.span_seconds is not None:
-        # Whole bins only; the small addend makes up for a quotient that rounds below a whole number.
-        last = one.span_seconds / width_seconds - 1 + 1e-6
+    last_step = _last_step(stream, placed, width_seconds)
+    # Infinity and nan are not below a limit either.
+    if binning.most_steps is not None and not last_step < binning.most_steps:
+        return binning.most_steps
+    if not last_step < binning.max_steps:
+        raise _too_long(stream, last_step, width_seconds, binning.max_steps)
+    return math.floor(last_step) + 1
+
+
+def _last_step(stream: EventStream, placed: _Placed, width_seconds: float) -> float:
+    """Return the last step of a recording, to be rounded down: -1 for none, infinite for absurd times."""
+    if stream.span_seconds is not None:
+        # Whole bins only; the slack makes up for a quotient that rounds below a whole number.
+        return stream.span_seconds / width_seconds - 1 + ROUNDING_SLACK
+    return float(placed.step.max(initial=-1.0))
+
+
+def _too_long(
+    stream: EventStream, last_step: float, width_seconds: float, max_steps: int
+) -> InputError:
+    """Return the error of a recording of more than ``max_steps`` bins."""
+    if math.isinf(last_step):
+        # Absurd times overflow to infinity once they are counted in bins.
+        span_seconds = last_step * width_seconds
     else:
-        last = float(bins.max()) if len(bins) else -1.0
-    if most is not None and not last < most:
-        return most
-    if not last < binning.max_steps:
-        # In bins first: absurd times overflow to infinity there already.
-        span = (
-            last * width_seconds
-            if math.isinf(last)
-            else float(one.times.max() - one.began) / MICROSECONDS
-        )
-        measured = f"{span:g} s in bins of {width_seconds:g} s against {binning.max_steps} bins"
-        lasts_seconds = float(one.times.max() - one.first_event) / MICROSECONDS
-        begins_late = one.start is not None and one.first_event > one.start
-        fix = one.if_too_long
-        if begins_late and lasts_seconds < width_seconds * binning.max_steps:
-            fix = "Start it at its first event with --start first."
-        raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=fix)
-    return math.floor(last) + 1
+        span_seconds = float(stream.times.max() - stream.began) / MICROSECONDS
+    event_span_seconds = float(stream.times.max() - stream.first_event) / MICROSECONDS
+    begins_late = stream.start is not None and stream.first_event > stream.start
+    fix = stream.if_too_long
+    if begins_late and event_span_seconds < width_seconds * max_steps:
+        fix = "Start it at its first event with --start first."
+    return InputError(
+        stream.place,
+        "it lasts too long for its bins",
+        measured=f"{span_seconds:g} s in bins of {width_seconds:g} s against {max_steps} bins",
+        fix=fix,
+    )
 
 
-def _channels(one: EventStream, sensor: Channels) -> IntArray:
+def _channels(stream: EventStream, sensor: Channels) -> IntArray:
     """Return the channel of every event; the polarities of a sensor that has one are all the same."""
-    if one.polarity is None:
-        return one.x
+    if stream.polarity is None:
+        return stream.x
     columns = sensor.columns
-    if one.y is not None and int(one.x.max(initial=0)) >= columns:
-        measured = f"x {int(one.x.max())} against {columns} columns"
+    if stream.y is not None and int(stream.x.max(initial=0)) >= columns:
         raise InputError(
-            one.place, "an event lies outside the grid", measured=measured, fix="Give more columns."
+            stream.place,
+            "an event lies outside the grid",
+            measured=f"x {int(stream.x.max())} against {columns} columns",
+            fix="Give more columns.",
         )
-    cells = _cells(one, columns)
-    return cells if sensor.polarities == 1 else sensor.polarities * cells + one.polarity
+    pixels = _pixels(stream, columns)
+    if sensor.polarities == 1:
+        return pixels
+    return sensor.polarities * pixels + stream.polarity
 
 
-def _cells(one: EventStream, columns: int) -> IntArray:
-    return one.x if one.y is None else columns * one.y + one.x
+def _pixels(stream: EventStream, columns: int) -> IntArray:
+    """Return the pixel of every event, counted row by row; without rows, x counts them."""
+    if stream.y is None:
+        return stream.x
+    return columns * stream.y + stream.x
 
 
 def _check_sizes(where: str, samples: int, steps: int, channels: int, highest: int) -> None:
@@ -445,7 +492,7 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, highest: i
 def recording_events(
     spikes: ByteArray, polarities: int, step_seconds: float, step_rule: StepRule = "floor"
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
+    """Return (microseconds, pixel, polarity) of the events of one recording (steps, channels), in order of time.
 
     Each event lies where its format's ``step_rule`` puts it back into its step, if only the width of a bin is known: in
     the middle of its bin (the first one at its start), or at the time of its step, which readers that take the floor

@@ -118,6 +118,13 @@ def test_events_before_the_start_are_counted_as_dropped(tmp_path: Path) -> None:
     assert (found.binned.outside, found.binned.dropped) == (1, 1)
 
 
+def test_a_recording_whose_events_all_lie_before_its_start_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", fields(0))
+    with pytest.raises(InputError) as caught:
+        read_recordings(tmp_path / "a.npy", start=0.2)
+    assert str(caught.value) == "file 'a.npy': no events inside. Give a recording with events."
+
+
 def test_silence_at_the_start_comes_back_from_events_by_the_option_that_is_printed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
