@@ -192,13 +192,14 @@ class Readout(Frozen):
     @property
     def from_step(self) -> dict[str, int]:
         """The populations that give potentials, each with its first step."""
-        given = self.potentials_from
-        each = given if isinstance(given, tuple) else (given,) * len(self.populations)
-        return {
-            name: first
-            for name, first in zip(self.populations, each, strict=True)
-            if first is not None
-        }
+        first_steps = self.potentials_from
+        if not isinstance(first_steps, tuple):
+            first_steps = (first_steps,) * len(self.populations)
+        by_population: dict[str, int] = {}
+        for name, first_step in zip(self.populations, first_steps, strict=True):
+            if first_step is not None:
+                by_population[name] = first_step
+        return by_population
 
     @property
     def terms(self) -> list[tuple[str, float]]:
@@ -209,24 +210,23 @@ class Readout(Frozen):
         self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]
     ) -> FloatArray:
         """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
-        first = self.from_step
-        counts = {
-            name: spikes[name].sum(axis=1, dtype=np.float64)
-            for name in self.populations
-            if name not in first
-        }
-        return self.weighed(
-            counts | {name: largest(potential[name], step) for name, step in first.items()}
-        )
+        first_steps = self.from_step
+        readings: dict[str, AnyArray] = {}
+        for name in self.populations:
+            if name in first_steps:
+                readings[name] = largest(potential[name], first_steps[name])
+            else:
+                readings[name] = spikes[name].sum(axis=1, dtype=np.float64)
+        return self.weighed(readings)
 
-    def weighed(self, given: Mapping[str, AnyArray]) -> FloatArray:
+    def weighed(self, readings: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of what each population gives, added in the order of the readout.
 
         Sums of weights that are not whole depend on their order, and sessions add in this one.
         """
-        total = np.zeros(np.shape(given[self.populations[0]]))
+        total = np.zeros(np.shape(readings[self.populations[0]]))
         for name, weight in self.terms:
-            total += weight * given[name]
+            total += weight * readings[name]
         return total
 
     def decided(self, scores: FloatArray) -> IntArray:

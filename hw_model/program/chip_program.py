@@ -54,14 +54,13 @@ class Core(Frozen, eq=False):
 
     def setting(self, name: str) -> IntArray:
         """Return a profile setting for every compartment, shape (compartments,)."""
-        return np.array([getattr(profile, name) for profile in self.profiles], dtype=np.int64)[
-            self.profile
-        ]
+        of_profile = np.array([getattr(profile, name) for profile in self.profiles], dtype=np.int64)
+        return of_profile[self.profile]
 
     @property
     def slice_of_compartment(self) -> IntArray:
         """The number of the slice to which each compartment belongs, shape (compartments,)."""
-        return np.repeat(np.arange(len(self.slices)), [piece.size for piece in self.slices])
+        return np.repeat(np.arange(len(self.slices)), [part.size for part in self.slices])
 
     @property
     def turns(self) -> list[IntArray]:
@@ -81,8 +80,11 @@ class Core(Frozen, eq=False):
     @property
     def effective_weights(self) -> IntArray:
         """Weights as they are added to q, shape (synapses,)."""
-        exponents = np.array([form.exponent for form in self.axons.formats], dtype=np.int64)
-        return loihi.charge_of(self.axons.mantissa, exponents[self.axons.format_index])
+        exponent_of_format = np.array(
+            [synapse_format.exponent for synapse_format in self.axons.formats], dtype=np.int64
+        )
+        exponent = exponent_of_format[self.axons.format_index]
+        return loihi.charge_of(self.axons.mantissa, exponent)
 
     @property
     def bias(self) -> IntArray:
@@ -145,7 +147,7 @@ class ChipProgram(Shown):
 
     def inputs_of(self, phase: str) -> tuple[Input, ...]:
         """Return the inputs of a phase."""
-        return tuple(item for item in self.inputs if item.phase == phase)
+        return tuple(line_input for line_input in self.inputs if line_input.phase == phase)
 
     def route_of(self, name: str) -> InputRoute:
         """Return where the lines of an input go."""
@@ -157,84 +159,101 @@ class ChipProgram(Shown):
 
     @cached_property
     def _columns_of(self) -> dict[str, dict[str, slice]]:
-        columns: dict[str, dict[str, slice]] = {phase.name: {} for phase in self.phases}
-        for phase, found in columns.items():
-            first = 0
-            for name in dict.fromkeys(
-                piece.group for core in self.cores_of(phase) for piece in core.slices
-            ):
-                found[name] = slice(first, first + self.populations[name])
-                first += self.populations[name]
-        return columns
+        columns_by_phase: dict[str, dict[str, slice]] = {}
+        for phase in self.phases:
+            first_column = 0
+            columns: dict[str, slice] = {}
+            for core in self.cores_of(phase.name):
+                for part in core.slices:
+                    if part.group not in columns:
+                        stop = first_column + self.populations[part.group]
+                        columns[part.group] = slice(first_column, stop)
+                        first_column = stop
+            columns_by_phase[phase.name] = columns
+        return columns_by_phase
 
     def columns_of_core(self, core: Core) -> IntArray:
         """Return the column of every compartment of a core, in arrays over its phase's compartments."""
         columns = self.columns_of(core.phase)
-        parts = [columns[p.group].start + np.arange(p.start, p.stop) for p in core.slices]
-        return np.concatenate(parts)
+        columns_by_slice = [
+            columns[part.group].start + np.arange(part.start, part.stop) for part in core.slices
+        ]
+        return np.concatenate(columns_by_slice)
 
     def by_column(self, phase: str, values: Callable[[Core], IntArray | int]) -> IntArray:
         """Return ``values(core)`` for the compartments of all cores of a phase, (columns,)."""
-        found = np.empty(sum(core.compartments for core in self.cores_of(phase)), dtype=np.int64)
+        size = sum(core.compartments for core in self.cores_of(phase))
+        by_column = np.empty(size, dtype=np.int64)
         for core in self.cores_of(phase):
-            found[self.columns_of_core(core)] = values(core)
-        return found
+            by_column[self.columns_of_core(core)] = values(core)
+        return by_column
 
     def lines_of(self, phase: str) -> dict[str, slice]:
         """Return the lines of every input in arrays over a phase's input lines, where inputs follow each other."""
-        ends = np.cumsum([0, *(item.size for item in self.inputs_of(phase))]).tolist()
-        return {item.name: slice(*ends[i : i + 2]) for i, item in enumerate(self.inputs_of(phase))}
+        lines: dict[str, slice] = {}
+        first_line = 0
+        for line_input in self.inputs_of(phase):
+            stop = first_line + line_input.size
+            lines[line_input.name] = slice(first_line, stop)
+            first_line = stop
+        return lines
 
     @cached_property
     def senders(self) -> tuple[IntArray, ...]:
         """The source of each input axon of every core, as a number in its phase: lines first, then columns."""
-        begin = np.cumsum([0, *(core.axons.input_axons for core in self.cores)])
-        source = np.full(begin[-1], -1, dtype=np.int64)
+        # The input axons of all cores, one core after the other.
+        first_axon = np.cumsum([0, *(core.axons.input_axons for core in self.cores)])
+        source_of_axon = np.full(first_axon[-1], -1, dtype=np.int64)
         for phase in self.phases:
             lines = self.lines_of(phase.name)
-            for name, here in lines.items():
+            for name, lines_of_input in lines.items():
                 route = self.route_of(name)
-                source[begin[route.core] + route.axon] = here.start + route.line
-            count = max((here.stop for here in lines.values()), default=0)
+                axon = first_axon[route.core] + route.axon
+                source_of_axon[axon] = lines_of_input.start + route.line
+            line_count = max((lines_of_input.stop for lines_of_input in lines.values()), default=0)
             for core in self.cores_of(phase.name):
                 axons = core.axons
-                sent = count + self.columns_of_core(core)[axons.out_compartment]
-                source[begin[axons.out_core] + axons.out_axon] = sent
-        return tuple(np.split(source, begin[1:-1]))
+                column = self.columns_of_core(core)[axons.out_compartment]
+                source_of_axon[first_axon[axons.out_core] + axons.out_axon] = line_count + column
+        return tuple(np.split(source_of_axon, first_axon[1:-1]))
 
     @cached_property
     def streams(self) -> dict[str, int]:
         """The recordings that the program expects, by name, with their number of channels."""
-        return {item.stream: item.channels for item in self.inputs}
+        return {line_input.stream: line_input.channels for line_input in self.inputs}
 
     @cached_property
     def spiking(self) -> frozenset[str]:
         """The names of the groups that can spike."""
-        pieces = (
-            (core.profiles[core.profile[piece.offset]], piece)
-            for core in self.cores
-            for piece in core.slices
-        )
-        return frozenset(piece.group for profile, piece in pieces if not profile.joined)
+        groups: set[str] = set()
+        for core in self.cores:
+            for part in core.slices:
+                # Of a group, all compartments are joined, or none is.
+                profile = core.profiles[core.profile[part.offset]]
+                if not profile.joined:
+                    groups.add(part.group)
+        return frozenset(groups)
 
     @cached_property
     def joined_to(self) -> dict[str, str]:
         """For each group that adds its voltage to another one, the name of that other group."""
-        found = {}
+        parent_groups: dict[str, str] = {}
         for core in self.cores:
-            group_of = {piece.offset: piece.group for piece in core.slices}
-            for piece in core.slices:
-                if (parent := int(core.parent[piece.offset])) >= 0:
-                    found[piece.group] = group_of[parent]
-        return found
+            group_by_offset = {part.offset: part.group for part in core.slices}
+            for part in core.slices:
+                # Slices are joined compartment by compartment, the first to the first.
+                parent = int(core.parent[part.offset])
+                if parent >= 0:
+                    parent_groups[part.group] = group_by_offset[parent]
+        return parent_groups
 
     @cached_property
     def populations(self) -> dict[str, int]:
         """The names and sizes of all compartment groups, in order of their cores."""
         sizes: dict[str, int] = {}
         for core in self.cores:
-            for piece in core.slices:
-                sizes[piece.group] = max(sizes.get(piece.group, 0), piece.stop)
+            for part in core.slices:
+                sizes[part.group] = max(sizes.get(part.group, 0), part.stop)
         return sizes
 
     @checked

@@ -88,13 +88,11 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
     inputs, routes = [], []
     for index, item in enumerate(document["inputs"]):
         positions = arrays[f"input{index}/positions"] if item["transposed"] else None
-        said = {name: item[name] for name in INPUT_ENTRIES} | {"size": int(item["size"])}
-        inputs.append(
-            Input(**said, positions=positions, first_lines=arrays.get(f"input{index}/first_lines"))
-        )
-        routes.append(
-            InputRoute(item["name"], *(arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS))
-        )
+        first_lines = arrays.get(f"input{index}/first_lines")
+        entries = {name: item[name] for name in INPUT_ENTRIES} | {"size": int(item["size"])}
+        inputs.append(Input(**entries, positions=positions, first_lines=first_lines))
+        route_arrays = {name: arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS}
+        routes.append(InputRoute(item["name"], **route_arrays))
     readout = document["readout"]
     return ChipProgram(
         name=str(document["name"]),
@@ -126,11 +124,10 @@ def _known(document: Mapping[str, Any], name: str, kind: type[int] | type[float]
     value = document.get(name)
     if value is None:
         return None
-    if (
-        type(value) not in (kind, int)
-        or not 0 <= value < math.inf
-        or (name == "step_seconds" and value == 0)
-    ):
+    is_number = type(value) in (kind, int)
+    if not is_number or not 0 <= value < math.inf:
+        raise ValueError(name)
+    if name == "step_seconds" and value == 0:
         raise ValueError(name)
     return value
 

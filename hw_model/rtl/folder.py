@@ -88,12 +88,15 @@ def _updates(core: CoreProgram, recording: ByteArray, played: SimulationResult) 
     """Return what the core writes of every update, (updates, 5): compartment, u, v, potential, spike."""
     rows = []
     for phase in core.phases:
-        numbers, span = core.numbers[phase.name], phase.span(recording)
-        table = np.zeros((len(span), len(numbers), 5), dtype=np.int64)
+        numbers = core.numbers[phase.name]
+        steps = phase.span(recording)
+        table = np.zeros((len(steps), len(numbers), 5), dtype=np.int64)
         table[..., 0] = numbers
-        for name, here in core.program.columns_of(phase.name).items() if len(numbers) else ():
-            kinds = (played.u[name], played.v[name], played.potential[name])
-            table[:, here, 1:4] = np.stack(kinds, axis=-1)[span]
-            table[:, here, 4] = played.spikes[name][span] if name in played.spikes else 0
+        for name, columns in core.program.columns_of(phase.name).items():
+            registers = (played.u[name], played.v[name], played.potential[name])
+            table[:, columns, 1:4] = np.stack(registers, axis=-1)[steps]
+            if name in played.spikes:
+                table[:, columns, 4] = played.spikes[name][steps]
+        # The core updates compartments in the order of their numbers, in every step.
         rows.append(table[:, np.argsort(numbers)].reshape(-1, 5))
     return np.concatenate(rows)
