@@ -14,33 +14,44 @@ from sessions import live_program
 
 import hw_model as hw
 
-THREADS, ROWS = 4, 20_000
+THREADS = 4
+ROWS = 20_000
+"""Rows of a recording: runs are long enough to overlap."""
 
 
 def test_threads_do_not_disturb_each_other():
-    """All begin together, a program that nobody has played and then the same again; runs are long enough to overlap."""
+    """All begin together, first with a program that nobody has played, and then with the same again."""
     density = np.linspace(0.1, 0.7, THREADS)[:, None, None]
     recordings = (np.random.default_rng(0).random((THREADS, ROWS, 6)) < density).astype(np.uint8)
-    alone, program, begin = live_program(), live_program(), Barrier(THREADS)
-    wanted = [hw.simulate(alone, one) for one in recordings]
+    program_of_one_thread = live_program()
+    expected = [hw.simulate(program_of_one_thread, recording) for recording in recordings]
+    program = live_program()
+    begin = Barrier(THREADS)
 
     def play(recording: np.ndarray) -> list[hw.SimulationResult]:
-        found = []
+        results = []
         for _ in range(3):
             begin.wait()
-            found.append(hw.simulate(program, recording))
-        return found
+            results.append(hw.simulate(program, recording))
+        return results
 
     with ThreadPoolExecutor(THREADS) as threads:
-        each = list(threads.map(play, recordings))
-    for found, one in zip(each, wanted, strict=True):
-        for result in found:
-            assert np.array_equal(result.spikes["y"], one.spikes["y"])
-            assert result.counts == one.counts
+        results_by_thread = list(threads.map(play, recordings))
+    for results, expected_result in zip(results_by_thread, expected, strict=True):
+        for result in results:
+            assert np.array_equal(result.spikes["y"], expected_result.spikes["y"])
+            assert result.counts == expected_result.counts
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")
 def test_cores_are_those_that_the_process_may_use():
-    asks = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); from hw_model.engine import threads; print(threads.cores())"
-    done = subprocess.run([sys.executable, "-c", asks], capture_output=True, text=True, check=True)
-    assert done.stdout == "1\n"
+    program = """\
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+from hw_model.engine import threads
+print(threads.cores())
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert process.stdout == "1\n"

@@ -31,16 +31,16 @@ def rows_of_table():
 def test_every_row_is_explained_and_in_the_table():
     rows = run_stress(hw.chip("loihi-sim"))
     assert [row for row in rows if row.verdict == "unexplained"] == []
-    found = [(row.case.name, row.case.strategy, row.verdict) for row in rows]
-    assert rows_of_table() == found
+    computed = [(row.case.name, row.case.strategy, row.verdict) for row in rows]
+    assert rows_of_table() == computed
 
 
 @pytest.mark.parametrize("group", list(dict.fromkeys(case.group for case in cases())))
 def test_reports_of_all_cases_hold_finite_numbers(group):
-    for case in one_of_each_name(group):
+    for case in a_case_of_each_name(group):
         strategy = "auto" if case.strategy == NATIVE else case.strategy
         try:
-            made = lc.compile(
+            compiled = lc.compile(
                 case.network,
                 strategy=strategy,
                 weight_bits=case.weight_bits,
@@ -48,16 +48,23 @@ def test_reports_of_all_cases_hold_finite_numbers(group):
             )
         except LocsnnError:
             continue
-        json.dumps(made.report, allow_nan=False)
-        assert render_markdown(compose(made.figures))
-        assert render_html(compose(made.figures))
+        json.dumps(compiled.report, allow_nan=False)
+        assert render_markdown(compose(compiled.figures))
+        assert render_html(compose(compiled.figures))
 
 
-def one_of_each_name(group):
-    """Of rows that differ in strategy alone, one: the strategies take turns. All are rounded as the command rounds."""
-    rows = {}
+def a_case_of_each_name(group):
+    """Return a case of each name in a group, of those that are rounded as the command rounds.
+
+    Cases of a name differ in their strategy alone, and strategies take turns.
+    """
+    cases_by_name = {}
     for case in cases():
         if case.group == group and case.rounding == FINE:
-            rows.setdefault(case.name, []).append(case)
+            cases_by_name.setdefault(case.name, []).append(case)
     turn = itertools.count()
-    return [same[next(turn) % len(same)] if len(same) > 1 else same[0] for same in rows.values()]
+    chosen = []
+    for same_name in cases_by_name.values():
+        strategy = next(turn) if len(same_name) > 1 else 0
+        chosen.append(same_name[strategy % len(same_name)])
+    return chosen
