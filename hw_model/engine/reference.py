@@ -39,7 +39,7 @@ def run_phase(
     phase: str,
     played: PhaseInput,
     windows: dict[Register, Window],
-    skip: bool = False,
+    skip: bool,
 ) -> PhaseTrace:
     """Run a batch through one phase; keep of the registers what the windows ask for.
 
@@ -231,7 +231,7 @@ class _CoreState:
         at = (due, np.repeat(recordings, length), synapses.target[synapse])
         # Along one axis, numpy adds several times as fast as along three.
         place = np.ravel_multi_index(at, self.slots.shape)
-        np.add.at(self.slots.reshape(-1), place, self.charge[synapse])
+        np.add.at(self.slots.reshape(self.slots.size), place, self.charge[synapse])
 
 
 class _Turn:
