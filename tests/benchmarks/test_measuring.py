@@ -21,12 +21,14 @@ def test_kernels_add_every_row_where_it_is_due(add, rate):
     r = np.random.default_rng(0)
     spikes = (r.random((2, 100, 30)) < rate).astype(np.uint8)
     weights = r.integers(-127, 128, (30, 20)).astype(np.int16)
-    begin, source, due = deliveries([spikes])
-    tiles = [tile for recording in spikes for tile in (recording[:TILE], recording[TILE:])]
-    assert len(begin) == len(tiles) + 1
-    for part, tile in enumerate(tiles):
+    first_of_tile, source, due = deliveries([spikes])
+    tiles = []
+    for recording in spikes:
+        tiles += [recording[:TILE], recording[TILE:]]
+    assert len(first_of_tile) == len(tiles) + 1
+    for number, tile in enumerate(tiles):
         charge = np.zeros((TILE + 1, 20), dtype=np.int32)
-        add(source, due, begin[part], begin[part + 1], weights, charge)
+        add(source, due, first_of_tile[number], first_of_tile[number + 1], weights, charge)
         assert np.array_equal(charge[1 : len(tile) + 1], tile.astype(np.int64) @ weights)
 
 

@@ -32,91 +32,88 @@ def played(network):
 
 def test_all_of_a_small_network_is_kept(network, levels, played):
     first = compare(Observed(levels, played)).first_divergence
-    found = take_excerpt(Observed(levels, played), first)
-    one = played[first.recording : first.recording + 1]
-    wanted, chip = evaluate(network, one), hw.simulate(levels.program, one)
-    assert found.steps == {"time": range(40), "location": range(network.channels)}
-    assert found.populations_left_out == 0
-    assert [item.name for item in found.populations] == [p.name for p in network.populations]
-    for item in found.populations:
-        assert np.array_equal(item.numbers, np.arange(item.size))
-        assert np.array_equal(item.reference, wanted.spikes[item.name][0])
-        assert np.array_equal(item.chip, chip.spikes[item.name][0])
+    excerpt = take_excerpt(Observed(levels, played), first)
+    recording = played[first.recording : first.recording + 1]
+    reference = evaluate(network, recording)
+    chip = hw.simulate(levels.program, recording)
+    assert excerpt.steps == {"time": range(40), "location": range(network.channels)}
+    assert excerpt.populations_left_out == 0
+    names = [rows.name for rows in excerpt.populations]
+    assert names == [population.name for population in network.populations]
+    for rows in excerpt.populations:
+        assert np.array_equal(rows.numbers, np.arange(rows.size))
+        assert np.array_equal(rows.reference, reference.spikes[rows.name][0])
+        assert np.array_equal(rows.chip, chip.spikes[rows.name][0])
     assert [
-        np.array_equal(item.reference, wanted.spikes[item.name][0]) for item in found.inputs
+        np.array_equal(lines.reference, reference.spikes[lines.name][0]) for lines in excerpt.inputs
     ] == [True, True]
 
 
 def test_the_potential_is_the_one_that_differs_first(levels, played):
     first = compare(Observed(levels, played)).first_divergence
-    shown = take_excerpt(Observed(levels, played), first).potential
-    at = first.step - shown.first_step
-    assert (shown.population, shown.neuron, shown.threshold) == (
-        first.population,
-        first.neuron,
-        first.threshold,
-    )
-    assert (shown.reference[at], shown.chip[at]) == (
-        first.reference_potential,
-        first.chip_potential,
-    )
-    assert shown.reference_spikes[at] != shown.chip_spikes[at]
-    assert np.array_equal(shown.reference_spikes[:at], shown.chip_spikes[:at])
+    potential = take_excerpt(Observed(levels, played), first).potential
+    row = first.step - potential.first_step
+    assert potential.population == first.population
+    assert potential.neuron == first.neuron
+    assert potential.threshold == first.threshold
+    assert potential.reference[row] == first.reference_potential
+    assert potential.chip[row] == first.chip_potential
+    assert potential.reference_spikes[row] != potential.chip_spikes[row]
+    assert np.array_equal(potential.reference_spikes[:row], potential.chip_spikes[:row])
 
 
 def test_without_a_difference_the_readout_is_shown(network, levels, played):
-    found = take_excerpt(Observed(levels, played), None)
-    spikes = evaluate(network, played[:1]).spikes[network.readout.populations[0]][0]
-    assert (found.recording, found.potential.population) == (0, network.readout.populations[0])
-    assert found.potential.neuron == spikes.sum(axis=0).argmax()
+    excerpt = take_excerpt(Observed(levels, played), None)
+    read_out = network.readout.populations[0]
+    spikes = evaluate(network, played[:1]).spikes[read_out][0]
+    assert excerpt.recording == 0
+    assert excerpt.potential.population == read_out
+    assert excerpt.potential.neuron == spikes.sum(axis=0).argmax()
 
 
 def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch):
     first = compare(Observed(levels, played)).first_divergence
     whole = take_excerpt(Observed(levels, played), first)
-    for name, value in {
-        "STEPS": 8,
-        "MARKS": 20,
-        "NEURONS": 3,
-        "LINES": 10,
-        "POPULATIONS": 2,
-    }.items():
-        monkeypatch.setattr(module, name, value)
-    found = take_excerpt(Observed(levels, played), first)
-    assert (len(found.populations), found.populations_left_out) == (2, len(whole.populations) - 2)
-    shown = next(item for item in found.populations if item.name == first.population)
-    assert first.step in found.steps[shown.axis]
-    assert first.neuron in shown.numbers
-    assert all(len(steps) <= 8 for steps in found.steps.values())
-    for item in found.populations:
-        assert (item.reference | item.chip).sum() <= 20
-        assert item.reference.shape == (len(found.steps[item.axis]), min(item.size, 3))
-    for item, every in zip(found.inputs, whole.inputs, strict=True):
-        assert item.together == -(-item.size // 10)
-        here = every.reference[found.steps[item.axis].start : found.steps[item.axis].stop]
-        rows = [
-            here[:, i : i + item.together].max(axis=1) for i in range(0, item.size, item.together)
+    limits = {"STEPS": 8, "MARKS": 20, "NEURONS": 3, "LINES": 10, "POPULATIONS": 2}
+    for name, limit in limits.items():
+        monkeypatch.setattr(module, name, limit)
+    excerpt = take_excerpt(Observed(levels, played), first)
+    assert len(excerpt.populations) == 2
+    assert excerpt.populations_left_out == len(whole.populations) - 2
+    differing = next(rows for rows in excerpt.populations if rows.name == first.population)
+    assert first.step in excerpt.steps[differing.axis]
+    assert first.neuron in differing.numbers
+    assert all(len(steps) <= 8 for steps in excerpt.steps.values())
+    for rows in excerpt.populations:
+        assert (rows.reference | rows.chip).sum() <= 20
+        assert rows.reference.shape == (len(excerpt.steps[rows.axis]), min(rows.size, 3))
+    # Neighbouring lines of an input are drawn together: a row has a mark where any of them spikes.
+    for lines, all_lines in zip(excerpt.inputs, whole.inputs, strict=True):
+        assert lines.together == -(-lines.size // 10)
+        steps = excerpt.steps[lines.axis]
+        spikes = all_lines.reference[steps.start : steps.stop]
+        merged = [
+            spikes[:, line : line + lines.together].max(axis=1)
+            for line in range(0, lines.size, lines.together)
         ]
-        assert np.array_equal(item.reference, np.stack(rows, axis=1))
+        assert np.array_equal(lines.reference, np.stack(merged, axis=1))
 
 
 def test_the_neuron_that_differs_first_is_always_shown(levels, played, monkeypatch):
     monkeypatch.setattr(module, "NEURONS", 1)
     first = compare(Observed(levels, played)).first_divergence
-    shown = next(
-        i
-        for i in take_excerpt(Observed(levels, played), first).populations
-        if i.name == first.population
-    )
-    assert shown.numbers.tolist() == [first.neuron]
+    excerpt = take_excerpt(Observed(levels, played), first)
+    differing = next(rows for rows in excerpt.populations if rows.name == first.population)
+    assert differing.numbers.tolist() == [first.neuron]
 
 
 def test_neurons_without_differences_are_those_that_spike_most(levels, played, monkeypatch):
     monkeypatch.setattr(module, "NEURONS", 2)
-    whole = np.zeros((5, 4), dtype=np.uint8)
-    whole[0, 1] = whole[:2, 3] = whole[2, 3] = 1
+    spikes = np.zeros((5, 4), dtype=np.uint8)
+    spikes[0, 1] = 1
+    spikes[:3, 3] = 1
     population = levels.network.populations[0]
-    assert module.rows_shown(population, whole, whole, None).numbers.tolist() == [1, 3]
-    differs = whole.copy()
-    differs[4, 0] = 1
-    assert module.rows_shown(population, whole, differs, None).numbers.tolist() == [0, 3]
+    assert module.rows_shown(population, spikes, spikes, None).numbers.tolist() == [1, 3]
+    chip_spikes = spikes.copy()
+    chip_spikes[4, 0] = 1
+    assert module.rows_shown(population, spikes, chip_spikes, None).numbers.tolist() == [0, 3]

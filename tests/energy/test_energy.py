@@ -34,16 +34,21 @@ NEEDS_RECORDINGS = pytest.mark.skipif(
 
 @NEEDS_LIBRARY
 def test_macros_cost_what_their_files_say():
-    found = {(m.ports, m.words, m.bits): m for m in liberty.macros(runs.LIBRARY / "sram")}
+    macros = {
+        (macro.ports, macro.words, macro.bits): macro
+        for macro in liberty.macros(runs.LIBRARY / "sram")
+    }
     table = re.findall(
         r"\| (\d)P (\d+) x (\d+) \| ([\d,]+) \| ([\d.]+) \| ([\d.]+) \|",
         (runs.LIBRARY / "README.md").read_text(),
     )
     assert len(table) == 16
     for ports, words, bits, *figures in table:
-        one = found[int(ports), int(words), int(bits)]
-        wanted = [float(figure.replace(",", "")) for figure in figures]
-        assert [round(one.area), one.read_pj, one.write_pj] == pytest.approx(wanted, abs=0.051)
+        macro = macros[int(ports), int(words), int(bits)]
+        in_table = [float(figure.replace(",", "")) for figure in figures]
+        # The table has one decimal.
+        figures_of_macro = [round(macro.area), macro.read_pj, macro.write_pj]
+        assert figures_of_macro == pytest.approx(in_table, abs=0.051)
 
 
 @NEEDS_LIBRARY
@@ -62,6 +67,12 @@ def test_the_chip_file_names_the_lines_of_its_figures():
             assert float(re.findall(r"values \(([\d.]+)\)", group)[0]) == float(pj)
 
 
+def touch_recordings(count: int) -> np.ndarray:
+    """Return the first touches of the examples, (count, steps, channels); files hold channels first."""
+    spikes = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"]
+    return spikes[:count].transpose(0, 2, 1)
+
+
 def checked() -> list[dict[str, str]]:
     with make_profile.CHECK.open() as file:
         return list(csv.DictReader(file))
@@ -70,53 +81,53 @@ def checked() -> list[dict[str, str]]:
 def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
     rows = checked()
     for name in make_profile.SETS:
-        off = [
+        relative_errors = [
             abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1)
             for row in rows
             if row["set"] == name
         ]
-        assert len(off) == 20
-        assert max(off) < 0.05
+        assert len(relative_errors) == 20
+        assert max(relative_errors) < 0.05
 
 
 @NEEDS_RECORDINGS
 @pytest.mark.parametrize("name", make_profile.SETS)
 def test_counts_without_hardware_say_what_memories_take(name):
     count = 3
-    program, recordings = runs.compiled(make_profile.SETS[name]), runs.real(name, "test", count)
-    gate_level = [
-        float(row["memories at gate level, pJ"]) for row in checked() if row["set"] == name
-    ][:count]
-    assert sums.memory_pj(program, recordings) == pytest.approx(gate_level, rel=0.02)
+    program = runs.compiled(make_profile.SETS[name])
+    recordings = runs.real(name, "test", count)
+    rows = [row for row in checked() if row["set"] == name]
+    gate_level_pj = [float(row["memories at gate level, pJ"]) for row in rows[:count]]
+    assert sums.memory_pj(program, recordings) == pytest.approx(gate_level_pj, rel=0.02)
 
 
 SWEPT = {"bitmap": 1024, "tallies": 72}
-"""Words that are written while memories are cleaned, which counts do not tell of."""
+"""Words that are written while memories are set to 0 before a recording, which counts do not tell of."""
 ESTIMATED = {"synapses": (0.92, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
 """Accesses by counts over those that were counted, at least and at most; all others are the same."""
 
 
 def test_counts_and_program_tell_what_memories_do():
     program = runs.compiled("objects-hybrid-loihi")
-    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"][:2].transpose(
-        0, 2, 1
-    )
-    recordings, sizes = (
-        runs.stacked(program, recordings.astype(np.uint8)),
-        hw.chip("locsnn-130nm").open_core,
-    )
-    found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
-    core, seen = CoreProgram(program, recordings.shape[1], sizes=sizes), set()
-    for i, counts in enumerate(found.per_recording):
-        counted = sums.accesses(core, recordings[i], found, i, defaultdict(lambda: (1, 0.0, 0.0)))
-        for array in (one for one in arrays_of(core, sizes, counts) if one.name in counted):
-            reads, writes = counted[array.name]
+    touches = touch_recordings(2).astype(np.uint8)
+    recordings = runs.stacked(program, touches)
+    sizes = hw.chip("locsnn-130nm").open_core
+    simulated = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
+    core = CoreProgram(program, recordings.shape[1], sizes=sizes)
+    any_macro = defaultdict(lambda: (1, 0.0, 0.0))
+    compared = set()
+    for i, counts in enumerate(simulated.per_recording):
+        accesses = sums.accesses(core, recordings[i], simulated, i, any_macro)
+        for array in arrays_of(core, sizes, counts):
+            if array.name not in accesses:
+                continue
+            reads, writes = accesses[array.name]
             writes -= SWEPT.get(array.name, 0)
-            least, most = ESTIMATED.get(array.name, (1.0, 1.0))
-            assert least * reads <= array.rows[1] <= most * reads, array.name
-            assert least * writes <= array.writes <= most * writes, array.name
-            seen.add(array.name)
-    assert seen >= {
+            low, high = ESTIMATED.get(array.name, (1.0, 1.0))
+            assert low * reads <= array.rows[1] <= high * reads, array.name
+            assert low * writes <= array.writes <= high * writes, array.name
+            compared.add(array.name)
+    assert compared >= {
         "axons",
         "synapses",
         "charges",
@@ -145,20 +156,20 @@ def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, name, 
 
 def test_text_of_the_page_is_wrapped_and_tables_are_not():
     words, row = " ".join(["word"] * 60), "| " + "long " * 40 + "|"
-    head = f"# {words}\n\n{words}\n{words}\n\n| a |\n{row}\n\n- {words}\n- {words}\n\n    {words}\n"
-    found = page_text.wrapped(head).split("\n\n")
-    kept = [f"# {words}", f"| a |\n{row}", f"- {words}\n- {words}", f"    {words}\n"]
-    assert [found[0], *found[2:]] == kept
-    assert max(map(len, found[1].split("\n"))) <= page_text.WIDTH < len(words)
-    assert found[1].split() == f"{words} {words}".split()
+    page = f"# {words}\n\n{words}\n{words}\n\n| a |\n{row}\n\n- {words}\n- {words}\n\n    {words}\n"
+    head, paragraph, *others = page_text.wrapped(page).split("\n\n")
+    unchanged = [f"# {words}", f"| a |\n{row}", f"- {words}\n- {words}", f"    {words}\n"]
+    assert [head, *others] == unchanged
+    assert max(map(len, paragraph.split("\n"))) <= page_text.WIDTH < len(words)
+    assert paragraph.split() == f"{words} {words}".split()
 
 
 def test_every_price_is_within_its_range():
     profile = hw.chip("locsnn-130nm").profile("ihp-sg13g2")
     assert set(profile.energy_pj) == set(profile.energy_pj_range) == set(profile.sources)
     for name, pj in profile.energy_pj.items():
-        least, most = profile.energy_pj_range[name]
-        assert 0 < least <= most == pj
+        low, high = profile.energy_pj_range[name]
+        assert 0 < low <= high == pj
 
 
 def test_a_report_bounds_what_cleaning_takes_and_nothing_else_that_is_left_out():
@@ -191,27 +202,28 @@ def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
             with archive.open(f"Ev-Some/test/sample_{sample}_label_{label}.npy", "w") as file:
                 np.save(file, np.full((2, 2, 3), sample, dtype=np.float32))
     monkeypatch.setattr(runs, "RECORDINGS", Path(tmp_path))
-    found = runs.real("Some", "test", 3)
-    assert found.shape == (3, 3, 4)
-    assert found[:, 0, 0].tolist() == [1, 0, 2]
+    recordings = runs.real("Some", "test", 3)
+    assert recordings.shape == (3, 3, 4)
+    # Each recording holds its number. Classes 0 and 1 take turns.
+    assert recordings[:, 0, 0].tolist() == [1, 0, 2]
 
 
 @NEEDS_LIBRARY
 def test_dense_rows_hold_every_synapse_and_are_never_fewer_than_full_ones():
     program = runs.compiled("objects-hybrid-loihi")
-    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(
-        0, 2, 1
-    )[:2]
+    recordings = touch_recordings(2)
     core = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes)
-    synapses = packing.dense(core, 1)
-    assert synapses.tolist() == packing.full(core, 1).tolist()
-    found = hw.simulate(program, recordings, probe=("spikes",))
-    sent = [sums.sent_by(core, recording, found, i) for i, recording in enumerate(recordings)]
-    assert [one @ synapses for one in sent] == [
-        counts.synaptic_ops for counts in found.per_recording
-    ]
+    synapses_of_source = packing.dense(core, 1)
+    assert synapses_of_source.tolist() == packing.full(core, 1).tolist()
+    simulated = hw.simulate(program, recordings, probe=("spikes",))
+    operations = []
+    for i, recording in enumerate(recordings):
+        spikes_of_source = sums.sent_by(core, recording, simulated, i)
+        operations.append(spikes_of_source @ synapses_of_source)
+    assert operations == [counts.synaptic_ops for counts in simulated.per_recording]
     for row in packing.ROWS:
-        dense, full = packing.dense(core, row), packing.full(core, row)
-        assert (full <= dense).all()
-        assert (dense <= synapses).all()
-        assert (full * row >= synapses).all()
+        dense_rows = packing.dense(core, row)
+        full_rows = packing.full(core, row)
+        assert (full_rows <= dense_rows).all()
+        assert (dense_rows <= synapses_of_source).all()
+        assert (full_rows * row >= synapses_of_source).all()

@@ -20,6 +20,7 @@ from hw_model.arithmetic.fixed_point import (
 )
 
 registers = st.integers(-(2**24), 2**24)
+"""Values of registers of up to 24 bits. A decay d takes d of 4096 parts of one in a step."""
 
 
 @given(x=registers, d=st.integers(0, 4096))
@@ -37,22 +38,24 @@ def test_decay_table(x, d, left):
     assert decay(np.array([x]), np.array([d]))[0] == left
 
 
-def first_bits(values, many):
-    """Return so many bits of the sign: all set below zero, none from zero on."""
-    return np.where(values < 0, 2**many - 1, 0)
+def sign_bits(values, bits):
+    """Return the sign of each value ``bits`` times: all bits set below zero, none from zero on."""
+    return np.where(values < 0, 2**bits - 1, 0)
 
 
 @given(x=registers, d=st.integers(0, 4096))
 def test_parts_of_a_register_keep_what_the_whole_keeps(x, d):
     exact = Fraction(x) * (4096 - d) / 4096
-    kept = kept_by_parts(np.array([x]), np.array([4096 - d]), first_bits, lambda high: high)
-    assert kept[0] == int(exact)
+    keep = np.array([4096 - d])
+    by_parts = kept_by_parts(np.array([x]), keep, sign_bits, lambda high: high)
+    assert by_parts[0] == int(exact)
 
 
 @given(largest=registers.map(abs), bits=st.integers(2, 16))
 def test_a_high_part_fits_where_those_of_both_ends_do(largest, bits):
-    parts = (largest >> 12, -largest >> 12)
-    fits = all(-(2 ** (bits - 1)) <= part < 2 ** (bits - 1) for part in parts)
+    high_parts = (largest >> 12, -largest >> 12)
+    limit = 2 ** (bits - 1)
+    fits = all(-limit <= high < limit for high in high_parts)
     assert high_part_fits(largest, bits) == fits
 
 

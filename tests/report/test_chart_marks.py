@@ -26,12 +26,17 @@ def drawn(*marks, kinds=("dendrite", "reset")):
 
 
 def shapes(root):
-    """The marks of the panel, without those of the legend."""
+    """The marks of the panel, without those of the legend, which have no title."""
     return [
         element
         for element in root.iter()
         if (element.get("class") or "").startswith("mark") and len(element)
     ]
+
+
+def shapes_by_title(root):
+    """The marks of the panel by their figures, as in "at 0.1, 5"."""
+    return {element.find(f"{SVG}title").text: element for element in shapes(root)}
 
 
 @given(
@@ -48,34 +53,34 @@ def test_any_figures_make_a_whole_picture(marks):
 
 def test_kinds_differ_in_shape_and_the_front_in_its_fill():
     root = drawn(mark(0.1, 5), mark(0.5, 3, kind=1), mark(0.6, 4, kind=2, front=False))
-    found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
-    assert [found[name].get("href") for name in ("at 0.1, 5", "at 0.5, 3", "at 0.6, 4")] == [
+    marks = shapes_by_title(root)
+    assert [marks[title].get("href") for title in ("at 0.1, 5", "at 0.5, 3", "at 0.6, 4")] == [
         "#shape0",
         "#shape1",
         "#shape2",
     ]
     defined = {element.get("id") for element in root.find(f"{SVG}defs")}
     assert {element.get("href")[1:] for element in root.iter(f"{SVG}use")} <= defined
-    assert [found[name].get("class") for name in ("at 0.1, 5", "at 0.6, 4")] == [
+    assert [marks[title].get("class") for title in ("at 0.1, 5", "at 0.6, 4")] == [
         "mark front",
         "mark",
     ]
 
 
 def test_lower_figures_are_lower_and_lower_errors_to_the_left():
-    root = drawn(mark(0.1, 5), mark(0.5, 3))
-    found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
-    first, second = found["at 0.1, 5"], found["at 0.5, 3"]
-    assert float(first.get("x")) < float(second.get("x"))
-    assert float(first.get("y")) < float(second.get("y"))
+    marks = shapes_by_title(drawn(mark(0.1, 5), mark(0.5, 3)))
+    less_error = marks["at 0.1, 5"]
+    less_energy = marks["at 0.5, 3"]
+    assert float(less_error.get("x")) < float(less_energy.get("x"))
+    # y of SVG counts downwards.
+    assert float(less_error.get("y")) < float(less_energy.get("y"))
 
 
 def test_the_recommended_one_has_a_ring():
     root = drawn(mark(0.1, 5), mark(0.5, 3, taken=True))
     rings = [element for element in root.iter(f"{SVG}circle") if element.get("class") == "ring"]
-    found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
-    assert rings[0].get("cx") == found["at 0.5, 3"].get("x")
-    assert len(rings) == 2  # the other one is the legend's
+    assert rings[0].get("cx") == shapes_by_title(root)["at 0.5, 3"].get("x")
+    assert len(rings) == 2  # the second is the legend's
 
 
 def test_crowded_marks_share_no_room_for_labels():

@@ -40,11 +40,11 @@ def checkpoint(path: Path, **weights: float) -> Path:
     description = NetworkDescription(
         "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name=path.stem
     )
-    r = np.random.default_rng(0)
+    random = np.random.default_rng(0)
     arrays = {}
     for name, shape in description.weight_shapes.items():
         # Drawn for every population, so that fixed weights do not change those of the others.
-        arrays[name] = r.normal(0.5, 2.0, shape).astype(np.float32)
+        arrays[name] = random.normal(0.5, 2.0, shape).astype(np.float32)
         if name in weights:
             arrays[name] = np.full_like(arrays[name], weights[name])
     Checkpoint(description, arrays).save(path)
@@ -74,13 +74,13 @@ def graph_with_biases(
         }
         return nir.LIF(**{name: np.full(size, value) for name, value in parameters.items()})
 
-    r = np.random.default_rng(0)
+    random = np.random.default_rng(0)
     readout = nir.LI(np.full(3, 0.01), np.ones(3), np.zeros(3)) if potentials else neurons(3)
     nodes = {
         "input": nir.Input(np.array([10])),
-        "fc1": nir.Affine(r.normal(0, 0.5, (6, 10)), np.full(6, 0.3)),
+        "fc1": nir.Affine(random.normal(0, 0.5, (6, 10)), np.full(6, 0.3)),
         "hidden": neurons(6),
-        "fc2": nir.Affine(r.normal(0, 0.5, (3, 6)), np.array(biases)),
+        "fc2": nir.Affine(random.normal(0, 0.5, (3, 6)), np.array(biases)),
         "out": readout,
         "output": nir.Output(np.array([3])),
     }
@@ -240,7 +240,7 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(
-    ("option", "bound", "asked"),
+    ("option", "bound", "accepted"),
     [
         ("--max-energy-nj", "inf", "a finite number"),
         ("--min-agreement", "inf", "a number from 0 to 1"),
@@ -248,17 +248,17 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
     ],
 )
 def test_a_bound_without_end_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str, asked: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str, accepted: str
 ) -> None:
     model = checkpoint(tmp_path / "loud.pt")
     assert main([str(model), "-o", str(tmp_path / "out"), option, bound]) == 2
-    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. Give {asked}.\n"
+    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. Give {accepted}.\n"
     assert not (tmp_path / "out").exists()
 
 
 def events() -> Recordings:
-    r = np.random.default_rng(5)
-    return Recordings((r.random((6, STEPS, 78)) < 0.2).astype(np.uint8), None, 0.02, "array")
+    random = np.random.default_rng(5)
+    return Recordings((random.random((6, STEPS, 78)) < 0.2).astype(np.uint8), None, 0.02, "array")
 
 
 def compiled(path: Path) -> CompiledModel:
@@ -303,18 +303,18 @@ def test_a_planted_fault(
     tmp_path: Path, trained: dict[str, float], on_chip: dict[str, float], status: str, answer: str
 ) -> None:
     """The chip has the program of another network; the verdict is that of the comparison."""
-    model, other = (
-        compiled(checkpoint(tmp_path / f"{name}.pt", **weights))
-        for name, weights in (("a", trained), ("b", on_chip))
-    )
-    levels = replace(model.levels, program=other.levels.program)
-    wrong = replace(model, observed=replace(model.observed, levels=levels))
-    match = lc.verify(wrong, events())
-    verdict = verdict_of(wrong.levels, match)
+    model = compiled(checkpoint(tmp_path / "a.pt", **trained))
+    faulty = compiled(checkpoint(tmp_path / "b.pt", **on_chip))
+    levels = replace(model.levels, program=faulty.levels.program)
+    with_fault = replace(model, observed=replace(model.observed, levels=levels))
+    match = lc.verify(with_fault, events())
+    verdict = verdict_of(with_fault.levels, match)
     assert (verdict.status, verdict.answer) == (status, answer)
 
 
-EQUAL, DIFFERENT = (0.1, 0.1, 0.1), (0.1, 0.2, 0.3)
+EQUAL = (0.1, 0.1, 0.1)
+DIFFERENT = (0.1, 0.2, 0.3)
+"""Biases of three neurons whose potentials are read: equal ones tie where no spike arrives."""
 
 
 @pytest.mark.parametrize(
@@ -333,19 +333,21 @@ def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
         graph_with_biases(tmp_path / "read.nir", threshold, biases, potentials=True), dt=1e-3
     )
     model = lc.compile(network, diagnosis=False)
-    match, found = model.match, model.report["match"]
-    assert found["readout"] == {
+    match = model.match
+    figures = model.report["match"]
+    assert figures["readout"] == {
         "populations": ["out"],
         "by": "potentials",
         "silent": answer == "Not known",
     }
-    assert found["by_population"]["out"]["spike_agreement"] is None
-    assert (found["spike_agreement"] is None) == (threshold == 100.0)
+    assert figures["by_population"]["out"]["spike_agreement"] is None
+    assert (figures["spike_agreement"] is None) == (threshold == 100.0)
     agreeing = replace(match, chip_prediction=match.reference_prediction)
     assert verdict_of(model.levels, agreeing).answer == answer
     assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(compose(model.figures))
-    turned = replace(match, chip_prediction=(match.chip_prediction + 1) % network.classes)
-    assert verdict_of(model.levels, turned).answer == "No"
+    next_class = (match.chip_prediction + 1) % network.classes
+    disagreeing = replace(match, chip_prediction=next_class)
+    assert verdict_of(model.levels, disagreeing).answer == "No"
     tied = np.full(match.samples, -1)
     silent = replace(match, chip_prediction=tied, reference_prediction=tied)
     assert verdict_of(model.levels, silent).answer == "Not known"

@@ -21,7 +21,8 @@ SIZES = (
     replace(SIMULATED, groups=1),
     replace(SIMULATED, places=1024),
 )
-"""As it is; both phases at once; rows of the buffer together; places that phases share."""
+"""As the simulated core is; the second phase hears events on arrival; rows of the buffer together; places of
+compartments that phases share."""
 
 
 def check_cores(seed: int) -> int:
@@ -32,8 +33,8 @@ def check_cores(seed: int) -> int:
         return 0
     recordings = hostile(program, case.rows, case.spikes, seed)
     spikes = hw.simulate(program, recordings).spikes
-    together = np.concatenate(list(recordings.values()), axis=2)
-    most_events = together.sum(axis=2, dtype=np.int64).max(axis=1)
+    all_streams = np.concatenate(list(recordings.values()), axis=2)
+    largest_rates = all_streams.sum(axis=2, dtype=np.int64).max(axis=1)
     checked = 0
     for sizes in SIZES:
         try:
@@ -41,9 +42,9 @@ def check_cores(seed: int) -> int:
         except hw.TargetError:
             continue
         costs = core_costs(core)
-        cycles = predicted_cycles(core, together, spikes)
-        for taken, events in zip(cycles, most_events.tolist(), strict=True):
-            assert taken <= costs.recording(events), sizes
+        cycles = predicted_cycles(core, all_streams, spikes)
+        for cycles_taken, events_per_step in zip(cycles, largest_rates.tolist(), strict=True):
+            assert cycles_taken <= costs.recording(events_per_step), sizes
         checked += len(cycles)
     return checked
 
@@ -64,12 +65,13 @@ def test_the_buffer_holds_no_more_than_the_rate_brings() -> None:
         case = any_phases.case(seed)
         if not case.rows:
             continue
-        turned = {i.stream for i in case.program.inputs if i.positions is not None}
+        transposed = [item for item in case.program.inputs if item.positions is not None]
+        buffered_rows = {}
+        for item in transposed:
+            buffered_rows[item.stream] = max(item.rows, buffered_rows.get(item.stream, 0))
         events = 0
-        for name in turned:
-            kept = max(
-                i.rows for i in case.program.inputs if i.stream == name and i.positions is not None
-            )
-            events += int(case.spikes[name][0, :kept].sum())
-        of_row = sum(array[0].sum(axis=1) for array in case.spikes.values())
-        assert events <= buffered_events(case.program, case.rows, int(of_row.max()))
+        for stream, rows in buffered_rows.items():
+            events += int(case.spikes[stream][0, :rows].sum())
+        events_of_row = sum(array[0].sum(axis=1) for array in case.spikes.values())
+        events_per_step = int(events_of_row.max())
+        assert events <= buffered_events(case.program, case.rows, events_per_step)

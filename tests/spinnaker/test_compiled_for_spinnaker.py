@@ -46,8 +46,8 @@ def test_the_hybrid_has_15_558_of_the_15_559_spikes_of_its_integers(hybrid):
 
 def test_the_shifts_that_spynnaker_chooses_would_cost_the_location_branch_its_spikes(hybrid):
     rows = {
-        name: (own.ring_shifts, own.program_spikes, own.equal_spikes)
-        for name, own in hybrid.figures.own_scale.items()
+        name: (own_scale.ring_shifts, own_scale.program_spikes, own_scale.equal_spikes)
+        for name, own_scale in hybrid.figures.own_scale.items()
     }
     # The shifts are those that sPyNNaker 7.4.1 chose when it mapped the emitted network.
     assert rows == {
@@ -122,12 +122,11 @@ def test_a_network_of_any_length_takes_the_steps_of_recordings(steps):
     loihi = lc.compile(network, "loihi-sim", "reset", events=events, diagnosis=False)
     for name, numbers in loihi.report["quantization"].items():
         assert spinnaker.report["quantization"][name]["scale"] == numbers["scale"]
-    assert all(
-        np.array_equal(ours.mantissa, theirs.mantissa)
-        for ours, theirs in zip(
-            spinnaker.quantized.projections, loihi.levels.quantized.projections, strict=True
-        )
+    projections = zip(
+        spinnaker.quantized.projections, loihi.levels.quantized.projections, strict=True
     )
+    for on_spinnaker, on_loihi in projections:
+        assert np.array_equal(on_spinnaker.mantissa, on_loihi.mantissa)
 
 
 def test_integers_of_joined_compartments_are_refused():
