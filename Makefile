@@ -13,7 +13,7 @@ test: .venv/installed-dev  ## install (torch among it), then run the tests, a pr
 	$(BIN)/pytest -n auto --dist worksteal
 
 test-slow: .venv/installed-dev  ## the tests that take seconds each, and those that take minutes
-	$(BIN)/pytest -n auto --dist worksteal -m "slow and not mutants"
+	$(BIN)/pytest -n auto --dist worksteal -m "(slow or minutes) and not mutants"
 
 soak: .venv/installed-dev  ## the tests on new examples: in every other run, hypothesis makes the same ones
 	$(BIN)/pytest -n auto --dist worksteal --hypothesis-profile soak

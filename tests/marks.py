@@ -13,7 +13,7 @@ def first_quick(cases: Iterable[Any], many: int = 1) -> list[Any]:
 
 def sampled(faults: Mapping[str, tuple[Any, ...]], every: int = 4) -> list[Any]:
     """Return planted faults, by their names, as cases: one in ``every`` is slow, the others are for ``make mutants``."""
-    marks = pytest.mark.slow, pytest.mark.mutants
+    marks = pytest.mark.minutes, pytest.mark.mutants
     return [
         pytest.param(*its, id=name, marks=marks[at % every > 0])
         for at, (name, its) in enumerate(faults.items())
@@ -22,4 +22,4 @@ def sampled(faults: Mapping[str, tuple[Any, ...]], every: int = 4) -> list[Any]:
 
 def slow(case: Any) -> Any:
     """Return a case, one value or a tuple of several, marked slow."""
-    return pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow)
+    return pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.minutes)

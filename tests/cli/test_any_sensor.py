@@ -69,7 +69,7 @@ def compiled(*options: str, model: str = "a.pt") -> dict:
             grid_layout("32x32", 2),
             ("--grid", "32x32", "--order", "spiral", "--hidden", "4"),
             id="2048 channels",
-            marks=pytest.mark.slow,
+            marks=pytest.mark.minutes,
         ),
     ],
 )

@@ -153,7 +153,7 @@ def test_names_may_have_any_letters(name, folder, monkeypatch, capsys):
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize(
     "name", ["C, ASCII alone", "Latin-1", "no home", "warnings are errors", "no network"]
 )
@@ -180,7 +180,7 @@ def test_the_surroundings_change_no_build(name, folder):
     assert b"recording 3" in output
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("home", ["read-only home", "home of one's own"])
 def test_installed_where_nothing_can_be_written(home, folder):
     """The packages, and the home, are read-only, for root too: loops are compiled, and kept only where they can be."""

@@ -38,7 +38,7 @@ def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("events", "recordings"),
     [
         pytest.param("bs2", 30, id="event files"),
-        pytest.param("test-1ms.npz", 100, id="frames", marks=pytest.mark.slow),
+        pytest.param("test-1ms.npz", 100, id="frames", marks=pytest.mark.minutes),
     ],
 )
 def test_every_recording_is_right_and_every_spike_as_trained(

@@ -82,7 +82,7 @@ def test_the_program_is_the_rounded_network(example, strategy):
     assert np.array_equal(found.prediction, wanted.prediction)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_paired_dendrites_keep_the_predictions_and_nearly_all_spikes(example):
     """Rounded for the train recordings."""
     path, network, recordings = example
@@ -95,7 +95,7 @@ def test_paired_dendrites_keep_the_predictions_and_nearly_all_spikes(example):
     assert match.spikes.agreement >= 0.98
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_both_engines_give_the_same_integers(example, compiled):
     _, _, recordings = example
     probe = ("spikes", "u", "v", "potential")

@@ -131,7 +131,7 @@ def test_integrate_and_fire_neurons_are_one_compartment_each(name: str) -> None:
     assert decays == {(4096, 3277)}
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("fingertips", [1, 2])
 @pytest.mark.parametrize(("name", "cores"), [("tactile-sgnet", 13), ("hybrid-graph", 27)])
 def test_graph_networks_of_the_published_size_fit_a_chip(

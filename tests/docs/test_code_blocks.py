@@ -80,7 +80,7 @@ def test_the_code_of_a_page_runs(page, folder):
     run_blocks(of_page(page, slow=False), in_process)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize(
     "page", sorted({block.page for block in RUN if "slow" in block.words}), ids=name
 )
@@ -118,7 +118,7 @@ def test_what_ci_runs_is_a_target_of_make(fence):
         assert re.search(rf"(make|\$\(MAKE\)) {target}$", everything, flags=re.MULTILINE), target
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @on_real_recordings
 @pytest.mark.parametrize(
     "fence", [fence for fence in BLOCKS if fence.language == "console"], ids=str

@@ -72,7 +72,7 @@ def test_examples_that_take_a_moment_work(program, folder):
     run(folder, *examples(program))
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize(
     "program", [p for p in programs() if p not in (*LIGHT, "locsnn", "locsnn-compile")]
 )

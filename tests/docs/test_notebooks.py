@@ -40,7 +40,7 @@ def run(path, folder):
     return [output for cell in notebook.cells for output in cell.get("outputs", [])]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=name)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_runs_and_shows_the_summary(path, tmp_path):
@@ -52,7 +52,7 @@ def test_a_notebook_runs_and_shows_the_summary(path, tmp_path):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_that_fails_is_found(tmp_path):
     from nbclient.exceptions import CellExecutionError

@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 import pytest
 from fences import ROOT
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.minutes
 
 
 class Requests(HTMLParser):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from fences import ROOT, fences
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.minutes
 
 CLIENT = '''\
 """A program of somebody else, checked strictly against the installed packages."""

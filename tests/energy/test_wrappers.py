@@ -211,7 +211,7 @@ def with_memories(core: runs.Core, done: dict[str, traffic.Memory]) -> dict[str,
     return {**sources(), **texts, "memory.sv": memory}
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @NEEDS_ICARUS
 def test_a_core_with_memories_of_a_plan_plays_like_the_simulator(monkeypatch):
     macros = [macro(*one) for one in ((64, 32, 1), (64, 32, 2), (1024, 32, 1), (1024, 32, 2))]

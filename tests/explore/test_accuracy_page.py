@@ -15,7 +15,7 @@ PAGE = (ROOT / "docs/research/accuracy/speed-error-energy.md").read_text()
 SECTION = PAGE[PAGE.index("<!-- pareto: begin -->") : PAGE.index("<!-- pareto: end -->")]
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.minutes,
     on_real_recordings,
 ]
 

@@ -211,7 +211,7 @@ def held(program, folder, recordings):
     [
         # What waits to be collected varies by a fifth of a megabyte.
         pytest.param(500, 4_000, 120, id="thousands"),
-        pytest.param(200, 20_000, 50, id="tens of thousands", marks=pytest.mark.slow),
+        pytest.param(200, 20_000, 50, id="tens of thousands", marks=pytest.mark.minutes),
     ],
 )
 def test_memory_does_not_grow_with_recordings(tiny, tmp_path, few, many, bytes_per_recording):

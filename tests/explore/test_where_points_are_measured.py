@@ -114,7 +114,7 @@ def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points,
 
 
 @pytest.mark.parametrize(
-    "many", [1, pytest.param(2, marks=pytest.mark.slow)], ids=["one of two", "both"]
+    "many", [1, pytest.param(2, marks=pytest.mark.minutes)], ids=["one of two", "both"]
 )
 def test_dask_workers_killed_in_the_middle_take_nothing_along(
     study, grid, points, cluster, tmp_path, many

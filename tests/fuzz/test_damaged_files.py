@@ -34,7 +34,7 @@ def fuzz(*options):
     "options",
     [
         pytest.param(("--cases", "162", "--first", "100000", "--jobs", "1"), id="some"),
-        pytest.param(("--cases", str(CASES), "--jobs", str(min(2, os.cpu_count() or 1))), id="all", marks=pytest.mark.slow),
+        pytest.param(("--cases", str(CASES), "--jobs", str(min(2, os.cpu_count() or 1))), id="all", marks=pytest.mark.minutes),
     ],
 )  # fmt: skip
 def test_damaged_files(options):

@@ -155,7 +155,7 @@ def test_a_batch_after_one_recording(seed):
         check_equal(hw.simulate(case.program, given, case.steps, probe=PROBE), wanted)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize(
     "seeds",
     [MANY[at : at + 30] for at in range(0, len(MANY), 30)],

@@ -168,7 +168,7 @@ def test_sessions_and_stops(seeds):
         check(seed)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_sessions_and_stops_of_many():
     met = sum(map(check, MANY), Counter())
     assert (

@@ -152,7 +152,7 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
     "values",
     [
         pytest.param({"parent": -1}, id="joins"),
-        pytest.param({"bias_mantissa": 0}, id="biases", marks=pytest.mark.slow),
+        pytest.param({"bias_mantissa": 0}, id="biases", marks=pytest.mark.minutes),
     ],
 )
 def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):

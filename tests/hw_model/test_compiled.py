@@ -279,7 +279,7 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
     assert asked() == "5 6"
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_what_is_compiled_ahead_is_what_a_session_needs(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     subprocess.run([sys.executable, "-m", ahead.__name__], env=environment, check=True, timeout=300)

@@ -235,7 +235,7 @@ def test_messages(use, line):
     assert str(caught.value) == line
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @on_real_recordings
 @pytest.mark.parametrize("name", ["objects", "containers"])
 def test_no_future_changes_the_winner_of_a_real_recording(name):

@@ -217,7 +217,7 @@ def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
     assert (fast.counts.skipped_steps > 200) == (decay == 4096)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_a_chain_as_long_as_a_core():
     """Each adds its v to the next; nothing that walks along it calls itself."""
     builder = hw.ProgramBuilder(CHIP)

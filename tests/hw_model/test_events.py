@@ -202,7 +202,7 @@ for seed in range(12):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("moves", [False, True], ids=["one by one", "at once"])
 def test_lists_are_the_same_on_every_processor(moves, tmp_path):
     paths = os.pathsep.join(map(str, (Path(__file__).parents[2], Path(__file__).parent)))

@@ -297,7 +297,7 @@ def test_real_recordings(example):
         check_every_step(program, recording, session.push(recording))
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @on_real_recordings
 def test_all_real_recordings(example):
     program, recordings = example

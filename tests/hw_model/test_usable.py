@@ -96,7 +96,7 @@ def test_without_a_numba_that_fits_the_plain_engine_plays_and_says_so_once(
     assert plays(tmp_path, **given) == (PLAYED * 2 + refused, f"{line} ({reason}). {fix}\n")
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_a_numba_that_fits_is_used(tmp_path):
     assert plays(tmp_path) == (PLAYED * 2, "")
 

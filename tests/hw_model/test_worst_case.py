@@ -132,6 +132,6 @@ def test_bounds_hold_on_programs_of_any_phases() -> None:
     assert sum(check_mesh(seed) for seed in range(24)) > 80
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_bounds_hold_on_many_programs_of_any_phases() -> None:
     assert sum(check_mesh(seed) for seed in range(24, 700)) > 2_500

@@ -167,7 +167,8 @@ class Run:
             *(["-p", "interpreted"] if self.tested.loops else []),
         ]
         quiet = ["-x", "-q", "-n0", "--tb=line", "-W", "ignore:Module already imported"]
-        return int(import_module("pytest").main([*quiet, *plugins, *names]))
+        in_seconds = ["-m", "not minutes and not mutants and not peers and not bench"]
+        return int(import_module("pytest").main([*quiet, *in_seconds, *plugins, *names]))
 
 
 def digests(fault: Fault, root: Path = ROOT) -> dict[str, str]:

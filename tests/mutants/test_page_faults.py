@@ -27,7 +27,7 @@ def test_a_sound_page_is_told_by_none():
     assert page_faults.told_by(sound, page_faults.by_engine(seed)) == ""
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.mutants
 @pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 def test_the_table_is_what_is_found():

@@ -33,7 +33,7 @@ def test_a_sound_page_is_told_by_none():
     assert xylo_page_faults.told_by(sound, xylo_page_faults.by_engine(network)) == ""
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.mutants
 def test_the_table_is_what_is_found():
     assert xylo_page_faults.table() == RECORDED

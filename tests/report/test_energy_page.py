@@ -36,7 +36,7 @@ def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
     assert "20 pJ per event" in PAGE
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @on_real_recordings
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
 def test_the_tables_are_what_the_command_writes(name, monkeypatch):

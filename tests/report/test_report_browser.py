@@ -243,7 +243,7 @@ def test_hostile_names_stay_text(
     assert browser.evaluate("document.querySelector('h1').textContent").startswith(shown)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize(
     ("model", "events", "predictions"),
     [

@@ -279,7 +279,7 @@ def test_one_step_has_one_tick() -> None:
     assert step_axis(range(7, 8), centred=True).places == [(0.5, "7")]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize(
     ("neurons", "steps"), [(20_000, 20), (64, 10_000)], ids=["neurons", "steps"]
 )

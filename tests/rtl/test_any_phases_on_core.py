@@ -58,7 +58,7 @@ def test_a_core_with_a_fault_does_not(cores_of_this_run):
         play_few(benches.with_fault(sources()))
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 def test_the_core_plays_many():
     met = sum((check(seed, "verilator", sources()) for seed in MANY), Counter())

@@ -117,7 +117,7 @@ def in_slices(old: str = "", new: str = "") -> dict[str, str]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("sizes", [SIZES, LATER], ids=["plain", "later"])
 def test_slices_of_memories_change_nothing(sizes):
     assert not differ(in_slices(), sizes)
@@ -148,7 +148,7 @@ def test_events_wait_where_a_phase_has_one_place(places, later):
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_clocks_that_stop_change_nothing():
     assert not differ({**sources(), "clock_gate.sv": STOPPING})
 

@@ -189,7 +189,7 @@ def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_a_board_that_hears_events_on_arrival(desk):
     """It says so, answers as the simulator does, and forgets a recording that is cut off."""
     later = Desk(benches.LATER)
@@ -251,7 +251,7 @@ def test_an_error_of_the_stream_is_answered(desk, loaded, name):
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_words_before_a_program_are_refused(desk):
     port = desk.port()
     assert say(port, HELLO, 0)[0][2][1] == 0
@@ -278,7 +278,7 @@ def test_steps_wait_for_spikes_that_wait(desk, loaded):
     assert len(answer.spikes) == plain.counts[3]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_an_answer_comes_after_its_spikes(desk, loaded):
     _, plain = loaded
     answer = over_a_line(desk)

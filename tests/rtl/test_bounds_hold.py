@@ -42,13 +42,13 @@ def test_a_bound_that_does_not_hold_ends_the_run(tmp_path: Path, monkeypatch) ->
         bounds.play(f"{MODEL} on loihi-sim", bounds.TOGETHER, {}, tmp_path / "state.json")
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("model", bounds.MODELS)
 def test_a_thousand_recordings_keep_the_bounds(model: str, tmp_path: Path) -> None:
     bounds.play(f"{model} on loihi-sim", 1_000, {}, tmp_path / "state.json")
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 @pytest.mark.parametrize(("model", "target"), ON_CORES)
 def test_the_core_itself_keeps_the_bounds(model: str, target: str) -> None:

@@ -48,7 +48,7 @@ LOIHI = st.just(
 
 def verilator(test):
     """Mark a test that builds the core with Verilator, which takes half a minute."""
-    return pytest.mark.slow(NO_VERILATOR(test))
+    return pytest.mark.minutes(NO_VERILATOR(test))
 
 
 def check(program: hw.ChipProgram, spikes: np.ndarray, simulator: str = "verilator") -> dict:
@@ -125,7 +125,7 @@ def test_random_hybrids(seed):
 
 
 @icarus
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_icarus_does_the_same():
     program, spikes = hybrids.random_hybrid(5)
     check(program, spikes[None], "icarus")
@@ -150,7 +150,7 @@ def test_a_run_ends_with_its_last_answer(tmp_path, monkeypatch):
     assert 443 < cycles < 1000, "its recording takes 443"
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @icarus
 def test_cosimulate_returns_what_simulate_does():
     program, spikes = hybrids.random_hybrid(3)

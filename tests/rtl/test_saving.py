@@ -14,7 +14,7 @@ from hw_model.rtl.simulators import sources
 from tests.marks import sampled
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.minutes,
     pytest.mark.usefixtures("cores_of_this_run"),
     pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
 ]

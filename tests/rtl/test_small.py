@@ -58,7 +58,7 @@ def test_every_fault_fits():
         assert (sources()[file].count(old), old != new) == (1, True), name
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @NEEDS_ICARUS
 def test_a_small_core_passes_every_bench():
     assert not differ(sources(), SMALL)
@@ -141,7 +141,7 @@ def test_what_does_not_fit_the_device_is_not_simulated():
             play()
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @NEEDS_ICARUS
 @pytest.mark.parametrize(
     ("file", "old", "new"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS]
@@ -226,7 +226,7 @@ def test_networks_that_ship_fit_the_smallest_device(model):
     assert sizes_for(needs, DEVICE.open_core) == DEVICE.open_core
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @NEEDS_VERILATOR
 @pytest.mark.parametrize("model", PLAYED)
 def test_its_exact_configuration_plays_what_ships(model):
@@ -244,7 +244,7 @@ def test_its_exact_configuration_plays_what_ships(model):
     assert compare(program, recordings[:1], faulty, sizes=DEVICE.open_core)["mismatches"] > 0
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @NEEDS_VERILATOR
 def test_its_board_says_its_sizes_and_plays_a_recording():
     program, recordings = (

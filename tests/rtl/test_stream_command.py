@@ -208,7 +208,7 @@ def test_a_rate_that_is_none(desk, capsys, baud):
     assert refused(capsys, "--baud", baud) == wanted
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 def test_a_shipped_model_over_a_simulated_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -63,7 +63,7 @@ def test_a_greeting_over_the_line(desk):
 
 
 @verilator
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("host_bit", [98, 102])
 def test_a_recording_at_a_rate_that_is_two_percent_off(desk, host_bit):
     port = SimulatedBoard("verilator", desk.sizes, bit=100, host_bit=host_bit, patience=PATIENCE)

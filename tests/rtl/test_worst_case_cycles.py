@@ -54,7 +54,7 @@ def test_bounds_hold_on_programs_of_any_phases() -> None:
     assert sum(check_cores(seed) for seed in range(24)) > 100
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_bounds_hold_on_many_programs_of_any_phases() -> None:
     assert sum(check_cores(seed) for seed in range(24, 700)) > 2_500
 

@@ -18,7 +18,7 @@ from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.run import run_stress
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.minutes
 PAGE = Path(__file__).parents[2] / "docs/research/numerics.md"
 
 

@@ -222,7 +222,7 @@ def test_shipped_networks_on_the_chip_reach_their_test_accuracy(name: str) -> No
 
 
 @on_real_recordings
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("strategy", TRAINABLE)
 @pytest.mark.parametrize("bits", [8, 4])

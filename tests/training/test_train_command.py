@@ -505,7 +505,7 @@ def test_epochs_go_to_tensorboard(
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_tensorboard_reads_them(tmp_path: Path, data: str) -> None:
     accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
