@@ -178,6 +178,10 @@ SIXTEENTH = ONE >> 4
 """1/16 in s16.15."""
 
 
+# `expk` and `expulr` have the names of the functions of the machine code: exp to an `accum`, of s16.15, and to an
+# `unsigned long fract`, of u0.32.
+
+
 def expk(x: int) -> int:
     """Return e^x in s16.15, of x in s16.15."""
     if x < EXPONENT_MIN:
@@ -244,8 +248,8 @@ def _lost_by_rest(y: int) -> int:
 def _share(wide: int, factor: int) -> int:
     """Return the share ``factor``, u0.32, of a number of 64 bits.
 
-    The machine multiplies its two words of 32 bits one by one, and rounds only the product of the
-    low one, to nearest.
+    The machine multiplies the high and the low word of the number apart, and rounds only the
+    product of the low word, to nearest.
     """
     high, low = divmod(wide, SPAN)
     return high * factor + (low * factor + HALF_SPAN >> 32)
@@ -277,7 +281,7 @@ def goal_of(drive: IntArray, resistance: IntArray, v_rest: IntArray) -> IntArray
 
 
 def approached(goal: IntArray, distance: IntArray, membrane_decay: IntArray) -> IntArray:
-    """Return V, s16.15 mV, after a step towards its goal, which was ``distance`` above it."""
+    """Return V, s16.15 mV, after a step towards its goal; before it, V was ``distance`` below the goal."""
     return goal - (distance * membrane_decay >> 15)
 
 

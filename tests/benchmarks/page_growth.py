@@ -123,8 +123,9 @@ Local, 10 layers of 1,000, 250 synapses each:
 
 
 KNEES = """*A layer's MiB* is the size of its synapses in the engine, and *in* is the nearest cache that holds them. The engine
-plays a tile of 64 steps of one layer, then of the next, so a layer is what has to stay near. Cost is linear in events between
-three knees. Layers that are at least a quarter full are matrices of 2 bytes per synapse, added in vectors; the
-others are lists, followed synapse by synapse, 4 bytes each where slot, delay and weight fit, else 12: that is the step from 3,000 compartments on. As a layer outgrows a
-cache, each spike fetches its synapses from farther away; the table below has the same for rows alone. In the small networks the
-part of a step that does not depend on events, the updates, is the larger one."""
+plays a tile of 64 steps of one layer, then of the next, so a layer is what has to stay near. Cost is linear in events
+but for three knees. In small networks, the updates, which do not depend on events, are the larger part of a step. Layers
+that are at least a quarter full are matrices of 2 bytes per synapse, added in vectors; the others are lists, followed
+synapse by synapse, 4 bytes each where slot, delay and weight fit, else 12: that is the step from 3,000 compartments on.
+As a layer outgrows a cache, each spike fetches its synapses from farther away; the table below has the same for rows
+alone."""

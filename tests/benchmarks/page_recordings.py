@@ -99,8 +99,8 @@ def streaming(record: Found) -> str:
     return f"""All {record["steps"]} predictions of a recording of Ev-Objects, one after each step. The location branch is
 updated for what the events of a step change (`hw.Session`), or run anew on what is known so far. *At once*: the whole recording
 is given, and the {record["steps"]} runs anew are one batch; *as rows arrive*: a call for every step. All give the
-same scores. A session runs {percent(record["again"])} of the steps of blocks again that a run anew takes, since most rows change one
-of the first steps. They run in turn; times are processor times, of all threads.
+same scores. Of the steps that runs anew take in blocks of compartments, a session repeats {percent(record["again"])}, since most
+rows change one of the first steps. They run in turn; times are processor times, of all threads.
 
 {table(head, rows)}
 """
