@@ -41,7 +41,7 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     winner = 0 if played.scores is None else int(played.prediction)
     updates = _updates(core, recording, played)
     answer = [0, winner, cycles, *(played.counts[name] for name in ANSWER_COUNTS)]
-    made = board_files(sizes, board) | {
+    rtl = board_files(sizes, board) | {
         "load": hex_words(core.load_words(sizes)),
         "words": "".join(f"{word:x}\n" for word in words_of(core, recording)).encode(),
         "expected_answers": (" ".join(map(str, answer)) + "\n").encode(),
@@ -51,8 +51,8 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     }
     if device.macros:
         planned = plan(arrays_of(core, sizes, played.counts), device.macros)
-        made["memories.csv"] = as_csv(piece for one in planned for piece in one.pieces())
-    return {f"rtl/{name}": content for name, content in made.items()}
+        rtl["memories.csv"] = as_csv(piece for memory in planned for piece in memory.pieces())
+    return {f"rtl/{name}": content for name, content in rtl.items()}
 
 
 def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) -> dict[str, bytes]:
@@ -64,19 +64,22 @@ def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) 
     for name, target in BOARDS.items():
         files_of_boards |= board_sources(read_board(name), target)
     files_of_boards |= own or {}
-    given = parameters(sizes)
-    config = f"BOARD ?= {board}\nPARAMETERS := {' '.join(f'{name}={value}' for name, value in given.items())}\n"
+    values = parameters(sizes)
+    config = f"BOARD ?= {board}\nPARAMETERS := {' '.join(f'{name}={value}' for name, value in values.items())}\n"
     defined = (
-        f"`define PARAMETERS {', '.join(f'.{name}({value})' for name, value in given.items())}\n"
+        f"`define PARAMETERS {', '.join(f'.{name}({value})' for name, value in values.items())}\n"
     )
-    kept = [
+    board_entries = [
         entry
         for entry in (files("hw_model") / "rtl" / "boards").iterdir()
         if not entry.name.startswith("__") and not entry.name.endswith(".in")
     ]
     return {
         **{name: text.encode() for name, text in sources().items()},
-        **{entry.name: entry.read_bytes() for entry in sorted(kept, key=lambda entry: entry.name)},
+        **{
+            entry.name: entry.read_bytes()
+            for entry in sorted(board_entries, key=lambda entry: entry.name)
+        },
         **{name: text.encode() for name, text in files_of_boards.items()},
         "config.mk": config.encode(),
         "top.sv": f'`include "{board}.top.sv"\n'.encode(),

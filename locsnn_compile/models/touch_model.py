@@ -45,10 +45,10 @@ def draw_weights(weight: nn.Parameter, initial_scale: float, generator: torch.Ge
     nn.init.uniform_(weight, -bound, bound, generator=generator)
 
 
-def applied(function: type[torch.autograd.Function], *given: Any) -> Tensor:
+def applied(function: type[torch.autograd.Function], *arguments: Any) -> Tensor:
     """Return the result of a function that has a gradient of its own."""
-    made: Tensor = function.apply(*given)  # type: ignore[no-untyped-call]
-    return made
+    result: Tensor = function.apply(*arguments)  # type: ignore[no-untyped-call]
+    return result
 
 
 def constants(kind: np.dtype[Any], *values: float) -> tuple[Any, ...]:

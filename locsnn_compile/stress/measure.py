@@ -92,14 +92,16 @@ class Sides:
         if population.population.on_grid:
             trace = run_twin(twin_with(self.phase, ()), self.lines, potentials=(POPULATION,))
             return FloatRun(trace.spikes[POPULATION], trace.potential[POPULATION])
-        found = evaluate(levels.network, recordings, potentials=True)
-        return FloatRun(found.spikes[POPULATION], found.potential[POPULATION] * population.scale)
+        result = evaluate(levels.network, recordings, potentials=True)
+        return FloatRun(result.spikes[POPULATION], result.potential[POPULATION] * population.scale)
 
 
 def thresholds(q: QuantizedPopulation) -> FloatArray:
     """Return the thresholds in units of the registers, (n,); a mantissa of 0 counts as 1."""
-    found: FloatArray = q.population.thresholds * q.scale
-    return np.maximum(found, loihi.in_registers(1.0)) if q.population.on_grid else found
+    in_registers: FloatArray = q.population.thresholds * q.scale
+    if q.population.on_grid:
+        return np.maximum(in_registers, loihi.in_registers(1.0))
+    return in_registers
 
 
 def _with_real_numbers(phase: Phase) -> Phase:
@@ -121,12 +123,13 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
     check_network(network)
     drawn = random_input(network.steps, channels=network.channels, seed=CALIBRATION_SEED)
     recordings = Recordings(drawn, None, None, "random")
-    calibration = (
-        None if network.populations[0].on_grid else calibrate(network, recordings, chip.registers)
-    )
+    calibration = None
+    if not network.populations[0].on_grid:
+        calibration = calibrate(network, recordings, chip.registers)
     strategy = "dendrite" if case.strategy == NATIVE else case.strategy
-    wanted = network if steps is None else replace(network, steps=steps)
-    return lower(wanted, chip, case.weight_bits, strategy, case.rounding, calibration)
+    if steps is not None:
+        network = replace(network, steps=steps)
+    return lower(network, chip, case.weight_bits, strategy, case.rounding, calibration)
 
 
 def measure(case: Case, chip: hw.Chip) -> Measured:
@@ -134,37 +137,41 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     levels = lowered(case, chip)
     recordings = case.network.fit(case.recordings, "stress")
     sides = Sides(levels, recordings)
-    found = hw.simulate(levels.program, recordings, probe=("spikes", "potential"))
-    wanted, unit = sides.float, sides.threshold
-    chip_side, unlimited = sides.forced(*STAGES), sides.forced(*WITHOUT_LIMITS)
-    model_error, parts = sides.model_error(), sides.bound()
-    bound = model_error + sum(parts.values())
-    slack = FLOAT_ROUNDING * (np.maximum.accumulate(np.abs(wanted.potential), axis=1) + unit)
-    outside = ~(np.abs(unlimited - wanted.potential) <= bound + slack)
-    decided = chip_side > loihi.threshold_of(
-        levels.quantized.population(POPULATION).neuron.threshold
-    )
-    otherwise = decided != wanted.spikes.astype(np.bool_)
-    tied = np.abs(wanted.potential - unit) <= FLOAT_ROUNDING * unit
+    simulated = hw.simulate(levels.program, recordings, probe=("spikes", "potential"))
+    float_potential = sides.float.potential
+    threshold = sides.threshold
+    chip_potential = sides.forced(*STAGES)
+    unlimited = sides.forced(*WITHOUT_LIMITS)
+    model_error = sides.model_error()
+    bound_by_source = sides.bound()
+    bound = model_error + sum(bound_by_source.values())
+    largest_so_far = np.maximum.accumulate(np.abs(float_potential), axis=1)
+    slack = FLOAT_ROUNDING * (largest_so_far + threshold)
+    # A difference that is not a number is outside as well.
+    is_outside = ~(np.abs(unlimited - float_potential) <= bound + slack)
+    mantissa = levels.quantized.population(POPULATION).neuron.threshold
+    chip_spikes = chip_potential > loihi.threshold_of(mantissa)
+    differs = chip_spikes != sides.float.spikes.astype(np.bool_)
+    is_tied = np.abs(float_potential - threshold) <= FLOAT_ROUNDING * threshold
     return Measured(
-        spikes=PopulationMatch.of(wanted.spikes, found.spikes[POPULATION]),
-        error_thresholds=float((np.abs(chip_side - wanted.potential) / unit).max()),
-        bound_thresholds=float((bound / unit).max()),
+        spikes=PopulationMatch.of(sides.float.spikes, simulated.spikes[POPULATION]),
+        error_thresholds=float((np.abs(chip_potential - float_potential) / threshold).max()),
+        bound_thresholds=float((bound / threshold).max()),
         bound_parts_thresholds={
-            source: float((part / unit).max()) for source, part in parts.items()
+            source: float((part / threshold).max()) for source, part in bound_by_source.items()
         },
-        model_error_thresholds=float((model_error / unit).max()),
-        decisions=otherwise.size,
-        decisions_otherwise=int(otherwise.sum()),
-        of_these_ties=int((otherwise & tied).sum()),
-        wraps=found.counts.wraps,
-        clips=found.counts.clips,
+        model_error_thresholds=float((model_error / threshold).max()),
+        decisions=differs.size,
+        decisions_otherwise=int(differs.sum()),
+        of_these_ties=int((differs & is_tied).sum()),
+        wraps=simulated.counts.wraps,
+        clips=simulated.counts.clips,
         weights=_lost_weights(levels, sides),
         biases=_lost_biases(levels),
-        overflowed=int((chip_side != unlimited).sum()),
-        outside=int(outside.sum()),
+        overflowed=int((chip_potential != unlimited).sum()),
+        outside=int(is_outside.sum()),
         coarse_decays=_coarse_decays(sides),
-        odd_engine=_odd_one_out(levels, sides, recordings, found),
+        odd_engine=_differing_engine(levels, sides, recordings, simulated),
     )
 
 
@@ -187,30 +194,34 @@ def _lost_biases(levels: Levels) -> Lost:
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
     """Name the decays that their grid changes by more than ``COARSE``; of two that stand for one, the mean."""
-    found = []
+    sentences = []
     for pair in sides.phase.program_neurons.groups:
-        (u, v), (held_u, held_v) = (
-            [
-                float(loihi_inverse.decay_of_share(1.0 - keep.flat[0]))
-                for keep in (group.keep_u, group.keep_v)
-            ]
-            for group in (pair.exact, pair.chip)
-        )
-        both = [(u, (held_u + held_v) / 2)] if u == v else [(u, held_u), (v, held_v)]
-        for exact, held in both:
-            if abs(held - exact) > COARSE * exact:
-                way = "faster" if held > exact else "slower"
-                changed = 100 * abs(held - exact) / exact
-                found.append(
-                    f"a decay of {exact:.4g} in 4096 is {held:g}: it fades {changed:.2g} % {way}"
+        exact_u = _decay_of(pair.exact.keep_u)
+        exact_v = _decay_of(pair.exact.keep_v)
+        chip_u = _decay_of(pair.chip.keep_u)
+        chip_v = _decay_of(pair.chip.keep_v)
+        decays = [(exact_u, chip_u), (exact_v, chip_v)]
+        if exact_u == exact_v:
+            decays = [(exact_u, (chip_u + chip_v) / 2)]
+        for exact, on_chip in decays:
+            if abs(on_chip - exact) > COARSE * exact:
+                way = "faster" if on_chip > exact else "slower"
+                percent = 100 * abs(on_chip - exact) / exact
+                sentences.append(
+                    f"a decay of {exact:.4g} in 4096 is {on_chip:g}: it fades {percent:.2g} % {way}"
                 )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(sentences))
 
 
-def _odd_one_out(
-    levels: Levels, sides: Sides, recordings: ByteArray, found: hw.SimulationResult
+def _decay_of(keep: FloatArray) -> float:
+    """Return the decay, in 4096ths, of the first neuron of a group, of what a step keeps."""
+    return float(loihi_inverse.decay_of_share(1.0 - keep.flat[0]))
+
+
+def _differing_engine(
+    levels: Levels, sides: Sides, recordings: ByteArray, simulated: hw.SimulationResult
 ) -> str | None:
-    """Name the first of four computations that differs from ``found`` by the fast engine; None if none does.
+    """Name the first of four computations that differs from what the fast engine gives; None if none does.
 
     The population's own integer arithmetic and the float64 twin play all recordings; the reference engine and the fast
     engine without skipping play the first.
@@ -221,32 +232,35 @@ def _odd_one_out(
         potentials=True,
         registers=levels.program.chip.registers,
     )
-    others: dict[str, Any] = {"the integer evaluation of the population": integers}
-    others["the float64 twin of the compartments"] = sides.free()
-    for name, other in others.items():
-        for its, wanted in ((other.spikes, found.spikes), (other.potential, found.potential)):
-            if not np.array_equal(its[POPULATION], wanted[POPULATION]):
-                return name
-    first = hw.simulate(levels.program, recordings[:1], probe=PROBES)
-    if not _same(
-        first, hw.simulate(levels.program, recordings[:1], engine="reference", probe=PROBES)
-    ):
+    computations: dict[str, Any] = {
+        "the integer evaluation of the population": integers,
+        "the float64 twin of the compartments": sides.free(),
+    }
+    for name, computed in computations.items():
+        if not np.array_equal(computed.spikes[POPULATION], simulated.spikes[POPULATION]):
+            return name
+        if not np.array_equal(computed.potential[POPULATION], simulated.potential[POPULATION]):
+            return name
+    program = levels.program
+    first_recording = recordings[:1]
+    fast = hw.simulate(program, first_recording, probe=PROBES)
+    reference = hw.simulate(program, first_recording, engine="reference", probe=PROBES)
+    if not _are_equal(fast, reference):
         return "the reference engine"
-    if not _same(first, hw.simulate(levels.program, recordings[:1], probe=PROBES, skip=False)):
+    without_skipping = hw.simulate(program, first_recording, probe=PROBES, skip=False)
+    if not _are_equal(fast, without_skipping):
         return "the fast engine without skipping"
     return None
 
 
-def _same(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
+def _are_equal(left: hw.SimulationResult, right: hw.SimulationResult) -> bool:
     """Compare spikes, registers, wraps and clips by population, and all counts but skipped steps."""
-    counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
-    kept = (
-        (array, getattr(other, kind)[name])
-        for kind in PROBES
-        for name, array in getattr(one, kind).items()
-    )
-    return (
-        counted[0] == counted[1]
-        and one.events == other.events
-        and all(np.array_equal(*both) for both in kept)
-    )
+    left_counts = {**dict(left.counts), "skipped_steps": 0}
+    right_counts = {**dict(right.counts), "skipped_steps": 0}
+    if left_counts != right_counts or left.events != right.events:
+        return False
+    for kind in PROBES:
+        for name, array in getattr(left, kind).items():
+            if not np.array_equal(array, getattr(right, kind)[name]):
+                return False
+    return True
