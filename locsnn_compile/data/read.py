@@ -58,7 +58,7 @@ class Division(Frozen):
             )
         return asked is not None or bool(rounds)
 
-    def part(self, found: Recordings, path: Path, part: str) -> Recordings:
+    def part(self, recordings: Recordings, path: Path, part: str) -> Recordings:
         """Return the train or test part of the recordings at ``path``; ``InputError`` if there is none."""
         rounds = range(1, _many_rounds(self.share) + 1) if self.share else _rounds(path)
         fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
@@ -71,14 +71,14 @@ class Division(Frozen):
             )
             raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
         if self.share is None:
-            rows, labels = _rows_of_files(path, fold, len(found))[at].T
+            rows, labels = _rows_of_files(path, fold, len(recordings))[at].T
             how = f"round {fold} of {len(rounds)}"
         else:
-            known = found.needed_labels("divide them by")
+            known = recordings.needed_labels("divide them by")
             rows = stratified_split(known, self.share, 0, fold)[at]
             labels, how = known[rows], f"split {self.share:g}, round {fold}"
         return replace(
-            found.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})"
+            recordings.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})"
         )
 
     def __post_init__(self) -> None:
@@ -274,32 +274,32 @@ def read_recordings(
         usual_step_seconds=model.usual_step_seconds,
         usual_times=model.event_times,
     )
-    found = _read(path, None if divided else split, binning, step_seconds)
+    recordings = _read(path, None if divided else split, binning, step_seconds)
     if class_names is not None:
-        found = with_classes(found, class_names)
+        recordings = with_classes(recordings, class_names)
     elif is_archive(path) and not holds_sets(path):
         # Folders name their classes in no order of their own.
-        found = in_order_of(found, model.class_names)
+        recordings = in_order_of(recordings, model.class_names)
     if divided:
-        found = division.part(found, path, split or "test")
-    if found.threshold is None:
+        recordings = division.part(recordings, path, split or "test")
+    if recordings.threshold is None:
         for name in (name for name, value in counts.items() if value is not None):
             raise InputError(
                 name,
-                f"{found.source!r} holds bins, not single events to count",
+                f"{recordings.source!r} holds bins, not single events to count",
                 fix="Leave it out.",
             )
-    if trained is None or not _has_inputs_of(model, found):
-        if channels is not None and (found.threshold is None or found.channels is None):
-            found = described(found, sensor or _layout(asked))
+    if trained is None or not _has_inputs_of(model, recordings):
+        if channels is not None and (recordings.threshold is None or recordings.channels is None):
+            recordings = described(recordings, sensor or _layout(asked))
         if merge:
-            found = merged(found)
-        found = selected(found, selection, polarities or POLARITIES)
+            recordings = merged(recordings)
+        recordings = selected(recordings, selection, polarities or POLARITIES)
         if trained is not None:
-            found = found.assuming(_as_in_training(trained))
-    model.check(found)
-    found = join_channels(found, model)
-    return found if steps is None else found.with_steps(steps)
+            recordings = recordings.assuming(_as_in_training(trained))
+    model.check(recordings)
+    recordings = join_channels(recordings, model)
+    return recordings if steps is None else recordings.with_steps(steps)
 
 
 def _as_trained(
@@ -447,8 +447,8 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
                     f"file {path.name!r}", "it became shorter while it was read", fix="Start again."
                 )
             bins = read.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
-            its = None if labels is None else labels[start : start + count]
-            found = Recordings(bins, its, model.step_seconds, path.name, first=start)
-            yield join_channels(found, model)
+            chunk_labels = None if labels is None else labels[start : start + count]
+            recordings = Recordings(bins, chunk_labels, model.step_seconds, path.name, first=start)
+            yield join_channels(recordings, model)
 
     return chunks()

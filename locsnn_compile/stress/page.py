@@ -96,9 +96,9 @@ def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
 
 def _pictures(rows: Sequence[Row]) -> dict[str, bytes]:
     """Return the pictures by the end of their names; empty ones are left out."""
-    made = {name: _by_case(rows, **asked) for name, asked in _BY_CASE.items()}
-    made["long-runs.svg"] = _long_runs(rows)
-    return {name: picture for name, picture in made.items() if picture is not None}
+    pictures = {name: _by_case(rows, **asked) for name, asked in _BY_CASE.items()}
+    pictures["long-runs.svg"] = _long_runs(rows)
+    return {name: picture for name, picture in pictures.items() if picture is not None}
 
 
 def _by_case(
@@ -110,9 +110,9 @@ def _by_case(
     y_log: bool,
     panels: Mapping[str, Any],
 ) -> bytes | None:
-    its = [row for row in rows if row.case.group == group]
+    rows_of_group = [row for row in rows if row.case.group == group]
     curves = {
-        name: tuple(_curve(label, its, *asked) for label, asked in drawn.items())
+        name: tuple(_curve(label, rows_of_group, *asked) for label, asked in drawn.items())
         for name, drawn in panels.items()
     }
     return _drawn(
@@ -150,12 +150,13 @@ def _by_tenth(name: str, drift: Drift, unit: float) -> Curve:
 
 def _curve(label: str, rows: Sequence[Row], strategy: str, figure: str) -> Curve:
     """Return a curve of a figure by its name in :class:`Measured`."""
-    found = (
-        (row.case.x, float(Formatter().get_field(f"m.{figure}", (), {"m": row.measured})[0]))
-        for row in rows
-        if row.case.strategy == strategy and row.case.x is not None and row.measured is not None
-    )
-    return Curve(label, tuple(found))
+    points = []
+    for row in rows:
+        if row.case.strategy != strategy or row.case.x is None or row.measured is None:
+            continue
+        field, _ = Formatter().get_field(f"m.{figure}", (), {"m": row.measured})
+        points.append((row.case.x, float(field)))
+    return Curve(label, tuple(points))
 
 
 def _drawn(title: str, panels: Sequence[Panel]) -> bytes | None:
