@@ -122,9 +122,9 @@ def said(command: list[str], folder: Path, where: str) -> str:
         if tool.startswith("yowasp"):
             fix = install_hint("rtl")
         raise InputError(where, f"{tool} is not installed", fix=fix)
-    given = {**os.environ, "PATH": path}
+    environment = {**os.environ, "PATH": path}
     done = subprocess.run(
-        command, cwd=folder, env=given, capture_output=True, text=True, check=False
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
     if done.returncode:
         words = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"

@@ -423,15 +423,14 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
     # numpy's parser raises many kinds of exception on a damaged header.
     except Exception:
         return None
-    one, several = math.prod(shape[1:]), len(shape) in (3, 4) and not is_one(shape, model.channels)
-    if not several or not mapped.flags.c_contiguous or one * many <= 0:
+    is_batch = len(shape) in (3, 4) and not is_one(shape, model.channels)
+    bins_each = math.prod(shape[1:])
+    if not is_batch or not mapped.flags.c_contiguous or bins_each * many <= 0:
         return None
     labels = labels_beside(path, shape[0])
-    if (
-        dtype.kind not in "biuf"
-        or one * many > MAX_ELEMENTS
-        or (labels is not None and len(labels) != shape[0])
-    ):
+    if dtype.kind not in "biuf" or bins_each * many > MAX_ELEMENTS:
+        return None
+    if labels is not None and len(labels) != shape[0]:
         return None
     # The whole array shows in which order its axes are; a chunk does not.
     check_axes(mapped, f"file {path.name!r}", model.channels)
@@ -439,10 +438,9 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
     def chunks() -> Iterator[Recordings]:
         for start in range(0, shape[0], many):
             count = min(many, shape[0] - start)
-            read = np.fromfile(
-                path, dtype, count * one, offset=begin + start * one * dtype.itemsize
-            )
-            if len(read) < count * one:
+            offset = begin + start * bins_each * dtype.itemsize
+            read = np.fromfile(path, dtype, count * bins_each, offset=offset)
+            if len(read) < count * bins_each:
                 raise InputError(
                     f"file {path.name!r}", "it became shorter while it was read", fix="Start again."
                 )

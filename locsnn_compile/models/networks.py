@@ -234,8 +234,8 @@ class TouchNetwork(TouchModel):
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return spikes a class, (batch, classes), of the output of every branch, or potentials of windows."""
-        found = {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
-        return found if self.windows is None else found | self.windows.scores(activity)
+        scores = {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
+        return scores if self.windows is None else scores | self.windows.scores(activity)
 
     def total(self, activity: Mapping[str, Tensor]) -> Tensor:
         """Return class scores (batch, classes) over all branches; on a chip whole multiples of the windows' unit."""
@@ -261,12 +261,12 @@ class TouchNetwork(TouchModel):
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
-        found = {
+        mantissas = {
             name: layer.mantissas()
             for name, layer in self.named_children()
             if isinstance(layer, ChipLayer)
         }
-        return found if self.windows is None else found | self.windows.mantissas()
+        return mantissas if self.windows is None else mantissas | self.windows.mantissas()
 
 
 def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
