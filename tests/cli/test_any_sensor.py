@@ -57,6 +57,7 @@ def compiled(*options: str, model: str = "a.pt") -> dict:
     return json.loads(Path("built/report.json").read_text("utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "options"),
     [

@@ -177,6 +177,7 @@ def test_without_events_the_check_is_on_synthetic_touches_and_says_so(tmp_path, 
     assert report["accuracy"] is None
 
 
+@pytest.mark.slow
 def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "report.md").write_text("old")
@@ -230,6 +231,7 @@ def test_a_bound_that_no_program_decides_is_refused(few, tmp_path, capsys, gate,
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_gates_as_junit_xml(few, tmp_path, capsys):
     gates = (
         "--max-cores",
@@ -264,6 +266,7 @@ def test_gates_as_junit_xml(few, tmp_path, capsys):
     assert cases["--max-latency-us"].find("system-out").text.startswith("a recording takes ")
 
 
+@pytest.mark.slow
 def test_a_build_with_fewer_vectors_leaves_none_of_the_old(few, tmp_path):
     stale = tmp_path / "vectors/core99/spikes.hex"
     stale.parent.mkdir(parents=True)

@@ -78,6 +78,7 @@ def levels():
     ours.setLevel(before[1])
 
 
+@pytest.mark.slow
 def test_a_verbose_command_says_what_it_does(tmp_path, capsys, levels):
     words = [
         MODEL,

@@ -56,6 +56,7 @@ def test_run_predicts_as_the_report_counted(build, capsys, engine):
     assert sum(found["energy_pj"].values()) / 3 == pytest.approx(report["energy"]["per_sample_pj"])
 
 
+@pytest.mark.slow
 def test_run_prints_a_line_a_recording(build, capsys):
     assert main(["run", str(build / "out"), "--events", str(build / "few.npy")]) == 0
     lines = capsys.readouterr().out.splitlines()

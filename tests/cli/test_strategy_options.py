@@ -171,6 +171,7 @@ def test_more_weights_are_split_until_the_budget_is_kept(model, tmp_path, capsys
     assert max(row["weight_bits"] for row in choice["candidates"]) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "value"), [("none", 0.0), ("all", 1.0), ("0.5", 0.5)])
 def test_a_share_of_split_weights_can_be_asked_for(model, tmp_path, capsys, share, value):
     options = ("--split-weights", share, "--weight-bits", "4", "--max-spike-error", "1")

@@ -129,6 +129,7 @@ def test_weights_take_as_many_formats_as_a_core_holds(tmp_path, strategy, format
     check_engines(compiled.program, played)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
 @pytest.mark.parametrize(
     ("registers", "message"),

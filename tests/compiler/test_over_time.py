@@ -44,6 +44,7 @@ def predicted(scores):
     return int(np.argmax(scores)) if len(set(scores.tolist())) > 1 else -1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("labelled", [True, False], ids=["labels", "no labels"])
 @pytest.mark.parametrize("psi", [10.0, 2.0])
 def test_shares_of_right_predictions(levels, played, labelled, psi):
@@ -149,6 +150,7 @@ def test_savings_are_means(levels, played):
     assert found.energy_pj < found.all_energy_pj
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [1, 4, 9, 100])
 def test_stops_by_chunks_are_those_of_all(levels, played, chunk):
     done = []

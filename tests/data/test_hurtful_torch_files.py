@@ -148,6 +148,7 @@ def test_files_that_are_made_to_hurt(make, message):
         assert found == message
 
 
+@pytest.mark.slow
 def test_these_files_are_read_where_nothing_is_wrong():
     assert read(tensor()).array().tolist() == [0, 0, 0, 0]
     assert read(packed(bytes(16))).array().tolist() == [0, 0, 0, 0]

@@ -17,6 +17,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given", [".", "aces_recordings"], ids=["both folders", "the recordings' folder"]
 )

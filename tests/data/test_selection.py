@@ -190,6 +190,7 @@ MERGED = RecordedChannels(10, 1, 2, ChannelSelection(merge_polarities=True, merg
 SAID = "Channels were read as in the training (--merge-polarities --merge-channels 5)."
 
 
+@pytest.mark.slow
 def test_a_checkpoint_knows_the_sensor_that_it_was_trained_on(trained):
     network = lc.load(trained)
     assert network.channels == 5

@@ -44,6 +44,7 @@ def imported():
     return found - sys.stdlib_module_names - OURS
 
 
+@pytest.mark.slow
 def test_what_is_imported_is_declared():
     extras = PROJECT["optional-dependencies"]
     assert imported() == modules(PROJECT["dependencies"]) | modules(

@@ -70,6 +70,7 @@ def test_vectors_hold_the_simulation_and_the_bench_finds_it(build):
     assert result.counts.spikes > 500
 
 
+@pytest.mark.slow
 def test_waveforms_show_the_probed_neurons(build):
     folder, _, result = build
     paths, end = read((folder / "waves.vcd").read_bytes())

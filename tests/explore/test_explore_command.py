@@ -77,6 +77,7 @@ def test_recommended_is_one_of_the_front(small):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "strategies", [("dendrite", "reset"), ("reset",)], ids=["on the grid", "not on the grid"]
 )
@@ -99,6 +100,7 @@ def test_bounds_by_default_are_those_of_auto(model, events, tmp_path, strategies
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_a_chip_of_narrow_weights_is_explored_up_to_its_widest(model, events, tmp_path):
     """Its bounds by default are those of ``auto`` on this chip, which has no 8 bits to start from."""
     narrow_chip = tmp_path / "narrow.yaml"
@@ -213,6 +215,7 @@ def test_finished_points_are_not_measured_again(model, events, small, monkeypatc
     assert lasting(small) == before
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch, capsys):
     grid = narrow("dendrite", "reset", bits=(4, 8))
     arguments = (model, "--events", events, *grid, "-o", tmp_path / "out", "--quiet")

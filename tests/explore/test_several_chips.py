@@ -36,6 +36,7 @@ def row_of(folder, chip):
     return row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chip", CHIPS[:3])
 def test_figures_of_a_chip_are_those_of_its_build(tried, tmp_path, chip):
     row = row_of(tried, chip)

@@ -71,6 +71,7 @@ def test_compile_writes_the_same(model, many, cluster, tmp_path):
     assert files(tmp_path / "there") == files(tmp_path / "here")
 
 
+@pytest.mark.slow
 def test_a_worker_killed_in_the_middle_loses_nothing(compiled, many, cluster):
     before, killed, moved = workers_of(cluster), [], []
 
@@ -206,6 +207,7 @@ def held(program, folder, recordings):
             tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("few", "many", "bytes_per_recording"),
     [

@@ -113,6 +113,7 @@ def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points,
     assert len(killed) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "many", [1, pytest.param(2, marks=pytest.mark.minutes)], ids=["one of two", "both"]
 )

@@ -29,6 +29,7 @@ def fuzz(*options):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="its limits are those of Linux")
 @pytest.mark.parametrize(
     "options",

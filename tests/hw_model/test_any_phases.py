@@ -67,6 +67,7 @@ def plain_with_skips(case: any_phases.Case) -> hw.SimulationResult:
     return simulation.play_recordings(case.program, case.spikes, case.steps, PROBE, play, Player())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", QUICK)
 def test_the_plain_engine_counts_the_steps_that_the_fast_one_skips(seed: int) -> None:
     case = any_phases.case(seed)
@@ -75,6 +76,7 @@ def test_the_plain_engine_counts_the_steps_that_the_fast_one_skips(seed: int) ->
     assert found.per_recording == wanted.per_recording
 
 
+@pytest.mark.slow
 def test_recordings_that_do_not_fit_at_once_are_played_in_parts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

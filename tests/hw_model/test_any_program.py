@@ -148,6 +148,7 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
     return replace(program, cores=tuple(cores))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

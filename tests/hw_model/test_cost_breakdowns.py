@@ -266,6 +266,7 @@ def test_counts_equal_a_walk_of_every_spike(seed):
             ]
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])

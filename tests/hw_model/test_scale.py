@@ -56,6 +56,7 @@ def test_delays_of_another_shape_are_refused():
     )
 
 
+@pytest.mark.slow
 def test_a_core_takes_no_memory_for_the_sources_of_others():
     graph = relays(MANY_CORES).graph()
     placed, mib = peak_mib(lambda: place_cores(graph, MANY_CORES))

@@ -59,6 +59,7 @@ def test_the_largest_potentials_so_far(seed, first, rows):
         session.reset()
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(seed=SEEDS, together=TOGETHER, data=st.data())
 def test_any_split_of_the_rows_gives_the_same(seed, together, data):
@@ -288,6 +289,7 @@ def example(request):
     return program, read_recordings(REAL / f"Ev-{request.param.title()}.zip").spikes
 
 
+@pytest.mark.slow
 @on_real_recordings
 def test_real_recordings(example):
     program, recordings = example

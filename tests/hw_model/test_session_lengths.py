@@ -41,6 +41,7 @@ def test_a_recording_is_as_long_as_the_longest_phase_over_time():
     assert not np.array_equal(scores, hw.Session(program).push(recording).scores)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 @settings(max_examples=10, deadline=None)
 @given(seed=SEEDS, together=TOGETHER)

@@ -28,6 +28,7 @@ def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
     ]
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, silence=st.integers(1, 6), first=st.sampled_from([None, 0, 4]))
 def test_stops_in_silence(seed, silence, first):

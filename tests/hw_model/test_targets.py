@@ -97,6 +97,7 @@ def test_a_program_too_large_for_an_open_core_is_refused_and_a_larger_one_named(
     )
 
 
+@pytest.mark.slow
 def test_only_the_rooms_of_the_core_ask_whether_a_chip_is_one():
     asking = []
     for package in ("hw_model", "locsnn_compile"):

@@ -181,6 +181,7 @@ def test_layers_are_the_chip(strategy: str, seed: int) -> None:
     check_against_the_chip(layer, numbers, strategy, x)
 
 
+@pytest.mark.slow
 def test_a_charge_of_own_spikes_that_wraps() -> None:
     """In the registers of the chips that ship no synapse is as heavy; in narrower ones it is."""
     numbers = replace(NUMBERS, threshold=100, own=(Synapse(-156, 7),))
@@ -211,6 +212,7 @@ def check_against_the_chip(
     assert layer.events.tolist() == [2 * count for count in events]
 
 
+@pytest.mark.slow
 def test_the_draw_wraps_clips_and_fires() -> None:
     for strategy in TRAINABLE:
         events, spikes = np.zeros(3, dtype=np.int64), 0.0

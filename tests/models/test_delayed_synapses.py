@@ -97,6 +97,7 @@ def test_a_checkpoint_keeps_delays(tmp_path: Path) -> None:
     assert found.weights["time_hidden"].shape == (5, 3 * 78)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", TRAINABLE)
 def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path: Path) -> None:
     config = TrainingConfig(

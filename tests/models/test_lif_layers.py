@@ -85,6 +85,7 @@ def by_autograd(drive: torch.Tensor, neuron: LifParameters) -> torch.Tensor:
     return torch.stack(found, dim=1)
 
 
+@pytest.mark.slow
 @given(
     decay=st.floats(0.0, 1.0), threshold=st.floats(0.1, 3.0), window=st.floats(0.1, 3.0), seed=SEEDS
 )
@@ -107,6 +108,7 @@ def test_gradient_is_that_of_the_recursion(
     np.testing.assert_allclose(ours.grad.numpy(), theirs.grad.numpy(), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(inputs=st.integers(1, 12), size=st.integers(1, 20), share=st.floats(0.0, 1.0), seed=SEEDS)
 @settings(max_examples=40, deadline=None)
 def test_adding_active_inputs_equals_a_matrix_product(

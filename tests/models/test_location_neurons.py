@@ -103,6 +103,7 @@ def test_file_reference_and_torch_are_equal(own: NetworkDescription, tmp_path: P
     assert wanted["location_output"].sum() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [description(), LIF], ids=["LSRM", "LLIF"])
 def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> None:
     network = build_network(own, seed=3, initial_scale=10.0)

@@ -134,6 +134,7 @@ def test_a_report_has_the_keys_that_others_read(build):
     assert {path.name for path in folder.iterdir()} == FILES
 
 
+@pytest.mark.slow
 def test_a_gate_on_an_energy_that_is_not_known_fails(build):
     target, folder, code = build
     energy, latency = json.loads((folder / "report.json").read_text())["gates"]

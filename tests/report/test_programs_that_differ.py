@@ -170,6 +170,7 @@ def test_every_edit_of_a_program_is_told(name, build, tmp_path, capsys):
         assert said == f"All figures are equal, but not the programs: they differ in {told}.\n"
 
 
+@pytest.mark.slow
 def test_where_figures_of_reports_differ_as_well_the_summary_says_so(build, tmp_path, capsys):
     shutil.copytree(build, tmp_path / "out")
     EDITS["weights"][1](hw.load_program(build)).save(tmp_path / "out")

@@ -142,6 +142,7 @@ def test_paper_is_white_and_whole(browser: Chromium, page: Path) -> None:
     assert made.count(b"/Type /Page\n") > 3
 
 
+@pytest.mark.slow
 def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path) -> None:
     browser.open(page, width=360)
     browser.press(*TAB)

@@ -161,6 +161,7 @@ def test_a_load_that_is_refused_is_answered(empty, name):
     assert say(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
 
 
+@pytest.mark.slow
 def test_a_hello_has_no_payload(loaded):
     port, _ = loaded
     greeted(port)
@@ -241,6 +242,7 @@ STREAM = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(STREAM, 2))
 def test_an_error_of_the_stream_is_answered(desk, loaded, name):
     port, plain = loaded
@@ -267,6 +269,7 @@ def test_words_before_a_program_are_refused(desk):
     port.close()
 
 
+@pytest.mark.slow
 def test_steps_wait_for_spikes_that_wait(desk, loaded):
     _, plain = loaded
     with closing(desk.port(spikes=4)) as port:
@@ -285,6 +288,7 @@ def test_an_answer_comes_after_its_spikes(desk, loaded):
     assert (answer.counts, answer.lost, len(answer.spikes)) == (plain.counts, 0, plain.counts[3])
 
 
+@pytest.mark.slow
 def test_spikes_without_room_are_counted(desk):
     port = desk.port(spikes=2)
     board = Board(port)
@@ -347,6 +351,7 @@ def test_damaged_bytes_do_no_harm(desk, monkeypatch, every, seed):
     )
 
 
+@pytest.mark.slow
 def test_a_host_gives_up_on_a_line_that_damages_too_much(desk):
     with pytest.raises(hw.InputError) as caught:
         damaged_session(desk, 20, 1)

@@ -16,6 +16,7 @@ MODEL = "two-fingertips"
 ON_CORES = (("objects-hybrid", "ecp5-85f"), (MODEL, "ecp5-85f"), ("containers-hybrid", "ice40up5k"))
 
 
+@pytest.mark.slow
 def test_recordings_of_every_kind_keep_the_bounds_of_a_shipped_program(tmp_path: Path) -> None:
     state = tmp_path / "state.json"
     done: dict[str, dict[str, object]] = {}

@@ -98,6 +98,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @needs_tools
 @pytest.mark.parametrize("fault", first_quick(FAULTS))
 def test_a_fault_in_a_chain_is_seen(tmp_path, fault):

@@ -381,6 +381,7 @@ def test_settings_are_ranked_by_cycles():
     assert [one.cost for one in (slow, fast, priced)] == [20.0, 10.0, 5.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dataset", "steps", "classes", "needs"),
     [("containers", 325, 20, 3316), ("objects", 250, 36, 2568)],

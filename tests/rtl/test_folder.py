@@ -89,6 +89,7 @@ def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
     faulty.write_text(right)
 
 
+@pytest.mark.slow
 def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
     done = make(emitted, "fit")
     wanted = "Parameters of config.mk are for simulation only. Compile with --target ecp5-25f, ecp5-85f or ice40up5k.\n"
@@ -343,6 +344,7 @@ REFUSED = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     REFUSED,

@@ -37,6 +37,7 @@ def arguments(tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_equal(cores_of_this_run, arguments, capsys):
     """The core and the reference engine agree in every value and every cycle."""
     assert locsnn.main(arguments) == 0
@@ -57,6 +58,7 @@ def test_equal(cores_of_this_run, arguments, capsys):
     assert printed["cycles"] == printed["predicted_cycles"]
 
 
+@pytest.mark.slow
 def test_a_fault(cores_of_this_run, arguments, capsys, monkeypatch):
     texts = benches.with_fault(simulators.sources())
     monkeypatch.setattr(simulators, "sources", lambda: texts)

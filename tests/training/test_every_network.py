@@ -36,6 +36,7 @@ def write_touches(folder: Path, fingertips: int = 1) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingertips", [1, 2])
 @pytest.mark.parametrize("name", ON_TOUCH)
 def test_the_command_trains_it(

@@ -357,7 +357,7 @@ def _projection(
 
 def _in_float(held: ChipProjection) -> Projection:
     """Return the charge of each weight, in the unit of the registers, as a factor of numbers."""
-    charges: FloatArray = loihi.UNIT * values_of(held.mantissa).astype(np.float64)
+    charges: FloatArray = loihi.in_registers(values_of(held.mantissa).astype(np.float64))
     return Projection(held.source, held.target, with_values(held.mantissa, charges), held.delay)
 
 
