@@ -27,7 +27,7 @@ def pytest_configure(config):
 def unchecked(monkeypatch):
     """Let machine code check nothing, as outside of the tests; what other tests made goes on checking."""
     monkeypatch.delenv(compiled.CHECK_KINDS)
-    monkeypatch.setattr(compiled, "_of_one_kind", {})
+    monkeypatch.setattr(compiled, "code_by_function", {})
 
 
 settings.register_profile("same", derandomize=True, deadline=None)

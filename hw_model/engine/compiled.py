@@ -99,7 +99,7 @@ def address(function: Any, *arguments: Any) -> np.int64:
     return private_numba.address_of(function, tuple(map(numba.typeof, arguments)))
 
 
-_code_by_function: dict[Any, Callable[..., Any]] = {}
+code_by_function: dict[Any, Callable[..., Any]] = {}
 """The machine code of each function that was :func:`called`."""
 
 
@@ -108,10 +108,10 @@ def called(function: Any, *arguments: Any) -> Any:
 
     As with :func:`entry`, arguments of other kinds would be read as if they were of those.
     """
-    code = _code_by_function.get(function)
+    code = code_by_function.get(function)
     if code is None:
         code = entry(function, *arguments)
-        _code_by_function[function] = code
+        code_by_function[function] = code
     return code(*arguments)
 
 
