@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs/research/senses"))
 
 import run_senses
 from sense import Sense, balanced
-from summary import TITLES, mean_of, summary
+from summary import BEGIN, END, TITLES, mean_of, reported_table, summary
 from trainings import COLUMNS, Task, Training, read_rows, task_of, write_rows
 from views import WHOLE, View, counts, measure, read_figures
 
@@ -267,29 +267,16 @@ def test_configurations_are_those_that_the_study_reports(name: str) -> None:
     assert {replace(config, **of_files) for config in asked} == {configuration}
 
 
-REPORTED = {
-    "`hybrid`, plain": ("hybrid", "{}"),
-    "`hybrid`, chosen options (`examples/models/grasps-hybrid.pt`)": ("hybrid", "tau_sr"),
-    "`window-snn`": ("window-snn", "{}"),
-    "`hybrid-window`, chosen options (best on the folds)": ("hybrid-window", "tau_sr"),
-}
-"""Row of the page's table of test figures -> its network, and what its options contain."""
-
-
-@pytest.mark.parametrize("label", REPORTED)
-def test_the_test_figures_of_grasps_are_means_over_five_rounds(label: str) -> None:
-    network, option = REPORTED[label]
-    rows = [
-        row
-        for row in read_rows(STUDY / "trainings.csv")
-        if (row["sense"], row["purpose"], row["seed"]) == ("icub_grasp", "report", "0")
-        and row["network"] == network
-        and option in row["options"]
-    ]
-    assert sorted(row["round"] for row in rows) == ["1", "2", "3", "4", "5"]
-    trained, on_chip, energy = (
-        np.mean([float(row[name]) for row in rows])
-        for name in ("float_accuracy", "chip_accuracy", "energy_nj")
-    )
+def test_the_test_figures_of_the_page_are_those_of_the_table() -> None:
     page = (STUDY.parent / "senses.md").read_text("utf-8")
-    assert f"| {label} | {trained:.3f} | {on_chip:.3f} | {energy:,.0f} |" in page
+    table = page.split(BEGIN)[1].split(END)[0]
+    assert table == reported_table(read_rows(STUDY / "summary.csv"))
+
+
+def test_a_row_of_test_figures_says_what_the_network_is() -> None:
+    training = Training(TASK, 36, 12, 0.5, 0.25, 0.1, 0.2, 3.5, 1, 0.7).row()
+    reported = training | {"sense": "fsdd", "purpose": "report"}
+    lines = summary([{name: str(value) for name, value in reported.items()}])
+    row = reported_table(lines).splitlines()[2]
+    words = "`tactile-snn`, 4 neurons, delays of 0 to 2 steps, chosen options"
+    assert row == f"| spoken digits | {words} | 1 | 0.500 | 0.250 |  | 4 | 1.0 |"

@@ -6,8 +6,9 @@ import gates
 import netlist
 import numpy as np
 import picojoules
-import runs
 import timing
+
+import runs
 
 CYCLES, LANES = 72, 512
 

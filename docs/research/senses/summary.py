@@ -2,7 +2,8 @@
 
     python docs/research/senses/summary.py
 
-Reads ``trainings.csv`` and ``views.csv``; writes ``summary.csv`` and ``../images/senses.svg``.
+Reads ``trainings.csv`` and ``views.csv``; writes ``summary.csv``, ``../images/senses.svg`` and the
+table of test figures of ``../senses.md``.
 """
 
 import csv
@@ -38,6 +39,9 @@ TITLES = {
     "braille": "Braille",
     "nmnist": "N-MNIST",
 }
+BEGIN = "<!-- reported: begin -->\n"
+END = "<!-- reported: end -->"
+"""Marks of the table of test figures on the page."""
 INK, ORANGE, GREEN = "#808080", "#d98324", "#3f9c5a"
 BRANCHES = (
     ("tactile-snn", ORANGE, "time neurons, trained"),
@@ -89,6 +93,43 @@ def write_summary(path: Path, lines: Sequence[Mapping[str, str]]) -> None:
         writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)
+
+
+def reported_table(lines: Sequence[Mapping[str, str]]) -> str:
+    """Return the networks that were played the test parts, as a table of the page."""
+    rows = [
+        "| set | network | trainings | float | on the chip | deviation | nJ a recording | cores |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    reported = [cells for cells in lines if cells["purpose"] == "report"]
+    for sense in SENSES:
+        of_sense = [cells for cells in reported if cells["sense"] == sense]
+        for cells in sorted(of_sense, key=lambda each: -float(each["chip_accuracy"])):
+            of_row = [TITLES[sense], in_words(cells), cells["trainings"]]
+            of_row += [cells["float_accuracy"], cells["chip_accuracy"], cells["chip_accuracy_sd"]]
+            of_row += [f"{float(cells['energy_nj']):,.0f}", f"{float(cells['cores']):.1f}"]
+            rows.append(f"| {' | '.join(of_row)} |")
+    return "\n".join(rows) + "\n"
+
+
+def in_words(cells: Mapping[str, str]) -> str:
+    """Return what a network is, by its name and what is unusual about it."""
+    words = [f"`{cells['network']}`"]
+    if cells["hidden"] != "0":
+        words.append(f"{cells['hidden']} neurons")
+    if cells["delays"]:
+        delays = cells["delays"].split()
+        words.append(f"delays of {delays[0]} to {delays[-1]} steps")
+    words.append("default options" if cells["options"] == "{}" else "chosen options")
+    return ", ".join(words)
+
+
+def write_reported(page: Path, table: str) -> None:
+    """Put the table between its marks on the page."""
+    text = page.read_text("utf-8")
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    page.write_text(before + BEGIN + table + END + after, "utf-8")
 
 
 def draw(figures: Sequence[Row], lines: Sequence[Row], path: Path) -> None:
@@ -160,6 +201,7 @@ def main() -> None:
     """Write the summary and the picture."""
     lines = summary(read_rows(HERE / "trainings.csv"))
     write_summary(HERE / "summary.csv", lines)
+    write_reported(HERE.parent / "senses.md", reported_table(lines))
     draw(read_figures(HERE / "views.csv"), lines, HERE.parent / "images/senses.svg")
 
 
