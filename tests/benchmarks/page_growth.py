@@ -98,8 +98,8 @@ def growth(records: dict[str, Found]) -> str:
     """Return cost against size and against activity."""
     return f"""## Cost against size
 
-{made_by("test_curves.py")} Ten layers in a row; a compartment has 250 synapses from the 400 sources nearest to it, and 2 % of
-all compartments fire in a step. 100 steps.
+{made_by("test_curves.py")} Ten layers in a row; a compartment has 250 synapses from the 400 sources nearest to it, or 100
+where a layer has no more, and 2 % of all compartments fire in a step. 100 steps.
 
 {sizes(records)}
 

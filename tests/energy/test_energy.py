@@ -13,10 +13,10 @@ import numpy as np
 import packing
 import page_text
 import pytest
+import runs
 import sums
 
 import hw_model as hw
-import runs
 from hw_model.errors import InputError, TargetError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram

@@ -16,12 +16,12 @@ import numpy as np
 import plans
 import pytest
 import repeats
+import runs
 import traffic
 from latches import Latches
 from plan_check import check
 
 import hw_model as hw
-import runs
 from hw_model.errors import InputError
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources

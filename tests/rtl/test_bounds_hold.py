@@ -72,3 +72,19 @@ def test_the_page_has_the_table_of_the_run() -> None:
     ]
     assert of_page[2:] == [[row[0], f"{int(row[2]):,}", *row[3:]] for row in rows]
     assert all(float(share or 0) <= 1 for row in rows for share in row[3:6])
+
+
+def test_the_page_has_the_table_of_the_core() -> None:
+    folder = Path(bounds.__file__).parent
+    with (folder / "bounds-on-core.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    page = (folder / "bounds.md").read_text("utf-8")
+    table = page.split("<!-- on core: begin -->\n")[1].split("<!-- on core: end -->")[0]
+    of_page = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in table.splitlines()]
+    expected = []
+    for row in rows:
+        values = f"{int(row['values']):,}"
+        of_row = [row["program"], row["target"], row["recordings"], values, row["most"]]
+        expected.append([*of_row, row["kind"]])
+    assert of_page[2:] == expected
+    assert all(float(row["most"]) <= 1 for row in rows)

@@ -8,10 +8,9 @@ import gates
 import netlist
 import numpy as np
 import picojoules
+import runs
 import timing
 from latches import GATE, Latches, modules, verilog
-
-import runs
 
 CYCLES, LANES = 160, 32
 

@@ -6,9 +6,8 @@ import gates
 import netlist
 import numpy as np
 import picojoules
-import timing
-
 import runs
+import timing
 
 CYCLES, LANES = 72, 512
 

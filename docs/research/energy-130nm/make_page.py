@@ -12,6 +12,7 @@ import make_profile
 import memories
 import plans
 import pricing
+import runs
 from latches import Latches
 from others import larger, ranking
 from packing import packing
@@ -19,7 +20,6 @@ from page_text import table, wrapped
 from savings import fillers, savings
 
 import hw_model as hw
-import runs
 from locsnn_compile.report.pictures.chart import Curve, Panel, draw
 
 TEMPLATE = Path(__file__).parent / "page.txt"

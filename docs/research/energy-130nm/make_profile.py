@@ -15,10 +15,10 @@ import gates
 import numpy as np
 import plans
 import pricing
+import runs
 from latches import Latches
 
 import hw_model as hw
-import runs
 from hw_model.rtl.images import layouts
 
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"

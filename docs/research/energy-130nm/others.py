@@ -3,10 +3,10 @@
 import numpy as np
 import plans
 import repeats
+import runs
 from page_text import table
 
 import hw_model as hw
-import runs
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import plans
+import runs
 from page_text import table
 from sums import sent_by
 
 import hw_model as hw
-import runs
 from hw_model.rtl.images import CoreProgram
 
 ROWS = (4, 8)

@@ -7,16 +7,16 @@ import latches
 import liberty
 import memories
 import numpy as np
+import runs
 import traffic
 from latches import Latches
 from plan_check import check
+from runs import OURS, SIZES, Core, Library
 
-import runs
 from hw_model.description import chip as description
 from hw_model.errors import InputError
 from hw_model.rtl.images import Sizes, layouts
 from hw_model.rtl.memory_plan import PRICE, Array, Piece
-from runs import OURS, SIZES, Core, Library
 
 MOST_AREA = 2.69e6
 """Square micrometres that the memories of our core may take, so that it takes no more than 3 mm2."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import gates
 import numpy as np
 import picojoules
+import runs
 from memories import Choice
 from scipy.optimize import nnls
 
 import hw_model as hw
-import runs
 from hw_model.rtl.images import CoreProgram
 
 COUNTS = (

@@ -7,11 +7,11 @@ import memories
 import numpy as np
 import picojoules
 import plans
+import runs
 import traffic
 from latches import Latches
 
 import hw_model as hw
-import runs
 from hw_model.rtl.images import CoreProgram, layouts
 
 
