@@ -61,6 +61,14 @@ def absurd(file):
     )
 
 
+def output_of_weights(file):
+    """The neurons come first, one for each of the ten inputs, and the weights last."""
+    edges(("input", "lif"), ("lif", "fc"), ("fc", "output"))(file)
+    for name, values in list(file["node/nodes/lif"].items()):
+        if values.shape == (12,):
+            put(f"node/nodes/lif/{name}", values[:10])(file)
+
+
 BROKEN = [
     ("a dangling edge", edges(("input", "fc"), ("fc", "lif"), ("lif", "outputs")), "model 'model.nir': the edge 'lif' -> 'outputs' names a node that does not exist. Did you mean 'output'?"),
     ("a circle of weights", circle, "model 'model.nir': a loop of edges has no neuron (a -> b). Put a neuron into the loop."),
@@ -80,7 +88,8 @@ BROKEN = [
     ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Use an LI with a long tau, or an IF."),
     ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': its input has another size (10 against 9). Correct its weight."),
     ("weights that nothing feeds", edges(("input", "lif"), ("lif", "output"), ("fc", "lif")), "model 'model.nir', node 'fc': no node feeds it. Connect it to the input, or remove it."),
-    ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit its input ((12,) against (10,)). Give one number per neuron."),
+    ("an output of weights", output_of_weights, "model 'model.nir', node 'fc': it outputs the values of Linear, but the chip outputs spikes. End the graph in a LIF, or in an LI whose potential is read."),
+    ("neurons of another size than the input", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit its input ((12,) against (10,)). Give one number per neuron."),
     ("neurons that do not fit", put("node/nodes/fc/weight", np.ones((11, 10))), "model 'model.nir', node 'lif': its input has another size (11 against 12). Give it a neuron for each value."),
     ("a link out of the file", lambda f: (f.__delitem__("node/nodes/fc/weight"), f["node/nodes/fc"].__setitem__("weight", h5py.ExternalLink("/etc/passwd", "/"))), "model 'model.nir', node 'fc': 'weight' is a link, and links are not followed. Store the data itself."),
     ("no graph", lambda f: f.__delitem__("node"), "model 'model.nir': it contains neither a NIR graph nor a lava-dl network. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),

@@ -50,9 +50,16 @@ def test_weights_saturate_synapse_by_synapse(play):
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 @pytest.mark.parametrize(
-    ("lateness", "delay", "late"), [(1, 1, 1), (1, 2, 0), (7, 7, 1), (8, 8, 0), (15, 8, 0)]
+    ("lateness", "delay", "late"),
+    [
+        pytest.param(1, 1, 1, id="as late as its delay"),
+        pytest.param(1, 2, 0, id="less late than its delay"),
+        pytest.param(7, 7, 1, id="as late as the longest delay but one"),
+        pytest.param(8, 8, 0, id="a delay of all slots is stored as 0"),
+        pytest.param(15, 8, 0, id="and never found late"),
+    ],
 )
-def test_a_late_spike_acts_on_time_if_its_delay_is_longer(play, lateness, delay, late):
+def test_a_spike_is_late_if_its_delay_is_no_longer_than_it_is_late_by(play, lateness, delay, late):
     part = projection((0, 0, 30000, delay))
     spikes = np.eye(20, 1)
     behind = np.zeros((20, 2), dtype=np.int64)
