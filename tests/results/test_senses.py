@@ -238,6 +238,7 @@ def test_the_views_of_the_page_are_those_of_the_table(cells: list[str]) -> None:
 CONFIGURED = {
     "grasps-hybrid": ("icub_grasp", 160, {"theta": 2.0}),
     "fsdd-hybrid": ("fsdd", 2_700, {}),
+    "braille-hybrid": ("braille", 6_480, {}),
 }
 """Configuration -> its set, the recordings it learns from, and what their length chooses."""
 
