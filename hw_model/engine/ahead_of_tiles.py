@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hw_model.arithmetic.loihi import FORGETS
 from hw_model.description.chip import chip
 from hw_model.engine.layout import LANES
 from hw_model.program.builder import ProgramBuilder
@@ -24,8 +25,8 @@ def transposed_dendrites() -> ChipProgram:
     """Return a program whose input goes through the transpose buffer, to neurons of two dendrites each."""
     builder = ProgramBuilder(chip("loihi-sim"))
     x = builder.add_input("x", 1)
-    forgets = 4096
-    soma = builder.add_compartments("soma", LANES, threshold=1, decay_u=forgets, decay_v=forgets)
+    # What keeps nothing adds up its dendrites: they are run together, as a pair.
+    soma = builder.add_compartments("soma", LANES, threshold=1, decay_u=FORGETS, decay_v=FORGETS)
     for name in ("one", "other"):
         dendrite = builder.add_compartments(name, LANES, threshold=1, joined_to=soma)
         builder.connect(x, dendrite, np.full((LANES, 1), 2))

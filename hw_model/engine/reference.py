@@ -262,7 +262,7 @@ class _Turn:
         before = State(self.u[recordings], self.v[recordings], self.blocked[recordings])
         step = loihi.step(self.arithmetic, self.parameters, before, charge, joined)
 
-        # Registers and what arrives are 0 if, and only if, all their bits are.
+        # All four are 0 if, and only if, none of them has a bit that is 1: one comparison instead of four.
         bits = charge | joined | before.u | before.v
         self.busy[recordings] = self.has_bias | (bits != 0)
         self.waiting[recordings] = before.blocked != 0
