@@ -195,9 +195,11 @@ def witnessed(network: Any, recordings: np.ndarray, python: str) -> tuple[int, i
     return values, unequal
 
 
-def asked_rows(data: Data, candidate: Candidate, purpose: str, hidden: int) -> Iterator[Row]:
-    """Yield the rows of a network, without their results: one to choose, five to report."""
-    for number in range(1 if purpose == "choose" else ROUNDS):
+def asked_rows(
+    data: Data, candidate: Candidate, purpose: str, hidden: int, most: int
+) -> Iterator[Row]:
+    """Yield the rows of a network, without their results: one to choose, up to five to report."""
+    for number in range(1 if purpose == "choose" else most):
         division, seed = (0, number) if data.has_parts else (1 + number, 0)
         yield Row(
             data.name, purpose, division, seed, candidate.network, candidate.chip, hidden,
@@ -231,6 +233,9 @@ def main() -> None:
     parser.add_argument("--network", choices=[candidate.network for candidate in CANDIDATES])
     parser.add_argument("--purpose", choices=("choose", "report"), default="report")
     parser.add_argument("--hidden", type=int, default=64)
+    parser.add_argument(
+        "--rows", type=int, default=ROUNDS, help="rounds or seeds of a network to report"
+    )
     parser.add_argument("--xylosim", metavar="PYTHON", help="one that has xylosim")
     args = parser.parse_args()
     for data in DATA:
@@ -242,7 +247,7 @@ def main() -> None:
 
 def run_missing(data: Data, candidate: Candidate, args: argparse.Namespace) -> None:
     """Run the rows of a network that are not in the table."""
-    for row in asked_rows(data, candidate, args.purpose, args.hidden):
+    for row in asked_rows(data, candidate, args.purpose, args.hidden, args.rows):
         if row.key in known_rows():
             continue
         learned, played = parts(args.folder, data, args.purpose, row.round)
