@@ -228,7 +228,7 @@ class RecordReader(Frozen):
         said = getattr(hint, "__metadata__", ())
         hint = get_args(hint)[0] if said else hint
         if isinstance(hint, UnionType):
-            return None if value is None else self.value(_with(get_args(hint)[0], said), value, key)
+            return self._one_of(hint, said, value, key)
         origin, parts = get_origin(hint) or hint, get_args(hint)
         if hasattr(origin, "__dataclass_fields__"):
             return self.record(origin, value, key)
@@ -251,6 +251,16 @@ class RecordReader(Frozen):
                 self.value(part, entry, key) for part, entry in zip(each, value, strict=True)
             )
         return float(value) if origin is float else value
+
+    def _one_of(self, hint: UnionType, said: tuple[Any, ...], value: Any, key: str) -> Any:
+        """Return a value of one of several types, or None: a missing value."""
+        if value is None:
+            return None
+        first, *others = [part for part in get_args(hint) if part is not NoneType]
+        if not others:
+            return self.value(_with(first, said), value, key)
+        check_value(self.place(key), value, _kinds(hint), said, self.fix or "Correct it.")
+        return float(value) if isinstance(value, int) and first is float else value
 
 
 def _with(hint: Any, said: tuple[Any, ...]) -> Any:

@@ -6,6 +6,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.io.records import Must
 from hw_model.mapping.routing import AxonTables
 from hw_model.program.sealed import CHIP_PROGRAM, save_files, sealed_files
 from hw_model.values import IntArray, picked
@@ -28,6 +29,10 @@ TIME_UNITS = ("ns", "us", "ms", "s")
 """Units of the times of events."""
 FIRST = "first"
 """The start of recordings at their first events."""
+START = Must(
+    lambda start: start == FIRST or not isinstance(start, str), f"of seconds, or {FIRST!r}"
+)
+"""What the start of recordings must be."""
 # Arrays of ``program.npz``, and entries of ``program.yaml``: fields of Core, AxonTables, InputRoute and Input.
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = (

@@ -24,7 +24,7 @@ from hw_model.program.sealed import (
     save_files,
     sealed_files,
 )
-from hw_model.program.write import CHANNEL_ORDERS
+from hw_model.program.write import CHANNEL_ORDERS, START, TIME_UNITS
 from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.network import (
     RECEPTORS,
@@ -43,6 +43,8 @@ _OF_RECORDINGS = (
     "columns",
     "channel_order",
     "class_names",
+    "start",
+    "time_unit",
     "recorded",
 )
 _SYNAPSES = ("source_index", "target_index", "weight", "delay")
@@ -118,6 +120,8 @@ class SpinnakerDocument(Frozen):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: Annotated[str | None, CHANNEL_ORDERS] = None
     class_names: tuple[str, ...] | None = None
+    start: Annotated[float | str | None, START] = None
+    time_unit: Annotated[str | None, TIME_UNITS] = None
     recorded: RecordedChannels | None = None
 
 

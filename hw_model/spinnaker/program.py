@@ -11,6 +11,7 @@ from hw_model.mapping.graph import Input, Readout
 from hw_model.mapping.recorded import RecordedChannels
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.network import SpinnakerNetwork
+from hw_model.program.write import START, TIME_UNITS
 from hw_model.values import Shown
 
 
@@ -32,6 +33,9 @@ class SpinnakerProgram(Shown):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: str | None = None
     class_names: tuple[str, ...] | None = None
+    start: Annotated[float | str | None, START] = None
+    """The seconds of events at which step 0 begins, or ``first``: at the first event."""
+    time_unit: Annotated[str | None, TIME_UNITS] = None
     recorded: RecordedChannels | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Texts that a saved program carries: where it came from and how it was made."""

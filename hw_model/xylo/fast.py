@@ -20,7 +20,7 @@ CURRENT, CHANGE, POTENTIAL, LOST = range(len(xylo.EVENTS))
 
 
 class Neurons(NamedTuple):
-    """n neurons with k currents: ``dash_syn`` (n, k), all others (n,). A bias that is off is 0.
+    """n neurons with k currents: ``dash_syn`` (n * k,), all others (n,). A bias that is off is 0.
 
     The aliases of neuron n are ``alias[first_alias[n] : first_alias[n + 1]]``.
     """
@@ -34,7 +34,7 @@ class Neurons(NamedTuple):
 
 
 class Charges(NamedTuple):
-    """What a spike adds to currents, (sources, n, k)."""
+    """What a spike adds to currents, (sources, n * k)."""
 
     from_inputs: IntArray
     among_hidden: IntArray
@@ -42,7 +42,7 @@ class Charges(NamedTuple):
 
 
 class Registers(NamedTuple):
-    """Currents (n, k), potentials (n,), and the spikes (n,) of the last row."""
+    """Currents (n * k,), the k of a neuron side by side, potentials (n,), and the spikes (n,) of the last row."""
 
     i: IntArray
     v: IntArray
@@ -50,7 +50,7 @@ class Registers(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """Where spikes (rows, n), currents (rows, n, k) and potentials (rows, n) are kept."""
+    """Where spikes (rows, n), currents (rows, n * k) and potentials (rows, n) are kept."""
 
     spikes: IntArray
     i: IntArray
@@ -85,7 +85,7 @@ class FastXylo:
         self._charges = Charges(
             from_inputs=_charges(network.weights_in, network.shift_in),
             among_hidden=_charges(network.weights_hidden, network.shift_hidden),
-            onto_outputs=_charges(network.weights_out[:, :, None], network.shift_out),
+            onto_outputs=_plain(xylo.charge_of(network.weights_out, network.shift_out)),
         )
 
     def play(self, events: AnyArray) -> XyloResult:
@@ -96,8 +96,8 @@ class FastXylo:
         result = empty_result(network, len(rows), {})
         at_rest = (_at_rest(network.hidden), _at_rest(network.outputs))
         recorded = (
-            Recorded(result.spikes, result.i, result.v),
-            Recorded(result.output_spikes, result.output_i[:, :, None], result.output_v),
+            Recorded(result.spikes, _side_by_side(result.i), result.v),
+            Recorded(result.output_spikes, result.output_i, result.output_v),
         )
         _play(rows, self._hidden, self._outputs, self._charges, at_rest, recorded, counted)
         result.events.update(zip(xylo.EVENTS, counted.tolist(), strict=True))
@@ -109,7 +109,7 @@ def _neurons(population: XyloPopulation, aliases: tuple[tuple[int, ...], ...] | 
     each = aliases or ((),) * population.size
     counts = [len(of_neuron) for of_neuron in each]
     return Neurons(
-        dash_syn=_plain(population.dash_syn),
+        dash_syn=_plain(population.dash_syn.ravel()),
         dash_mem=_plain(population.dash_mem),
         threshold=_plain(population.threshold),
         bias=_plain(bias),
@@ -119,7 +119,13 @@ def _neurons(population: XyloPopulation, aliases: tuple[tuple[int, ...], ...] | 
 
 
 def _charges(weights: IntArray, shift: int) -> IntArray:
-    return _plain(xylo.charge_of(weights, shift))
+    return _plain(_side_by_side(xylo.charge_of(weights, shift)))
+
+
+def _side_by_side(currents: IntArray) -> IntArray:
+    """Return a view (rows, n * k) of currents (rows, n, k): one long loop runs in vectors, short ones do not."""
+    rows, neurons, states = currents.shape
+    return currents.reshape(rows, neurons * states)
 
 
 def _plain(values: AnyArray) -> IntArray:
@@ -130,7 +136,7 @@ def _plain(values: AnyArray) -> IntArray:
 def _at_rest(population: XyloPopulation) -> Registers:
     size = population.size
     return Registers(
-        i=np.zeros((size, population.states), dtype=np.int64),
+        i=np.zeros(size * population.states, dtype=np.int64),
         v=np.zeros(size, dtype=np.int64),
         spikes=np.zeros(size, dtype=np.int64),
     )
@@ -138,14 +144,13 @@ def _at_rest(population: XyloPopulation) -> Registers:
 
 @compiled
 def _collect(i, charges, spikes, counted):  # type: ignore[no-untyped-def]
-    """Add the charges (n, k) of a source to currents (n, k), spike by spike."""
+    """Add the charges of a source to currents, spike by spike; both are (n * k,)."""
     saturated = 0
     for _ in range(spikes):
-        for n in range(i.shape[0]):
-            for k in range(i.shape[1]):
-                exact = i[n, k] + charges[n, k]
-                i[n, k] = _saturate(exact)
-                saturated += exact != i[n, k]
+        for place in range(len(i)):
+            exact = i[place] + charges[place]
+            i[place] = _saturate(exact)
+            saturated += exact != i[place]
     counted[CURRENT] += saturated
 
 
@@ -154,11 +159,13 @@ def _respond(neurons, registers, counted):  # type: ignore[no-untyped-def]
     """Let currents and potentials decay, and add currents and biases to the potentials."""
     i = registers.i
     v = registers.v
+    states = len(i) // len(v)
+    for place in range(len(i)):
+        i[place] = _decayed(i[place], neurons.dash_syn[place])
     for n in range(len(v)):
         currents = 0
-        for k in range(i.shape[1]):
-            i[n, k] = _decayed(i[n, k], neurons.dash_syn[n, k])
-            currents += i[n, k]
+        for place in range(n * states, (n + 1) * states):
+            currents += i[place]
         exact = _change_of(v[n], neurons.dash_mem[n], currents)
         change = _saturate(exact)
         counted[CHANGE] += change != exact
@@ -178,8 +185,10 @@ def _fire_all(neurons, registers, room):  # type: ignore[no-untyped-def]
     for n in range(len(v)):
         spikes[n] = 0
     for n in range(len(v)):
-        own, v[n] = _fire(v[n], neurons.threshold[n], room - spikes[n])
-        spikes[n] += own
+        # Below the threshold nothing changes; a division would take longer than all else.
+        if v[n] >= neurons.threshold[n]:
+            own, v[n] = _fire(v[n], neurons.threshold[n], room - spikes[n])
+            spikes[n] += own
         for place in range(neurons.first_alias[n], neurons.first_alias[n + 1]):
             alias = neurons.alias[place]
             spikes[alias] = min(room, spikes[alias] + spikes[n])
@@ -191,8 +200,8 @@ def _keep(registers, recorded, t):  # type: ignore[no-untyped-def]
     for n in range(len(registers.v)):
         recorded.spikes[t, n] = registers.spikes[n]
         recorded.v[t, n] = registers.v[n]
-        for k in range(registers.i.shape[1]):
-            recorded.i[t, n, k] = registers.i[n, k]
+    for place in range(len(registers.i)):
+        recorded.i[t, place] = registers.i[place]
 
 
 @compiled
@@ -203,11 +212,13 @@ def _play(rows, hidden, outputs, charges, at_rest, recorded, counted):  # type: 
         for source in range(rows.shape[1]):
             heard = min(rows[t, source], _INPUT_EVENTS_MAX)
             counted[LOST] += rows[t, source] - heard
-            _collect(of_hidden.i, charges.from_inputs[source], heard, counted)
+            if heard:
+                _collect(of_hidden.i, charges.from_inputs[source], heard, counted)
         for source in range(len(of_hidden.spikes)):
             spikes = of_hidden.spikes[source]
-            _collect(of_hidden.i, charges.among_hidden[source], spikes, counted)
-            _collect(of_outputs.i, charges.onto_outputs[source], spikes, counted)
+            if spikes:
+                _collect(of_hidden.i, charges.among_hidden[source], spikes, counted)
+                _collect(of_outputs.i, charges.onto_outputs[source], spikes, counted)
 
         _respond(hidden, of_hidden, counted)
         _fire_all(hidden, of_hidden, _HIDDEN_SPIKES_MAX)

@@ -24,7 +24,7 @@ from hw_model.program.sealed import (
     save_files,
     sealed_files,
 )
-from hw_model.program.write import CHANNEL_ORDERS
+from hw_model.program.write import CHANNEL_ORDERS, START, TIME_UNITS
 from hw_model.values import Frozen, IntArray, picked
 from hw_model.xylo.chips import xylo_chip
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
@@ -40,6 +40,8 @@ _OF_RECORDINGS = (
     "columns",
     "channel_order",
     "class_names",
+    "start",
+    "time_unit",
     "recorded",
 )
 _SHIFTS = ("shift_in", "shift_hidden", "shift_out")
@@ -71,6 +73,8 @@ class XyloDocument(Frozen):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: Annotated[str | None, CHANNEL_ORDERS] = None
     class_names: tuple[str, ...] | None = None
+    start: Annotated[float | str | None, START] = None
+    time_unit: Annotated[str | None, TIME_UNITS] = None
     recorded: RecordedChannels | None = None
 
 

@@ -8,6 +8,7 @@ from hw_model.errors import InputError, check_same
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, between
 from hw_model.mapping.graph import MAX_STEPS, Readout
 from hw_model.mapping.recorded import RecordedChannels
+from hw_model.program.write import START, TIME_UNITS
 from hw_model.values import Frozen, Shown
 from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.network import XyloNetwork
@@ -40,6 +41,9 @@ class XyloProgram(Shown):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: str | None = None
     class_names: tuple[str, ...] | None = None
+    start: Annotated[float | str | None, START] = None
+    """The seconds of events at which step 0 begins, or ``first``: at the first event."""
+    time_unit: Annotated[str | None, TIME_UNITS] = None
     recorded: RecordedChannels | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Texts that a saved program carries: where it came from and how it was made."""

@@ -8,7 +8,7 @@ from hw_model.spinnaker.program import SpinnakerProgram
 from hw_model.values import ByteArray
 from locsnn_compile.cli.run_whole import PlayedWhole, WholeProgram
 from locsnn_compile.data.channels import flat_channels, parse_numbering
-from locsnn_compile.data.recordings import Expected
+from locsnn_compile.data.recordings import EventTimes, Expected
 from locsnn_compile.report.format import plural
 
 _NOT_THERE = {
@@ -68,6 +68,7 @@ def expected_by(program: SpinnakerProgram) -> Expected:
         class_names=program.class_names,
         inputs=flat_channels(channels, program.polarities, program.columns, numbering, whose),
         numbering=numbering,
+        event_times=EventTimes(program.start, program.time_unit),
         recorded=program.recorded,
     )
 

@@ -7,7 +7,7 @@ from hw_model.xylo.playing import XyloCounts, play_program
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.cli.run_whole import PlayedWhole, WholeProgram
 from locsnn_compile.data.channels import flat_channels, parse_numbering
-from locsnn_compile.data.recordings import Expected
+from locsnn_compile.data.recordings import EventTimes, Expected
 from locsnn_compile.report.format import plural
 
 _NOT_THERE = {
@@ -62,5 +62,6 @@ def expected_by(program: XyloProgram) -> Expected:
         class_names=program.class_names,
         inputs=flat_channels(channels, program.polarities, program.columns, numbering, whose),
         numbering=numbering,
+        event_times=EventTimes(program.start, program.time_unit),
         recorded=program.recorded,
     )

@@ -26,8 +26,15 @@ from hw_model.values import AnyArray, IntArray
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.playing import before_spikes, play_all, rows_of
 from locsnn_compile.models.description import NetworkDescription, XyloParameters
-from locsnn_compile.models.touch_model import TouchModel, draw_weights, to_host
+from locsnn_compile.models.touch_model import (
+    TouchModel,
+    constants,
+    draw_weights,
+    to_device,
+    to_host,
+)
 from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses
+from locsnn_compile.models.xylo_scan import scan_back
 
 INTO_HIDDEN, AMONG_HIDDEN, ONTO_OUTPUTS = "time_hidden", "time_recurrent", "time_output"
 """The names of the three groups of synapses."""
@@ -139,24 +146,16 @@ def _back_through(
 ) -> Tensor:
     """Return the gradients of charges (batch, steps, n), from the last step to the first.
 
-    ``of_spikes`` are gradients of spikes, and ``slope`` is ds / dv, both of that shape. Weights
-    ``recurrent`` (n, n) [out, in], in thresholds, carry spikes of these neurons to the next step.
+    See :func:`locsnn_compile.models.xylo_scan.scan_back`.
     """
-    charges = torch.zeros_like(of_spikes)
-    di = torch.zeros_like(of_spikes[:, 0])
-    dv = torch.zeros_like(di)
-    next_charge = torch.zeros_like(di)
-    left_by_spikes = kept_v * (1.0 - slope)
-    for t in range(of_spikes.shape[1] - 1, -1, -1):
-        ds = of_spikes[:, t]
-        if recurrent is not None:
-            ds = ds + next_charge @ recurrent
-        dv = ds * slope[:, t] + left_by_spikes[:, t] * dv
-        di = dv + kept_i * di
-        # A charge decays in the very step in which it arrives.
-        next_charge = kept_i * di
-        charges[:, t] = next_charge
-    return charges
+    size = of_spikes.shape[2]
+    weights = of_spikes.new_zeros((0, size)) if recurrent is None else recurrent
+    charges = torch.empty_like(of_spikes, memory_format=torch.contiguous_format)
+    found = to_host(charges)
+    (one,) = constants(found.dtype, 1.0)
+    kept = (kept_i.expand(size), kept_v.expand(size))
+    scan_back(*map(to_host, (of_spikes, slope, *kept, weights)), one, found)
+    return to_device(found, of_spikes)
 
 
 def _of_weights(charges: Tensor, spikes: Tensor) -> Tensor:

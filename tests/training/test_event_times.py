@@ -8,9 +8,11 @@ import pytest
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.targets.programs import load_any_program
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import EventTimes
+from locsnn_compile.training.config import config_from_mapping, read_config
 
 FIELDS = [("t", "i8"), ("x", "i8"), ("y", "i8"), ("p", "i8")]
 SENSOR = ["--grid", "2x2", "--polarities", "1"]
@@ -77,6 +79,44 @@ def test_a_program_reads_events_as_the_training_did(
     assert said[0] == "Times were read in ms, as in the training (--time-unit)."
     assert asked.pop("assumptions") == []
     assert kept == asked
+
+
+@pytest.mark.parametrize(
+    ("chip", "options"),
+    [
+        pytest.param("spinnaker1", ["--model", "tactile-snn"], id="SpiNNaker"),
+        pytest.param("xylo-audio3", ["--target", "xylo-audio3"], id="Xylo"),
+    ],
+)
+def test_programs_of_other_chips_read_events_so_too(
+    trained: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    chip: str,
+    options: list[str],
+) -> None:
+    data, model, built = trained / "data", tmp_path / "model.pt", str(tmp_path / "built")
+    asked = ["--data", str(data), *SENSOR, *TIMES, "--epochs", "1", "--hidden", "4", *options]
+    assert locsnn(["train", *asked, "--quiet", "-o", str(model)]) in (0, 3)
+    compiled = [str(model), "--target", chip, "--events", str(data), "-o", built]
+    assert locsnn(["compile", *compiled, "--quiet"]) == 0
+    program = load_any_program(built)
+    assert (program.start, program.time_unit) == (0.0, "ms")
+    assert program_files(load_any_program(built)) == program_files(program)
+    assert locsnn(["run", built, "--events", str(data), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["assumptions"] == [
+        "Times were read in ms, as in the training (--time-unit).",
+        "Recordings start at 0 s of their files, as in the training (--start).",
+    ]
+
+
+@pytest.mark.parametrize(("written", "start"), [("first", "first"), ("2", 2.0), ("0.5", 0.5)])
+def test_a_configuration_may_say_when_recordings_start(
+    tmp_path: Path, written: str, start: float | str
+) -> None:
+    path = tmp_path / "training.yaml"
+    path.write_text(f"start_at: {written}\n")
+    assert config_from_mapping(read_config(path)).start_at == start
 
 
 def test_fine_tuning_goes_on_with_the_times(trained: Path, tmp_path: Path) -> None:

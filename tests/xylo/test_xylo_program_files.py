@@ -40,6 +40,8 @@ def random_program(seed: int) -> tuple[XyloProgram, np.ndarray]:
         columns=4,
         channel_order="pyx",
         class_names=tuple(f"class {number}" for number in range(outputs)),
+        start="first",
+        time_unit="ms",
         provenance={"model": "random"},
     )
     return program, events
@@ -135,6 +137,15 @@ DAMAGE = {
     "a shift beyond the chip's": (
         lambda folder: replace_in(folder, "shift_in: ", "shift_in: 9"),
         "program.yaml: shift_in: it must be a whole number from 0 to 15 (got 93). Compile again.",
+    ),
+    "a start that is no time": (
+        lambda folder: replace_in(folder, "start: first", "start: never"),
+        "program.yaml: start: it must be a number of seconds, or 'first' (got 'never'). Compile "
+        "again.",
+    ),
+    "an unknown unit of time": (
+        lambda folder: replace_in(folder, "time_unit: ms", "time_unit: days"),
+        "program.yaml: time_unit: 'days' is not known. Choose one of: ms, ns, s, us.",
     ),
     "a name for other neurons": (
         lambda folder: replace_in(folder, "  size: ", "  size: 1"),
