@@ -9,9 +9,9 @@ from hw_model.errors import InputError, check_known, check_same
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE
 from hw_model.mapping.graph import Input, Readout
 from hw_model.mapping.recorded import RecordedChannels
+from hw_model.program.write import START, TIME_UNITS
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.network import SpinnakerNetwork
-from hw_model.program.write import START, TIME_UNITS
 from hw_model.values import Shown
 
 

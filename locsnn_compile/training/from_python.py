@@ -32,9 +32,7 @@ from locsnn_compile.training.config import (
 
 _OF_FILES = ("classes", "time_unit", "max_steps")
 """Options that say how files are read."""
-_PICKING = ("only_taxels", "only_polarity", "merge_channels")
-"""Options that pick and merge channels of what is read."""
-_ONLY_OF_FILES = ("split", "fold", "axes", *_PICKING, *_OF_FILES)
+_ONLY_OF_FILES = ("split", "fold", "axes", *SELECTING, *_OF_FILES)
 """Options that only recordings in a file can follow."""
 
 
@@ -111,7 +109,8 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
     for name, value in picked(config, *_ONLY_OF_FILES).items():
-        if value is not None:
+        # A polarity of 0 was asked for, and equals False.
+        if value is not None and value is not False:
             raise _needs_file(part, name, value)
     # Recordings that do not say how wide their bins are have the width asked for.
     if part.step_seconds is not None:

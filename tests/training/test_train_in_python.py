@@ -108,9 +108,11 @@ def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
         (lambda: lc.train(DATA, {"split": 0.2}), "training option 'split': recordings 'synthetic touches' are in memory, as they are (got 0.2). Leave it out, or give a file."),
         (lambda: lc.train(DATA, {"axes": "samples,steps,channels"}), "training option 'axes': recordings 'synthetic touches' are in memory, as they are (got samples,steps,channels). Leave it out, or give a file."),
         (lambda: lc.train(DATA, {"event_threshold": 2}), "training option 'event_threshold': recordings 'synthetic touches' are in memory, as they are (got 2). Leave it out, or give a file."),
+        (lambda: lc.train(DATA, {"merge_polarities": True}), "training option 'merge_polarities': recordings 'synthetic touches' are in memory, as they are (got True). Leave it out, or give a file."),
+        (lambda: lc.train(DATA, {"only_polarity": 0}), "training option 'only_polarity': recordings 'synthetic touches' are in memory, as they are (got 0). Leave it out, or give a file."),
         (lambda: lc.train(DATA, {"step_seconds": 0.5}), "training option 'step_seconds': the recordings have another (got 0.5 against 0.02). Leave it out, or give a file."),
     ],
-    ids=["an unknown option", "no labels", "a number", "no file", "an option of another format", "a part", "axes", "a threshold", "another width"],
+    ids=["an unknown option", "no labels", "a number", "no file", "an option of another format", "a part", "axes", "a threshold", "merged polarities", "one polarity", "another width"],
 )  # fmt: skip
 def test_what_is_refused(call, message) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(lc.InputError) as found:
