@@ -13,13 +13,18 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS, half_range
 from hw_model.description.boards import BOARDS
 from hw_model.description.open_core import Macro, MemoryWords, Sizes, check_sizes
 from hw_model.description.profile import UNPRICED, Profile, Text
-from hw_model.description.read import check_profile, parse, read_description
+from hw_model.description.read import (
+    check_profile,
+    is_yaml_path,
+    parse,
+    read_chip_file,
+    read_description,
+)
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
 from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
 from hw_model.values import Frozen, IntArray, Shown
 
-_YAML = (".yaml", ".yml")
 _OTHERS = {"xylo-": "a Xylo", "spinnaker": "a SpiNNaker"}
 """What names of chips with other descriptions begin with, and what these chips are."""
 MAX_CORES = 1 << 20
@@ -195,7 +200,7 @@ class Chip(Shown, eq=True):
 def chip(name_or_path: str | Path) -> Chip:
     """Return a chip, given the name of a description that ships or the path of a YAML file."""
     text = str(name_or_path)
-    if not text.endswith(_YAML):
+    if not is_yaml_path(text):
         if text in BOARDS:
             what = f"it is a board of {BOARDS[text]}"
             raise InputError(f"target {text!r}", what, fix=f"Give the target {BOARDS[text]}.")
@@ -210,9 +215,7 @@ def chip(name_or_path: str | Path) -> Chip:
         check_known(f"target {text!r}", "no chip of this name ships", text, chip_names(), more)
         return _shipped(text)
     path = Path(text)
-    return parse_chip(
-        read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name
-    )
+    return parse_chip(read_chip_file(path), where=path.name)
 
 
 @cache
@@ -275,7 +278,7 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
             f"{chip.name} has cycles and no profiles",
             fix="Leave the profile out.",
         )
-    if not text.endswith(_YAML):
+    if not is_yaml_path(text):
         return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
     path = Path(text)
     read = parse(Profile, read_description(path, "profile", "those in a chip file"), path.name)

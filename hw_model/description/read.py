@@ -1,19 +1,40 @@
 """Read the YAML files of chips, energy profiles and boards."""
 
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import Profile
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.files import parsing, read_bytes
-from hw_model.io.records import RecordReader
+from hw_model.io.records import Must, RecordReader
 from hw_model.io.yaml_text import load_yaml
 
 T = TypeVar("T")
+_YAML = (".yaml", ".yml")
+_SHIPPED = "a chip that ships"
+LONGEST_NAME = 100
+"""Letters of the name of a chip."""
+ChipName = Annotated[
+    str,
+    Must(
+        lambda name: 0 < len(name) <= LONGEST_NAME and name.isprintable(),
+        f"of 1 to {LONGEST_NAME} letters that can be printed",
+    ),
+]
 MAX_FILE_BYTES = 1 << 20
 TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
 """Counts that a profile may give a time."""
+
+
+def is_yaml_path(name_or_path: str | Path) -> bool:
+    """Tell the path of a user's file of a chip or a profile from a name."""
+    return str(name_or_path).endswith(_YAML)
+
+
+def read_chip_file(path: Path) -> str:
+    """Return the text of a file that describes a chip."""
+    return read_description(path, "chip", "those that `locsnn targets` lists")
 
 
 def read_description(path: Path, what: str, example: str) -> str:
@@ -29,13 +50,17 @@ def read_description(path: Path, what: str, example: str) -> str:
         return content.decode("utf-8")
 
 
-def parse(kind: type[T], text: str, where: str, like: str = "a chip that ships", **given: Any) -> T:
+def parse(kind: type[T], text: str, where: str, like: str = _SHIPPED, **given: Any) -> T:
     """Read a record from YAML text; every missing, unknown or mistyped key is an ``InputError``.
 
     ``like``: what errors tell to compare the text with.
     """
-    document = load_yaml(text, where, "it is not YAML{line}", f"Compare it with {like}.")
-    return RecordReader(where).record(kind, document, **given)
+    return RecordReader(where).record(kind, plain_values(text, where, like), **given)
+
+
+def plain_values(text: str, where: str, like: str = _SHIPPED) -> object:
+    """Return the plain values of a description."""
+    return load_yaml(text, where, "it is not YAML{line}", f"Compare it with {like}.")
 
 
 _NOT_PRICED = {

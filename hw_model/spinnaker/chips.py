@@ -2,9 +2,10 @@
 
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Annotated, Literal
 
-from hw_model.description.read import parse
+from hw_model.description.read import ChipName, is_yaml_path, parse, read_chip_file
 from hw_model.errors import check_known
 from hw_model.io.records import AT_LEAST_ONE, between
 from hw_model.values import Shown
@@ -22,7 +23,7 @@ class SpinnakerChip(Shown, eq=True):
     exponents add up to ``ring_bits`` at most.
     """
 
-    name: str
+    name: ChipName
     cores: Annotated[int, AT_LEAST_ONE]
     neurons_per_core: Annotated[int, between(1, NEURONS_PER_CORE_MAX)]
     ring_bits: Annotated[int, between(2, 14)]
@@ -45,10 +46,22 @@ def spinnaker_chip_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".yaml") for name in entries if name.endswith(".yaml")))
 
 
+def spinnaker_chip(name_or_path: str) -> SpinnakerChip:
+    """Return a chip by its name, or of the path of a YAML file; another name is an ``InputError``."""
+    if is_yaml_path(name_or_path):
+        path = Path(name_or_path)
+        return parse(SpinnakerChip, read_chip_file(path), path.name)
+    return _shipped(name_or_path)
+
+
 @cache
-def spinnaker_chip(name: str) -> SpinnakerChip:
-    """Return a chip by its name; another name is an ``InputError``."""
+def _shipped(name: str) -> SpinnakerChip:
     return parse(SpinnakerChip, spinnaker_chip_document(name), name)
+
+
+def is_shipped_spinnaker(chip: SpinnakerChip) -> bool:
+    """Tell whether a chip is one that ships, and not another of its name."""
+    return chip.name in spinnaker_chip_names() and chip == _shipped(chip.name)
 
 
 def spinnaker_chip_document(name: str) -> str:

@@ -5,6 +5,7 @@ What is read is checked as strictly as what is made in Python: the entries by th
 """
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -25,7 +26,7 @@ from hw_model.program.sealed import (
     sealed_files,
 )
 from hw_model.program.write import CHANNEL_ORDERS, START, TIME_UNITS
-from hw_model.spinnaker.chips import spinnaker_chip
+from hw_model.spinnaker.chips import SpinnakerChip, is_shipped_spinnaker, spinnaker_chip
 from hw_model.spinnaker.network import (
     RECEPTORS,
     SpinnakerNetwork,
@@ -113,6 +114,7 @@ class SpinnakerDocument(Frozen):
     projections: tuple[ProjectionEntry, ...]
     readout: tuple[ReadoutEntry, ...]
     provenance: Mapping[str, str]
+    chip: SpinnakerChip | None = None
     readout_tie_class: Annotated[int | None, NOT_NEGATIVE] = None
     step_seconds: Annotated[float | None, POSITIVE] = None
     event_threshold: Annotated[int | None, NOT_NEGATIVE] = None
@@ -142,6 +144,8 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         "provenance": dict(program.provenance),
     }
     optional = picked(program, *_OF_RECORDINGS)
+    if not is_shipped_spinnaker(program.chip):
+        optional["chip"] = asdict(program.chip)
     if program.readout is not None:
         optional["readout_tie_class"] = program.readout.tie_class
     if optional["class_names"]:
@@ -213,7 +217,7 @@ def spinnaker_program_of(pair: SealedPair) -> SpinnakerProgram:
         network = _network(document, arrays)
         program = SpinnakerProgram(
             name=document.name,
-            chip=spinnaker_chip(document.target),
+            chip=document.chip or spinnaker_chip(document.target),
             network=network,
             readout=_readout(document),
             provenance=document.provenance,

@@ -3,12 +3,13 @@
 To add a family, write how its chips are described in a room of its own, and add its row here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from hw_model.description.chip import Chip, chip, chip_names
+from hw_model.description.read import is_yaml_path, plain_values, read_chip_file
 from hw_model.spinnaker.chips import (
     SpinnakerChip,
     spinnaker_chip,
@@ -28,17 +29,23 @@ class ChipFamily(Generic[ChipT]):
     """Chips that are described alike.
 
     - ``prefix``: what the names of its chips begin with, such as ``xylo-``; empty for the family of
-      all other names, and of the files of users
+      all other names
+    - ``description``: the class of its chips, whose fields are the keys of their files
     - ``names``: of those that ship
     - ``chip``, ``document``: a chip by its name, and the text that describes it
     - ``in_words``: what ``locsnn targets`` says of a chip
     """
 
     prefix: str
+    description: type[ChipT]
     names: Callable[[], tuple[str, ...]]
     chip: Callable[[str], ChipT]
     document: Callable[[str], str]
     in_words: Callable[[ChipT], str]
+
+    def keys_in(self, document: Mapping[Any, Any]) -> int:
+        """Return how many keys of a chip file are those of this family."""
+        return sum(key in document for key in self.description.__dataclass_fields__)
 
     def lines(self, name: str) -> str:
         """Return what there is to say of a chip that ships."""
@@ -64,6 +71,7 @@ def _spinnaker_in_words(described: SpinnakerChip) -> str:
 
 MESHES = ChipFamily(
     prefix="",
+    description=Chip,
     names=chip_names,
     chip=chip,
     document=_mesh_document,
@@ -72,6 +80,7 @@ MESHES = ChipFamily(
 """Meshes and open cores, as :data:`hw_model.targets.TARGETS` tells them apart, and chip files."""
 XYLOS = ChipFamily(
     prefix="xylo-",
+    description=XyloChip,
     names=xylo_chip_names,
     chip=xylo_chip,
     document=xylo_chip_document,
@@ -79,6 +88,7 @@ XYLOS = ChipFamily(
 )
 SPINNAKERS = ChipFamily(
     prefix="spinnaker",
+    description=SpinnakerChip,
     names=spinnaker_chip_names,
     chip=spinnaker_chip,
     document=spinnaker_chip_document,
@@ -91,13 +101,21 @@ FAMILIES: tuple[AnyFamily, ...] = (MESHES, XYLOS, SPINNAKERS)
 
 def family_of(name: str) -> AnyFamily:
     """Return the family of a chip by its name, or of the path of a chip file."""
-    is_file = name.endswith((".yaml", ".yml"))
-    if is_file:
-        return MESHES
+    if is_yaml_path(name):
+        return _family_of_file(Path(name))
     for family in FAMILIES:
         if family.prefix and name.startswith(family.prefix):
             return family
     return MESHES
+
+
+def _family_of_file(path: Path) -> AnyFamily:
+    """Return the family with whose files a chip file has most keys in common; meshes, where all have as many."""
+    document = plain_values(read_chip_file(path), path.name)
+    if not isinstance(document, Mapping):
+        return MESHES  # whose reader refuses it
+    held: Mapping[Any, Any] = document
+    return max(FAMILIES, key=lambda family: family.keys_in(held))
 
 
 def chip_named(target: str | Path | AnyChip) -> AnyChip:

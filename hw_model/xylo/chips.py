@@ -2,15 +2,22 @@
 
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Annotated, Literal
 
-from hw_model.description.read import parse
+from hw_model.description.read import ChipName, is_yaml_path, parse, read_chip_file
 from hw_model.errors import check_known, counted
-from hw_model.io.records import between
+from hw_model.io.records import Must, between
 from hw_model.values import Shown
 
 XyloName = Literal["xylo-audio2", "xylo-audio3", "xylo-imu"]
 """The chips that ship, for type checkers."""
+
+
+SIMULATOR = Must(
+    lambda name: name.isascii() and all(part.isidentifier() for part in name.split(".")),
+    "that is a module's name",
+)
 
 
 class XyloChip(Shown, eq=True):
@@ -19,12 +26,12 @@ class XyloChip(Shown, eq=True):
     ``states`` are the currents of a hidden neuron; ``simulator`` is the module of rockpool that simulates the chip.
     """
 
-    name: str
+    name: ChipName
     inputs: Annotated[int, between(1, 1024)]
     hidden: Annotated[int, between(1, 65_536)]
     outputs: Annotated[int, between(1, 1024)]
     states: Annotated[int, between(1, 2)]
-    simulator: str
+    simulator: Annotated[str, SIMULATOR]
     source: str
     notes: str = ""
 
@@ -43,10 +50,22 @@ def xylo_chip_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".yaml") for name in entries if name.endswith(".yaml")))
 
 
+def xylo_chip(name_or_path: str) -> XyloChip:
+    """Return a chip by its name, or of the path of a YAML file; another name is an ``InputError``."""
+    if is_yaml_path(name_or_path):
+        path = Path(name_or_path)
+        return parse(XyloChip, read_chip_file(path), path.name)
+    return _shipped(name_or_path)
+
+
 @cache
-def xylo_chip(name: str) -> XyloChip:
-    """Return a chip by its name; another name is an ``InputError``."""
+def _shipped(name: str) -> XyloChip:
     return parse(XyloChip, xylo_chip_document(name), name)
+
+
+def is_shipped_xylo(chip: XyloChip) -> bool:
+    """Tell whether a chip is one that ships, and not another of its name."""
+    return chip.name in xylo_chip_names() and chip == _shipped(chip.name)
 
 
 def xylo_chip_document(name: str) -> str:

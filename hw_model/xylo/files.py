@@ -26,7 +26,7 @@ from hw_model.program.sealed import (
 )
 from hw_model.program.write import CHANNEL_ORDERS, START, TIME_UNITS
 from hw_model.values import Frozen, IntArray, picked
-from hw_model.xylo.chips import xylo_chip
+from hw_model.xylo.chips import XyloChip, is_shipped_xylo, xylo_chip
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.program import NamedPart, XyloProgram
 
@@ -64,6 +64,7 @@ class XyloDocument(Frozen):
     shift_hidden: Shift
     shift_out: Shift
     provenance: Mapping[str, str]
+    chip: XyloChip | None = None
     readout_tie_class: Annotated[int | None, NOT_NEGATIVE] = None
     aliases: tuple[tuple[int, ...], ...] | None = None
     steps: Annotated[int | None, between(1, MAX_STEPS)] = None
@@ -93,6 +94,7 @@ def xylo_files(program: XyloProgram) -> dict[str, bytes]:
     optional = {
         "readout_tie_class": program.readout.tie_class,
         "aliases": network.aliases,
+        "chip": None if is_shipped_xylo(program.chip) else asdict(program.chip),
         **picked(program, *_OF_RECORDINGS),
     }
     for name, value in optional.items():
@@ -163,7 +165,7 @@ def _program(document: XyloDocument, arrays: Mapping[str, IntArray]) -> XyloProg
     )
     return XyloProgram(
         name=document.name,
-        chip=xylo_chip(document.target),
+        chip=document.chip or xylo_chip(document.target),
         network=network,
         hidden=document.hidden,
         readout=readout,

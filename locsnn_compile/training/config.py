@@ -7,6 +7,7 @@ from typing import Annotated, Any, NamedTuple
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.records import Checked, RecordReader, between, said_of
 from hw_model.io.yaml_text import read_mapping
+from hw_model.targets.families import XYLOS, family_of
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.event_stream import TIME_UNITS
 from locsnn_compile.data.recordings import MOST_STEPS
@@ -43,8 +44,7 @@ USUAL: dict[str, dict[str, Any]] = {
 """Network -> options whose default is not that of :class:`TrainingConfig`."""
 
 XYLO_MODEL = "xylo-snn"
-XYLOS = "xylo-"
-"""What the names of chips begin with for which this network, and no other, is trained."""
+"""The network that is trained for a Xylo, and for no other chip."""
 
 LOCATION_CONSTANTS = {"srm": ("theta", "tau_sr", "tau_ref"), "lif": ("decay", "threshold")}
 """Kind of neuron -> constants that may differ in a location branch, as options ``location_...``."""
@@ -323,15 +323,20 @@ def config_from_mapping(
 
     Raises ``InputError`` for an unknown key or an invalid value.
     """
-    if str(values.get("target")).startswith(XYLOS) and "model" not in values:
+    if "model" not in values and is_xylo(str(values.get("target"))):
         values = {**values, "model": XYLO_MODEL}
     usual = USUAL.get(str(values.get("model")), {})
     return RecordReader(where).record(TrainingConfig, {**usual, **values})
 
 
+def is_xylo(target: str) -> bool:
+    """Tell whether a target is a Xylo: by its name, or by what its chip file says."""
+    return family_of(target) is XYLOS
+
+
 def check_network_of_target(config: TrainingConfig) -> None:
     """Raise ``InputError`` where the target is a Xylo, or the network is that of a Xylo, but not both."""
-    is_for_xylo = config.target.startswith(XYLOS)
+    is_for_xylo = is_xylo(config.target)
     if is_for_xylo and config.model != XYLO_MODEL:
         what = f"{config.target} has no neurons like those of {config.model!r}"
         raise InputError("training option 'model'", what, fix=f"Give {XYLO_MODEL}.")

@@ -118,7 +118,6 @@ def test_only_the_rooms_of_the_core_ask_whether_a_chip_is_one():
         ("loihi-sim", MESHES),
         ("ice40up5k", MESHES),
         ("xylo-imu", XYLOS),
-        ("xylo-own.yaml", MESHES),
         ("unknown", MESHES),
     ],
 )

@@ -1,5 +1,6 @@
 """Write a program for a Xylo as the arguments of rockpool's ``from_specification``, and a recording to compare by."""
 
+import json
 from importlib.resources import files
 
 import numpy as np
@@ -19,7 +20,9 @@ def xylo_folder(program: XyloProgram, recording: ByteArray) -> dict[str, bytes]:
     return {
         f"{FOLDER}/specification.npz": pack_arrays(specification(program), compressed=True),
         f"{FOLDER}/expected.npz": pack_arrays(expected(program, recording), compressed=True),
-        f"{FOLDER}/run.py": script.format(chip=chip.name, module=chip.simulator).encode(),
+        f"{FOLDER}/run.py": script.format(
+            chip=json.dumps(chip.name), module=json.dumps(chip.simulator)
+        ).encode(),
     }
 
 
