@@ -13,25 +13,25 @@ module accumulator_at_once #(
     input  logic                     sweep,
     input  logic [$clog2(DEPTH)-1:0] sweep_address
 );
-    wire [$clog2(DEPTH)-1:0] at = sweep ? sweep_address : address;
-    wire [WIDTH-1:0]         found;
+    wire [$clog2(DEPTH)-1:0] at_address = sweep ? sweep_address : address;
+    wire [WIDTH-1:0]         stored;
     logic [WIDTH-1:0]        taken1;
     logic                    take1;
     wire                     takes = valid && take;
 
     memory_at_once #(.WIDTH(WIDTH), .DEPTH(DEPTH)) charges (
         .clk,
-        .write        (sweep || (valid && (!take || found != 0))),  // what is 0 stays 0
-        .write_address(at),
-        .write_data   (sweep || take ? {WIDTH{1'b0}} : found + addend),
+        .write        (sweep || (valid && (!take || stored != 0))),  // what is 0 stays 0
+        .write_address(at_address),
+        .write_data   (sweep || take ? {WIDTH{1'b0}} : stored + addend),
         .read         (valid),
-        .read_address (at),
-        .read_data    (found)
+        .read_address (at_address),
+        .read_data    (stored)
     );
 
     always_ff @(posedge clk) begin
         take1 <= takes;
-        if (takes) taken1 <= found;
+        if (takes) taken1 <= stored;
         if (take1) taken <= taken1;
     end
 endmodule

@@ -1,5 +1,6 @@
 // What an event is in the second phase, where that phase hears its events when they arrive: three cycles after its mark, the
-// step and the source of its channel's visit. Visits are those of transpose.sv, one for each channel, in their order.
+// step in which its channel is visited, and the source that stands for its row in this visit. Visits are those of
+// transpose.sv, one for each channel, in the order of the channels.
 module arrivals #(
     parameter integer VISITS = 128,
     parameter integer SOURCE = 11
@@ -13,7 +14,7 @@ module arrivals #(
     input  logic              mark,
     input  logic [SOURCE-1:0] mark_channel,
     input  logic              mark_tick,
-    output logic              due,           // the row is one of them
+    output logic              due,           // the second phase hears this row
     output logic              valid,
     output logic [15:0]       step,
     output logic [SOURCE-1:0] source
@@ -23,11 +24,12 @@ module arrivals #(
     localparam integer INDEX = $clog2(VISITS);
 
     logic [23:0]       row;
-    logic              looked, shown;
+    logic              looked, shown;        // a visit was asked for a cycle ago; the memory shows it
     logic [VISIT-1:0]  visit;
-    // Added when they are asked for: memories answer late in a cycle.
-    logic [SOURCE-1:0] first, its_row;
-    assign source = first + its_row;
+    // The source of the visit's first row, and the number of the event's. They are added in the cycle that needs the sum:
+    // memories answer late in a cycle.
+    logic [SOURCE-1:0] first_source, source_offset;
+    assign source = first_source + source_offset;
 
     memory #(.WIDTH(VISIT), .DEPTH(VISITS)) visits (
         .clk,
@@ -37,7 +39,7 @@ module arrivals #(
 
     always_ff @(posedge clk) begin
         {looked, shown} <= clear ? 2'b0 : {mark && due, looked};
-        if (shown) {step, first, its_row} <= {visit[STEP-1:0], visit[STEP+SOURCE+:SOURCE], SOURCE'(row)};
+        if (shown) {step, first_source, source_offset} <= {visit[STEP-1:0], visit[STEP+SOURCE+:SOURCE], SOURCE'(row)};
         valid <= !mark && (shown || valid);
         due <= row != kept;  // no word comes in the cycle after a tick
         if (clear) row <= 0;

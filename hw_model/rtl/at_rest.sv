@@ -1,51 +1,76 @@
-// What is known of a compartment before its state is read: whether the last step left anything in current and voltage, and
-// whether the next step depends on its state. Where it does not, the memory of states need not be read, and was not written.
+// What is known of a compartment before its state (current u, voltage v, steps it is still blocked) is read. Where the next
+// step does not depend on the state, it was not written to the memory of states, and need not be read from there.
 //
-// Compartments are swept in order, and a word has two bits for each of eight. The word of the first of a sweep is not here in
-// time: its state is read in any case. The word of the next eight is read with the last of eight.
+// Two bits are remembered for each compartment, from its last step:
+//
+//     needed    nonzero
+//       0          0      at rest: u and v are 0
+//       0          1      u or v is not 0, but both decay to 0 within a step; the next step only counts as active
+//       1          1      u or v is not 0, and a part of it is left in the next step: the state was written
+//       1          0      blocked after a spike: v is 0, u may be anything; the state was written
+//
+// Compartments are swept in order, a number per cycle. A word of the memory here has the bits of a group of eight, the first
+// in the lowest bits. The word of the next group is read with the last compartment of a group. That of the first
+// compartment of a sweep arrives too late for it, so its state is read in any case. Where that compartment is the last of
+// its group, the word of the second one is late in the same way.
 module at_rest #(
-    parameter integer COMPARTMENTS = 512
+    parameter integer COMPARTMENTS = 512  // a power of two, at least 16
 ) (
     input  logic                            clk,
+    // The compartment whose step begins in this cycle.
     input  logic                            issue,
     input  logic [$clog2(COMPARTMENTS)-1:0] number,
-    output logic                            read,   // the state of `number`
-    output logic                            kept,   // of the compartment that was issued a cycle ago
-    output logic                            some,
+    output logic                            read,          // its state must be read: it is needed, or that is not known yet
+    // The same compartment, a cycle later.
+    output logic                            needed,
+    output logic                            nonzero,
+    // The compartment whose step ends in this cycle, and its bits for the next step.
     input  logic                            done,
-    input  logic                            last,   // of its sweep
+    input  logic                            last,          // of its sweep: its group is written although it is not full
     input  logic [$clog2(COMPARTMENTS)-1:0] done_number,
-    input  logic                            keeps,
-    input  logic                            holds
+    input  logic                            done_needed,
+    input  logic                            done_nonzero
 );
     localparam integer NUMBER = $clog2(COMPARTMENTS);
+    localparam integer IN_GROUP = 3;  // bits of a place in a group of eight
+    localparam integer GROUP = NUMBER - IN_GROUP;
+    localparam logic [IN_GROUP-1:0] LAST_IN_GROUP = 7;
 
-    logic [15:0] shown, gathered, complete;
-    logic        issued, unknown1;
-    logic [2:0]  place1;
-    logic [1:0]  known1;
-    wire  [1:0]  known = shown[2*number[2:0]+:2];
-    wire         unknown = issue && (!issued || (unknown1 && number[2:0] == 0));
-    assign read = issue && (unknown || known[0]);
-    assign {some, kept} = unknown1 ? shown[2*place1+:2] : known1;
+    wire [GROUP-1:0]    group = number[NUMBER-1:IN_GROUP], done_group = done_number[NUMBER-1:IN_GROUP];
+    wire [IN_GROUP-1:0] place = number[IN_GROUP-1:0], done_place = done_number[IN_GROUP-1:0];
 
+    // Reading. A trailing 1 means a cycle later.
+    logic [15:0]         group_bits;  // of the group of `number`, unless `unknown`
+    logic                issued1, unknown1;
+    logic [IN_GROUP-1:0] place1;
+    logic [1:0]          bits1;
+    wire  [1:0]          bits = group_bits[2*place+:2];
+    wire                 first_of_sweep = issue && !issued1;
+    wire                 second_in_next_group = issue && unknown1 && place == 0;
+    wire                 unknown = first_of_sweep || second_in_next_group;
+    assign read = issue && (unknown || bits[0]);
+    // What was unknown is there now: the memory answered.
+    assign {nonzero, needed} = unknown1 ? group_bits[2*place1+:2] : bits1;
+
+    // Writing: bits of a group are collected, and written with the last of them.
+    logic [15:0] collected, with_done;
     always_comb begin
-        complete = gathered;
-        complete[2*done_number[2:0]+:2] = {holds, keeps};
+        with_done = collected;
+        with_done[2*done_place+:2] = {done_nonzero, done_needed};
     end
 
-    memory #(.WIDTH(16), .DEPTH(COMPARTMENTS / 8)) rests (
+    memory #(.WIDTH(16), .DEPTH(COMPARTMENTS / 8)) groups (
         .clk,
-        .write        (done && (last || done_number[2:0] == 7)),
-        .write_address(done_number[NUMBER-1:3]),
-        .write_data   (complete),
-        .read         (unknown || (issue && number[2:0] == 7)),
-        .read_address (number[NUMBER-1:3] + (NUMBER - 3)'(!unknown)),
-        .read_data    (shown)
+        .write        (done && (last || done_place == LAST_IN_GROUP)),
+        .write_address(done_group),
+        .write_data   (with_done),
+        .read         (unknown || (issue && place == LAST_IN_GROUP)),
+        .read_address (unknown ? group : group + 1'b1),
+        .read_data    (group_bits)
     );
 
     always_ff @(posedge clk) begin
-        {issued, unknown1, place1, known1} <= {issue, unknown, number[2:0], known};
-        if (done) gathered <= complete;
+        {issued1, unknown1, place1, bits1} <= {issue, unknown, place, bits};
+        if (done) collected <= with_done;
     end
 endmodule

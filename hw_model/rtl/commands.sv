@@ -40,30 +40,35 @@ module commands #(
     output logic         loaded,       // a program is there, and was started
     output logic         running       // a recording is under way, or its answer is
 );
+    // Types of frames, and problems, are those of docs/reference/hardware/serial-line-and-axi.md; problems 1 to 5 are those of
+    // frame_receiver.sv.
     localparam logic [7:0] HELLO = 1, LOAD = 2, WORDS = 3, REPORT = 4;
     localparam logic [7:0] CUT_OFF = 6, NO_TYPE = 7, FORM = 8, NO_PLACE = 9, BUSY = 10, NO_PROGRAM = 11;
     localparam logic [1:0] END = 2, STOP = 3;
+    // TYPE, NUMBER, PAYLOAD: a byte of the frame is awaited. WORD: the stream takes a word. SKIP: the rest of a frame with an
+    // error passes. After a hello, CUT: a recording is under way, and is reported as cut off; DROP: the stream takes a stop;
+    // SETTLE: the answer of an earlier recording is awaited.
     localparam logic [2:0] TYPE = 0, NUMBER = 1, PAYLOAD = 2, WORD = 3, SKIP = 4, CUT = 5, DROP = 6, SETTLE = 7;
 
     logic [2:0]   state;
     logic         replying;
     logic [7:0]   kind;
-    logic [7:0]   refusal;
+    logic [7:0]   refusal;    // the problem that the reply will name; 0: none
     logic         over;       // the word is the last one of its frame
-    logic         placed;     // memory, address and size of a load are known
+    logic         destination_known;     // memory, address and size of a load are known
     logic [4:0]   size;       // bytes per word of a load
     logic [4:0]   index;      // bytes of this item so far
     logic [127:0] number;     // these bytes
-    logic         open;       // words of a recording came, and no end yet
-    logic         awaited;    // its end did, and no answer yet
+    logic         open;       // words of a recording came, but not its end
+    logic         awaited;    // its end came, but not its answer
 
     wire [127:0] item = {index == 0 ? 120'b0 : number[119:0], frame_data};
-    wire [4:0]   item_size = kind == LOAD ? (placed ? size : 5'd5) : kind == WORDS ? 5'd3 : 5'd1;
+    wire [4:0]   item_size = kind == LOAD ? (destination_known ? size : 5'd5) : kind == WORDS ? 5'd3 : 5'd1;
     wire         whole = index + 1 == item_size;
     wire         take = frame_valid && frame_ready;
     wire         word_taken = word_valid && word_ready;
 
-    logic [31:0] words;  // of the memory that is loaded
+    logic [31:0] words;  // that the memory has which is being loaded
     always_comb
         case (load_memory)
             0: words = SETTINGS;
@@ -75,33 +80,34 @@ module commands #(
             default: words = PHASES;
         endcase
 
-    // Of the next word. A byte is taken in every other cycle at most, so this is known in time.
+    // The next word of a load would lie behind the end of its memory. A byte is taken in every other cycle at most, so this
+    // is known in time.
     logic outside;
     always_ff @(posedge clk) outside <= {8'b0, load_address} + {31'b0, load_valid} >= words;
 
-    logic [7:0] unfit;  // what is wrong with a frame, once its type and number are known
+    logic [7:0] header_error;  // what is wrong with a frame, once its type and number are known; 0: nothing
     always_comb begin
-        unfit = 0;
-        if (kind == 0 || kind > REPORT) unfit = NO_TYPE;
-        else if ((kind == HELLO) != frame_last) unfit = FORM;
-        else if (kind == LOAD && running) unfit = BUSY;
-        else if (kind == WORDS && !loaded) unfit = NO_PROGRAM;
+        header_error = 0;
+        if (kind == 0 || kind > REPORT) header_error = NO_TYPE;
+        else if ((kind == HELLO) != frame_last) header_error = FORM;
+        else if (kind == LOAD && running) header_error = BUSY;
+        else if (kind == WORDS && !loaded) header_error = NO_PROGRAM;
     end
 
-    wire no_place = item[39:32] > 7 || item[7:0] > 16;
-    wire no_word = item[23:18] != 0;
-    wire no_switch = item[7:1] != 0;
-    logic [7:0] wrong;  // what is wrong with it at this byte of the payload
+    wire no_place = item[39:32] > 7 || item[7:0] > 16;  // of eight memories; words of 128 bits have 16 bytes
+    wire no_word = item[23:18] != 0;                    // the highest six bits, above kind and channel
+    wire no_switch = item[7:1] != 0;                    // neither 0 nor 1
+    logic [7:0] payload_error;  // what is wrong with it at this byte of the payload; 0: nothing
     always_comb begin
-        wrong = 0;
-        if (!whole) wrong = frame_last ? FORM : 8'd0;
-        else if (kind == LOAD && !placed) begin
-            if (frame_last || no_place) wrong = FORM;
+        payload_error = 0;
+        if (!whole) payload_error = frame_last ? FORM : 8'd0;
+        else if (kind == LOAD && !destination_known) begin
+            if (frame_last || no_place) payload_error = FORM;
         end else if (kind == LOAD) begin
-            if (outside) wrong = NO_PLACE;
+            if (outside) payload_error = NO_PLACE;
         end else if (kind == WORDS) begin
-            if (no_word) wrong = FORM;
-        end else if (!frame_last || no_switch) wrong = FORM;
+            if (no_word) payload_error = FORM;
+        end else if (!frame_last || no_switch) payload_error = FORM;
     end
 
     assign frame_ready = !replying && (state == TYPE || state == NUMBER || state == PAYLOAD || state == SKIP);
@@ -130,14 +136,14 @@ module commands #(
         end else case (state)
             TYPE: if (take) begin
                 kind <= frame_data;
-                {index, placed} <= 0;
+                {index, destination_known} <= 0;
                 state <= NUMBER;
             end
             NUMBER: if (take) begin
                 reply_number <= frame_data;
-                refusal <= unfit;
+                refusal <= header_error;
                 state <= PAYLOAD;
-                if (unfit != 0) begin
+                if (header_error != 0) begin
                     replying <= frame_last;
                     state <= frame_last ? TYPE : SKIP;
                 end else if (kind == HELLO) state <= open ? CUT : SETTLE;
@@ -146,8 +152,8 @@ module commands #(
                 number <= item;
                 index <= whole ? 0 : index + 1;
                 over <= frame_last;
-                if (wrong != 0) begin
-                    refusal <= wrong;
+                if (payload_error != 0) begin
+                    refusal <= payload_error;
                     replying <= frame_last;
                     state <= frame_last ? TYPE : SKIP;
                 end else if (whole && kind == WORDS) state <= WORD;
@@ -155,12 +161,12 @@ module commands #(
                     replying <= 1;
                     state <= TYPE;
                 end
-                if (wrong == 0 && whole && kind == LOAD) begin
-                    placed <= 1;
-                    if (placed) load_valid <= 1;
+                if (payload_error == 0 && whole && kind == LOAD) begin
+                    destination_known <= 1;
+                    if (destination_known) load_valid <= 1;
                     else {load_memory, load_address, size} <= {item[34:32], item[31:8], item[4:0]};
                 end
-                if (wrong == 0 && kind == REPORT) report <= item[0];
+                if (payload_error == 0 && kind == REPORT) report <= item[0];
             end
             WORD: if (word_taken) begin
                 replying <= over;

@@ -12,10 +12,11 @@
 // narrower, and the word of a list among the axons also says where it begins and with which exponent.
 //
 // With `LATER`, memory that compartments do not need makes so many bits of slots more; locsnn_core.sv says what for. The base
-// then has a bit above: the slot is the number of a step of the second phase; slots of the first are the last ones.
+// then has a bit more. Where this is set, the spike is of the second phase, and the slot is the number of one of its steps;
+// slots of the first phase are the last ones.
 //
-// A device with so much memory is large: what reaches all memories of synapses takes most of a cycle, and comes straight from
-// registers. They are written a cycle late, and of an empty list a word is read that nothing takes.
+// A device with so much memory is large: a signal to all memories of synapses takes most of a cycle, and must come straight
+// from a register. So these memories are written a cycle late, and for an empty list a word is read that nothing takes.
 module delivery #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
@@ -44,33 +45,34 @@ module delivery #(
     output logic [2*CHARGE-1:0]                         add_charge,
     output logic                                        busy
 );
-    localparam integer SYNAPSE_BITS = $clog2(SYNAPSES / 2);
+    localparam integer SYNAPSE_BITS = $clog2(SYNAPSES / 2);  // of an address: a word has two synapses
     localparam integer TARGET_BITS = $clog2(COMPARTMENTS) - 1;
     localparam integer SLOT_BITS = $clog2(SLOTS);
     localparam integer BASE = SLOT_BITS + (LATER != 0 ? LATER + 1 : 0);
     localparam integer ADDRESS = SLOT_BITS + TARGET_BITS;
-    localparam integer SYNAPSE = TARGET_BITS + SLOT_BITS + 3 + 9;
+    localparam integer SYNAPSE = TARGET_BITS + SLOT_BITS + 3 + 9;  // target, delay, exponent, mantissa with its sign
     localparam integer HALF = STEP != 0 ? STEP + SLOT_BITS + 9 : SYNAPSE;
     localparam integer WORD = 2 * HALF;
+    // Bits of the words of a list. With STEP a list has at most 511 words; hw_model/rtl/refused.py refuses longer ones.
     localparam integer LENGTH = STEP != 0 && SYNAPSE_BITS > 9 ? 9 : SYNAPSE_BITS;
     localparam integer HEAD = TARGET_BITS + 3;
     localparam integer LIST = SYNAPSE_BITS + LENGTH + (STEP != 0 ? HEAD : 0);
 
-    // Lookup: `found` says that the axon memory shows the list of an accepted request.
-    logic                      found;
-    logic [BASE-1:0]           found_base;
+    // Lookup: `list_valid` says that the axon memory shows the list of an accepted request.
+    logic                      list_valid;
+    logic [BASE-1:0]           list_base;
     logic [LIST-1:0]           list;
     wire  [SYNAPSE_BITS-1:0]   list_start = list[SYNAPSE_BITS-1:0];
     wire  [LENGTH-1:0]         list_length = list[SYNAPSE_BITS+:LENGTH];
 
-    // Walk: `left` words of the current list from `at` on.
+    // Walk: `words_left` words of the current list from `word_at` on.
     logic                    walking;
-    logic [SYNAPSE_BITS-1:0] at;
-    logic [LENGTH-1:0]       left;
+    logic [SYNAPSE_BITS-1:0] word_at;
+    logic [LENGTH-1:0]       words_left;
     logic [BASE-1:0]         walk_base;
-    wire                     last = left <= 1;
-    wire                     begin_list = found && (!walking || last);
-    assign ready = !found;
+    wire                     last = words_left <= 1;
+    wire                     begin_list = list_valid && (!walking || last);
+    assign ready = !list_valid;
 
     memory #(.WIDTH(LIST), .DEPTH(AXONS)) axons (
         .clk,
@@ -84,20 +86,20 @@ module delivery #(
 
     always_ff @(posedge clk) begin
         if (request && ready) begin
-            found <= 1;
-            found_base <= base;
-        end else if (begin_list) found <= 0;
+            list_valid <= 1;
+            list_base <= base;
+        end else if (begin_list) list_valid <= 0;
         if (begin_list) begin
             walking <= 1;
-            at <= list_start;
-            left <= list_length;
-            walk_base <= found_base;
+            word_at <= list_start;
+            words_left <= list_length;
+            walk_base <= list_base;
         end else if (walking) begin
             if (last) walking <= 0;
-            at <= at + 1;
-            left <= left - 1;
+            word_at <= word_at + 1;
+            words_left <= words_left - 1;
         end
-        if (clear) {found, walking} <= 0;
+        if (clear) {list_valid, walking} <= 0;
     end
 
     // Synapses: read, kept in a register because memories answer late in the cycle, then made an operation per bank.
@@ -118,21 +120,21 @@ module delivery #(
     endgenerate
     // Memories of small devices have one port: it is written between recordings, and read while they run.
     wire                    one_port = LATER == 0;
-    wire [SYNAPSE_BITS-1:0] read_at = one_port && load ? load_at : at;
+    wire [SYNAPSE_BITS-1:0] read_at = one_port && load ? load_at : word_at;
 
     memory #(.WIDTH(WORD), .DEPTH(SYNAPSES / 2)) synapses (
         .clk,
         .write        (load),
         .write_address(one_port ? read_at : load_at),
         .write_data   (loaded),
-        .read         (walking && !(one_port && (left == 0 || load))),
+        .read         (walking && !(one_port && (words_left == 0 || load))),
         .read_address (read_at),
         .read_data    (word1)
     );
 
     always_ff @(posedge clk) begin
         {walked1, walked2} <= clear ? 2'b0 : {walking, walked1};
-        {valid1, valid2} <= clear ? 2'b0 : {walking && left != 0, valid1};
+        {valid1, valid2} <= clear ? 2'b0 : {walking && words_left != 0, valid1};
         {base1, base2} <= {walk_base, base1};
         if (valid1) word2 <= word1;
     end
@@ -174,28 +176,28 @@ module delivery #(
             wire used = mantissa != 0 || exponent != 7;
             wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
             wire [15:0]        effective = weight <<< exponent;
-            wire [ADDRESS-1:0] among_more;
+            wire [ADDRESS-1:0] address_later;
             if (LATER != 0) begin : more_slots
                 localparam integer ALL = SLOT_BITS + LATER;
                 wire [ALL-1:0]         sum = base2[ALL-1:0] + ALL'(delay);
                 wire [ALL-1:0]         slot = !later ? sum & slot_mask : base2[ALL] ? sum : sum | ~slot_mask;
-                wire [TARGET_BITS-1:0] above = TARGET_BITS'(slot[ALL-1:SLOT_BITS]) << (TARGET_BITS - LATER);
-                assign among_more = {slot[SLOT_BITS-1:0], target | above};
+                wire [TARGET_BITS-1:0] slot_high = TARGET_BITS'(slot[ALL-1:SLOT_BITS]) << (TARGET_BITS - LATER);
+                assign address_later = {slot[SLOT_BITS-1:0], target | slot_high};
             end else begin : as_many
-                assign among_more = 0;
+                assign address_later = 0;
             end
             // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
             always_ff @(posedge clk) begin
                 add[bank] <= !clear && valid2 && used;
                 if (valid2) begin
                     add_address[bank*ADDRESS+:ADDRESS]
-                        <= LATER != 0 ? among_more : {(base2[SLOT_BITS-1:0] + delay) & slot_mask[SLOT_BITS-1:0], target};
+                        <= LATER != 0 ? address_later : {(base2[SLOT_BITS-1:0] + delay) & slot_mask[SLOT_BITS-1:0], target};
                     add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
                 end
             end
         end
     endgenerate
-    assign busy = found || walking || walked1 || walked2;
+    assign busy = list_valid || walking || walked1 || walked2;
 
     wire unused = &{1'b0, load_address, load_data, later, slot_mask};
 endmodule

@@ -11,7 +11,7 @@ module event_input #(
     input  logic              clk,
     input  logic              clear,
     input  logic              listen,
-    input  logic [23:0]       steps,      // of the time phase; 0: as many as the recording has
+    input  logic [23:0]       steps,      // of the first phase; 0: as many as the recording has
     input  logic [23:0]       channels,
     input  logic              in_valid,
     output logic              in_ready,
@@ -30,25 +30,25 @@ module event_input #(
     localparam logic [1:0] EVENT = 0, TICK = 1, END = 2, STOP = 3;
     localparam logic [2:0] NO_CHANNEL = 1, NOT_ASCENDING = 2, TOO_LONG = 3, NO_TICK = 4, NO_STEP = 5;
 
-    logic        tail;          // the end was here; silent steps follow
-    logic        ended;         // the last word was given out
-    logic        open;        // an event came since the last tick
+    logic        tail;   // the end came; silent steps follow
+    logic        ended;  // the last word was given out
+    logic        open;   // an event came since the last tick
     logic [23:0] step;
     wire         free = !out_valid;  // whether a word is taken in this cycle is known too late for the next one
     wire         full = steps != 0 && step == steps;
     wire         accepted = in_valid && in_ready;
     assign in_ready = listen && !tail && !ended && free;
 
-    logic [2:0] found;
+    logic [2:0] problem;  // with the word that is offered; 0: none
     always_comb begin
-        found = 0;
-        if (in_kind == EVENT && {1'b0, in_channel} >= channels[16:0]) found = NO_CHANNEL;
-        else if (in_kind == EVENT && open && !(out_source < in_channel[SOURCE-1:0])) found = NOT_ASCENDING;
-        else if ((in_kind == EVENT || in_kind == TICK) && full) found = TOO_LONG;
-        else if (in_kind == END && open) found = NO_TICK;
-        else if (in_kind == END && step == 0 && steps == 0) found = NO_STEP;
+        problem = 0;
+        if (in_kind == EVENT && {1'b0, in_channel} >= channels[16:0]) problem = NO_CHANNEL;
+        else if (in_kind == EVENT && open && !(out_source < in_channel[SOURCE-1:0])) problem = NOT_ASCENDING;
+        else if ((in_kind == EVENT || in_kind == TICK) && full) problem = TOO_LONG;
+        else if (in_kind == END && open) problem = NO_TICK;
+        else if (in_kind == END && step == 0 && steps == 0) problem = NO_STEP;
     end
-    wire sound = error == 0 && found == 0;
+    wire sound = error == 0 && problem == 0;
 
     wire ticking;
     clock_gate gate (
@@ -60,7 +60,7 @@ module event_input #(
         stop <= accepted && in_kind == STOP;
         failed <= accepted && in_kind == END && !sound;
         if (accepted) begin
-            if (error == 0) error <= found;
+            if (error == 0) error <= problem;
             open <= in_kind == EVENT;
             out_kind <= in_kind;
             out_source <= in_channel[SOURCE-1:0];

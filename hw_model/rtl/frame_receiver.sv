@@ -37,16 +37,16 @@ module frame_receiver #(
 
     crc16 check (.crc, .data(value), .next(next_crc));
 
-    logic [7:0] found;  // what is wrong with the frame that this flag ends
+    logic [7:0] problem;  // what is wrong with the frame that this flag ends
     always_comb begin
-        found = 0;
-        if (escaped || (seen == 4 && crc != 0)) found = CHECKSUM;
-        else if (seen < 4) found = SHORT;
-        else if (full) found = OVERRUN;
-        else if (kind != HELLO && number != expected) found = SEQUENCE;
+        problem = 0;
+        if (escaped || (seen == 4 && crc != 0)) problem = CHECKSUM;
+        else if (seen < 4) problem = SHORT;
+        else if (full) problem = OVERRUN;
+        else if (kind != HELLO && number != expected) problem = SEQUENCE;
     end
     wire over = flag && !spoiled && (seen != 0 || escaped);
-    wire right = over && found == 0;
+    wire right = over && problem == 0;
     wire keep = plain && seen >= 3 && !full;
 
     held_queue #(.WIDTH(9), .DEPTH(BUFFER)) frames (
@@ -69,7 +69,7 @@ module frame_receiver #(
         end
         if (plain && seen >= 3 && full) {error_valid, error, spoiled} <= {1'b1, OVERRUN, 1'b1};
         if (byte_broken && !spoiled) {error_valid, error, spoiled} <= {1'b1, LINE, 1'b1};
-        if (over && !right) {error_valid, error} <= {1'b1, found};
+        if (over && !right) {error_valid, error} <= {1'b1, problem};
         if (right) expected <= number + 1;
         if (flag || reset) begin
             {seen, spoiled} <= 0;

@@ -9,18 +9,23 @@
 // deliver its input spikes, update every compartment of the phase, deliver the spikes of these. Charges of step t go to
 // the slots of t + 1 and later, so the order of deliveries does not matter.
 //
+// A row is what a recording says of one step of its own time: the events between two ticks. A phase that reads them from the
+// buffer has steps of another kind, and may take the rows in another order. A source is whatever sends spikes: a channel of
+// the recording, a row of a visit, or a compartment; each has a list of synapses. A slot is a place for the charges of one
+// step to come. docs/reference/glossary.md has the words of all pages.
+//
 // Memories are filled through the load port, between recordings; setting RUN, the last one, cleans all state and starts.
 // State is cleaned after every recording, answered or stopped. The layouts of all words are in
 // docs/reference/hardware/stream-and-memory-map.md.
 module locsnn_core #(
-    parameter integer AXONS = 2048,         // channels, lines and compartments: all that sends spikes
-    parameter integer SYNAPSES = 16384,
+    parameter integer AXONS = 2048,         // sources: channels, rows of visits and compartments, all that send spikes
+    parameter integer SYNAPSES = 16384,     // two per word
     parameter integer COMPARTMENTS = 512,
     parameter integer SLOTS = 16,           // a power of two, at least the longest delay and 2
     parameter integer CHARGE = 18,          // bits of a charge under way, in units of 64, sign included
     parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included; 0: compartments are not joined
     parameter integer BITMAP = 1024,        // words of the buffer of events
-    parameter integer VISITS = 128,
+    parameter integer VISITS = 128,         // visits of channels, of all phases together
     parameter integer ENTRIES = 128,        // compartments that are read out
     parameter integer WORD = 32,            // rows of a word of the buffer, a power of two
     parameter integer PHASE_WORDS = 512,    // eight for each phase; a power of two, at most 512
@@ -28,7 +33,8 @@ module locsnn_core #(
     parameter integer STEP = 0,             // bits of the step from a target to the next, where they are not told in full
     parameter integer PLACES = 0,           // compartments of a phase, a power of two: states and charges lie from its first on
     parameter integer SUMS = 0,             // words for joined voltages, a power of two, where parents are close to their children
-    // 0, or bits of slots that few compartments leave: with them, a second phase hears its events when they arrive.
+    // Bits of slots more, in charge memory that a program of few compartments leaves unused. With them, the second phase
+    // hears its events when they arrive, not later from the buffer: each event becomes a charge of the step of its visit.
     parameter integer LATER = 0,
     // 1: up to 2^7 rows of a visit may share a source, where their lists are the same.
     parameter integer GROUPS = 0,
@@ -80,30 +86,41 @@ module locsnn_core #(
     localparam integer BASE = LATER != 0 ? SLOT + 1 : SLOT;
     localparam integer ENTRY = $clog2(ENTRIES);
     localparam integer PHASE_WORD = $clog2(PHASE_WORDS);
-    localparam integer HELD = PLACES != 0 ? PLACES : COMPARTMENTS;  // states
-    localparam integer PLACE = $clog2(HELD);
+    localparam integer STATES = PLACES != 0 ? PLACES : COMPARTMENTS;  // compartments whose state is held at a time
+    localparam integer PLACE = $clog2(STATES);
     localparam integer ADDRESS = $clog2(SLOTS) + PLACE - 1;
-    // Between recordings all of the largest memory is swept, and the others over and over.
+    // Between recordings all of the largest memory is swept, and the smaller ones again and again.
     localparam integer SWEPT = ADDRESS > $clog2(BITMAP) ? ADDRESS : $clog2(BITMAP);
     localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
 
     // Shorter paths, for more logic: on a chip and on a large device, where memories are far apart.
     localparam integer FAST = LATER != 0 || LAZY != 0 ? 1 : 0;
 
-    // Settings: memory 0 of the load port.
-    localparam integer HEARD = 0, KEPT = 1, CHANNELS = 2, BUFFERED = 3, ALIGN_EVENTS = 4, PHASES = 5, SLOT_MASK = 6,
-        SWEEP = 7, CLASSES = 8, POPULATIONS = 9, FIRST_SOURCE = 10, RUN = 11;
+    // Settings: memory 0 of the load port. hw_model/rtl/images.py writes them in this order.
+    localparam integer ROWS_HEARD = 0;    // rows that the first phase plays; 0: as many as the recording has
+    localparam integer ROWS_KEPT = 1;     // first rows of a recording, which the buffer keeps
+    localparam integer CHANNELS = 2;      // of a recording
+    localparam integer BUFFER_WORDS = 3;  // that the kept rows of all channels take
+    localparam integer ALIGN_EVENTS = 4;  // events of the row from which aligned phases count; 0: no phase is aligned
+    localparam integer PHASES = 5;
+    localparam integer SLOT_MASK = 6;     // slots in use, less one; bit 23: the second phase hears events when they arrive
+    localparam integer SWEEP = 7;         // the address at which a sweep of all memories ends
+    localparam integer CLASSES = 8;
+    localparam integer POPULATIONS = 9;   // that are read out
+    localparam integer FIRST_SOURCE = 10; // the source of compartment 0; those of the others follow
+    localparam integer RUN = 11;          // written last: starts the core
     logic [23:0] settings[0:15];
-    wire         set = load_valid && load_memory == 0;
-    wire         run = set && {8'b0, load_address} == RUN;
-    wire         setting;
-    clock_gate settings_gate (.clk, .enable(set), .gated(setting));
-    always_ff @(posedge setting) if (set && !run) settings[load_address[3:0]] <= load_data[23:0];
+    wire         load_setting = load_valid && load_memory == 0;
+    wire         run = load_setting && {8'b0, load_address} == RUN;
+    wire         settings_clock;
+    clock_gate settings_gate (.clk, .enable(load_setting), .gated(settings_clock));
+    always_ff @(posedge settings_clock) if (load_setting && !run) settings[load_address[3:0]] <= load_data[23:0];
 
-    // Fields of a phase: memory 7, eight words a phase. They come one by one, each pushing the others on.
+    // Fields of a phase: memory 7, eight words per phase. In state PHASE they are read one by one, each pushing the others on:
+    // field n is asked for while `field` is n and arrives in the next cycle, so the last is in its place once `field` is 9.
     localparam integer STEPS = 0, NUMBER_END = 1, VISITS_END = 2, ROWS = 3, ROW_SOURCE = 4, POTENTIALS_FROM = 5,
         BY_ROWS = 6, ALIGNED = 7;
-    logic [23:0] its[0:7];
+    logic [23:0] phase_fields[0:7];
     logic [5:0]  phase;
     logic [3:0]  field;
     wire [23:0]  next_field;
@@ -112,17 +129,17 @@ module locsnn_core #(
     localparam logic [2:0] STOPPED = 0, CLEAN = 1, PHASE = 2, ROW = 3, UPDATE = 4, SPIKES = 5, READOUT = 6, ANSWER = 7;
     localparam logic [1:0] EVENT = 0, TICK = 1;
     logic [2:0]        state;
-    logic [23:0]       following;   // the number of the next step
+    logic [23:0]       next_step;   // how many steps of the phase there are once this one is over
     logic              first_step;
-    logic              from_here;   // potentials are read out from this step on
-    logic              after_here;  // from one before it
+    logic              from_here;   // this is the first step whose potentials are read out
+    logic              after_here;  // an earlier step was
     logic [SLOT-1:0]   slot;
     logic [SWEEPING:0] sweep_at;
     logic [NUMBER:0]   number, number_begin;
-    wire [NUMBER:0]    number_end = its[NUMBER_END][NUMBER:0];
+    wire [NUMBER:0]    number_end = phase_fields[NUMBER_END][NUMBER:0];
     logic              buffered;  // the phase is not the first
     wire               clear = reset || state == CLEAN;
-    // Where phases share places, charges that the last one left are swept before the next.
+    // Where phases share places, charges that the previous one left are swept before the next.
     wire              sweeping = PLACES != 0 && state == PHASE && field == 0 && buffered
         && sweep_at != settings[SWEEP][SWEEPING:0];
     memory #(.WIDTH(24), .DEPTH(PHASE_WORDS)) phases (
@@ -143,22 +160,24 @@ module locsnn_core #(
     wire              delivering, updating, delivery_ready, read_out_done;
     wire              head_valid, queue_empty;
     wire [SOURCE-1:0] head;
-    // A recording may be longer than the first phase: the buffer has the rest.
-    logic over;
-    // While compartments are on their way to fire, events of the next row are delivered: all charges of this step were
-    // taken, so the slot that is free now is that of the longest delay of the next.
+    // All steps of the phase were played. A recording may have more rows than the first phase has steps: their words are taken
+    // without effect here, and reach the buffer.
+    logic steps_over;
+    // While compartments are on their way to fire, events of the next row are delivered, and their charges count from two
+    // steps ahead, not one. All charges of this step were taken, so its slot is free for the longest delay of the next step.
     logic last_step;
-    always_ff @(posedge clk) last_step <= following == its[STEPS];
+    always_ff @(posedge clk) last_step <= next_step == phase_fields[STEPS];
     wire early = state == SPIKES && !head_valid && !last_step;
-    // Spikes are looked up before the last charge is taken: theirs are added five cycles later.
+    // Spikes may be looked up a little before the last charge is taken: theirs are added five cycles later.
     logic ending;
     always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= number_end;
     wire spike = head_valid && (state == SPIKES || (state == UPDATE && ending));
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
     wire [NUMBER-1:0] origin = PLACES != 0 ? number_begin[NUMBER-1:0] : {NUMBER{1'b0}};
     wire [PLACE-1:0]  place = PLACE'(number[NUMBER-1:0] - origin);
-    // Where the second phase hears its events when they arrive (`later`), it has the slots of its steps, and the first phase
-    // has the last ones; an event that both hear asks twice, the second time for what it is in the second.
+    // Where the second phase hears its events when they arrive (`later`), each of its steps has a slot of its own, and the
+    // first phase has the last slots. An event that both phases hear is delivered twice: first as a channel to the first
+    // phase, then (`again`) as the source that arrivals.sv tells to the second.
     wire               later, later_ready, later_asks;
     wire [SOURCE-1:0]  later_source;
     wire [BASE-1:0]    later_base;
@@ -176,13 +195,13 @@ module locsnn_core #(
             logic             again;
             arrivals #(.VISITS(VISITS), .SOURCE(SOURCE)) arrived (
                 .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
-                .kept(settings[KEPT]), .mark, .mark_channel(event_source), .mark_tick,
+                .kept(settings[ROWS_KEPT]), .mark, .mark_channel(event_source), .mark_tick,
                 .due, .valid(known), .step, .source
             );
             wire asked = buffered || !later || !due || (again && known);
             assign later_ready = early ? is_event && delivery_ready && asked
-                : row && (over && (is_event || is_tick) || (is_event ? delivery_ready && asked : !delivering));
-            assign later_asks = (early || (row && !over)) && word_valid && is_event && !(again && !known);
+                : row && (steps_over && (is_event || is_tick) || (is_event ? delivery_ready && asked : !delivering));
+            assign later_asks = (early || (row && !steps_over)) && word_valid && is_event && !(again && !known);
             always_ff @(posedge clk)
                 again <= !clear && !(word_valid && later_ready) && (again || (later_asks && delivery_ready && !asked));
             assign later_source = again ? source : word_source;
@@ -205,7 +224,7 @@ module locsnn_core #(
         end
     endgenerate
     wire word_ready = LATER != 0 ? later_ready : early ? is_event && delivery_ready
-        : row && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
+        : row && (steps_over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
     wire word_taken = word_valid && word_ready;
     wire phase_over = word_taken && !is_event && !is_tick;
     logic last_phase;
@@ -222,18 +241,18 @@ module locsnn_core #(
                 if (field == 0) number_begin <= buffered ? number_end : {(NUMBER + 1){1'b0}};
                 if (sweeping) sweep_at <= sweep_at + 1;
                 else field <= field + 1;
-                following <= 1;
+                next_step <= 1;
                 slot <= 0;
                 first_step <= 1;
-                from_here <= its[POTENTIALS_FROM] == 0;
+                from_here <= phase_fields[POTENTIALS_FROM] == 0;
                 after_here <= 0;
-                over <= its[STEPS] == 0;
+                steps_over <= phase_fields[STEPS] == 0;
                 if (field == 9) state <= ROW;
             end
             ROW: begin
                 number <= number_begin;
                 field <= 0;
-                if (word_taken && is_tick && !over) state <= number_begin == number_end ? SPIKES : UPDATE;
+                if (word_taken && is_tick && !steps_over) state <= number_begin == number_end ? SPIKES : UPDATE;
                 if (phase_over) begin
                     state <= last_phase ? READOUT : PHASE;
                     phase <= phase + 1;
@@ -246,11 +265,11 @@ module locsnn_core #(
                 if (number + 1 == number_end) state <= SPIKES;
             end
             SPIKES: if (!updating && queue_empty) begin
-                following <= following + 1;
+                next_step <= next_step + 1;
                 first_step <= 0;
-                from_here <= following == its[POTENTIALS_FROM];
+                from_here <= next_step == phase_fields[POTENTIALS_FROM];
                 after_here <= after_here || from_here;
-                over <= last_step;
+                steps_over <= last_step;
                 slot <= LATER != 0 ? next_slot : (slot + 1) & settings[SLOT_MASK][SLOT-1:0];
                 state <= ROW;
             end
@@ -268,17 +287,17 @@ module locsnn_core #(
         end
         if (reset) state <= STOPPED;
     end
-    wire filling;
-    clock_gate fields_gate (.clk, .enable(state == PHASE), .gated(filling));
-    always_ff @(posedge filling) if (state == PHASE && field != 0 && field != 9)
-        {its[0], its[1], its[2], its[3], its[4], its[5], its[6], its[7]}
-            <= {its[1], its[2], its[3], its[4], its[5], its[6], its[7], next_field};
+    wire fields_clock;
+    clock_gate fields_gate (.clk, .enable(state == PHASE), .gated(fields_clock));
+    always_ff @(posedge fields_clock) if (state == PHASE && field != 0 && field != 9)
+        {phase_fields[0], phase_fields[1], phase_fields[2], phase_fields[3], phase_fields[4], phase_fields[5], phase_fields[6], phase_fields[7]}
+            <= {phase_fields[1], phase_fields[2], phase_fields[3], phase_fields[4], phase_fields[5], phase_fields[6], phase_fields[7], next_field};
     assign answer_valid = state == ANSWER;
     assign answer_error = error;
 
     event_input #(.SOURCE(SOURCE)) events (
         .clk, .clear, .listen(!buffered && (state == ROW || state == UPDATE || state == SPIKES)),
-        .steps(settings[HEARD]), .channels(settings[CHANNELS]),
+        .steps(settings[ROWS_HEARD]), .channels(settings[CHANNELS]),
         .in_valid, .in_ready, .in_kind, .in_channel,
         .out_valid(event_valid), .out_ready(word_ready && !buffered), .out_kind(event_kind), .out_source(event_source),
         .mark, .mark_tick, .stop, .failed, .error
@@ -286,10 +305,10 @@ module locsnn_core #(
 
     transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE), .ONE_PORT(ONE_PORT), .FAST(FAST), .GROUPS(GROUPS)) buffer (
         .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
-        .kept(settings[KEPT]), .channels(settings[CHANNELS]),
-        .words(settings[BUFFERED]), .align_events(settings[ALIGN_EVENTS]),
-        .steps(its[STEPS]), .visits_end(its[VISITS_END]), .rows(its[ROWS]), .shared(its[BY_ROWS][3:1]), .row_source(its[ROW_SOURCE]),
-        .by_rows(its[BY_ROWS][0]), .aligned(its[ALIGNED][0]),
+        .kept(settings[ROWS_KEPT]), .channels(settings[CHANNELS]),
+        .words(settings[BUFFER_WORDS]), .align_events(settings[ALIGN_EVENTS]),
+        .steps(phase_fields[STEPS]), .visits_end(phase_fields[VISITS_END]), .rows(phase_fields[ROWS]), .shared(phase_fields[BY_ROWS][3:1]), .row_source(phase_fields[ROW_SOURCE]),
+        .by_rows(phase_fields[BY_ROWS][0]), .aligned(phase_fields[ALIGNED][0]),
         .mark, .mark_channel(event_source), .mark_tick,
         .sweep(clear && 32'(sweep_at) < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]),
         .start(state == PHASE && field == 9 && buffered),
@@ -305,17 +324,17 @@ module locsnn_core #(
     logic [SOURCE-1:0]     done_source;
     always_ff @(posedge clk) done_source <= SOURCE'(early_number) + settings[FIRST_SOURCE][SOURCE-1:0];
 
-    queue #(.WIDTH(SOURCE), .DEPTH(HELD)) spikes (
+    queue #(.WIDTH(SOURCE), .DEPTH(STATES)) spikes (
         .clk, .clear, .push(fired), .pushed(done_source), .head_valid, .head,
         .pop(spike && delivery_ready), .empty(queue_empty)
     );
 
     delivery #(
-        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(HELD), .SLOTS(SLOTS), .CHARGE(CHARGE), .STEP(STEP), .LATER(LATER)
+        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(STATES), .SLOTS(SLOTS), .CHARGE(CHARGE), .STEP(STEP), .LATER(LATER)
     ) deliver (
         .clk, .clear, .load_axon(load_valid && load_memory == 1), .load_synapse(load_valid && load_memory == 2),
         .load_address, .load_data,
-        .request(LATER != 0 ? spike || later_asks : spike || ((early || (row && !over)) && word_valid && is_event)),
+        .request(LATER != 0 ? spike || later_asks : spike || ((early || (row && !steps_over)) && word_valid && is_event)),
         .ready(delivery_ready),
         .source(spike ? head : LATER != 0 ? later_source : word_source),
         .base(LATER != 0 ? later_base : BASE'(SLOT'(slot + (early ? SLOT'(2) : SLOT'(1))))),
@@ -335,14 +354,14 @@ module locsnn_core #(
             wire take = state == UPDATE && number_bank == bank;
             wire [ADDRESS-1:0] address = state == UPDATE ? (LATER != 0 ? later_address : ADDRESS'({slot, place[PLACE-1:1]}))
                 : add_address[bank*ADDRESS+:ADDRESS];
-            wire swept = (clear || sweeping) && 32'(sweep_at) < SLOTS * HELD / 2;
+            wire swept = (clear || sweeping) && 32'(sweep_at) < SLOTS * STATES / 2;
             if (AT_ONCE != 0) begin : at_once
-                accumulator_at_once #(.WIDTH(CHARGE), .DEPTH(SLOTS * HELD / 2)) charges (
+                accumulator_at_once #(.WIDTH(CHARGE), .DEPTH(SLOTS * STATES / 2)) charges (
                     .clk, .valid(add[bank] || take), .take, .address, .addend(add_charge[bank*CHARGE+:CHARGE]),
                     .taken(taken[bank*CHARGE+:CHARGE]), .sweep(swept), .sweep_address(sweep_at[ADDRESS-1:0])
                 );
             end else begin : in_turn
-                accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * HELD / 2)) charges (
+                accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * STATES / 2)) charges (
                     .clk, .valid(add[bank] || take), .take, .address, .addend(add_charge[bank*CHARGE+:CHARGE]),
                     .taken(taken[bank*CHARGE+:CHARGE]), .sweep(swept), .sweep_address(sweep_at[ADDRESS-1:0])
                 );
@@ -355,7 +374,7 @@ module locsnn_core #(
     wire signed [23:0] done_u, done_v, potential;
     wire [ENTRY-1:0]   early_entry, entry;
     update #(
-        .COMPARTMENTS(COMPARTMENTS), .HELD(HELD), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY), .SUMS(SUMS)
+        .COMPARTMENTS(COMPARTMENTS), .STATES(STATES), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY), .SUMS(SUMS)
     ) compartments (
         .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
         .load_address, .load_data,
@@ -387,8 +406,8 @@ module locsnn_core #(
     assign {probe_fired, probe_active, probe_charge_wrap} = {fired, active, charge_wrap};
     assign {probe_current_wraps, probe_voltage_clip} = {current_wraps, voltage_clip};
 
-    wire unused = &{1'b0, settings[PHASES], settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
-        its[ALIGNED],
+    wire unused = &{1'b0, settings[PHASES], settings[SLOT_MASK], settings[FIRST_SOURCE], phase_fields[NUMBER_END], phase_fields[BY_ROWS],
+        phase_fields[ALIGNED],
         later, later_ready, later_asks, later_source, later_base, next_slot, later_place, later_bank,
         later_address};
 endmodule

@@ -5,7 +5,7 @@
 //     0x82 done     the frame of this sequence number was carried out
 //     0x83 answer   error, class (2), cycles since the first word, seven counts (4 each), lost spikes (3)
 //     0x84 spikes   what spike_report gives (3 bytes each)
-//     0x85 error    what was wrong; its sequence number is that of the frame, or the one that must come next (1 to 5)
+//     0x85 error    the problem; its sequence number is that of the frame or, of problems 1 to 5, the one that must come next
 module replies #(
     parameter integer BUFFER = 256,
     parameter integer SIZES = 11,
@@ -34,41 +34,41 @@ module replies #(
     output logic [7:0]   frame_data,
     output logic         frame_last
 );
-    localparam logic [7:0] VERSION = 3;
+    localparam logic [7:0] VERSION = 3;  // of the protocol; hw_model/rtl/board.py expects it
     localparam logic [7:0] HELLO = 8'h81, DONE = 8'h82, ANSWER = 8'h83, SPIKES = 8'h84, ERROR = 8'h85;
     localparam logic [2:0] IDLE = 0, LINE = 1, REPLY = 2, SPIKE = 3, FINAL = 4;
-    localparam integer     LONGEST = 40;
-    localparam logic [3:0] MOST = 15;  // spikes in a frame, less one: others may speak in between
+    localparam integer     LONGEST_BYTES = 40;  // of an answer: its type, its number (0) and 38 bytes; a hello has 40 as well
+    localparam logic [3:0] MORE_SPIKES = 15;  // at most 16 spikes are in a frame, so that others may speak in between
     localparam logic [23:0] ROOM = 24'(BUFFER);
 
     logic [2:0] state;
     logic       pending;  // an error of the line, until it is answered
-    logic [7:0] what;
+    logic [7:0] line_error;
     logic [5:0] index, last;
-    logic [3:0] together;
+    logic [3:0] spikes_sent;
 
     // A cycle old: a byte is taken in every other cycle at most, and the first two of a frame are not of the spike.
     logic [23:0] spike_held;
     always_ff @(posedge clk) spike_held <= spike;
 
-    logic [8*LONGEST-1:0] body;
+    logic [8*LONGEST_BYTES-1:0] body;
     always_comb begin
         body = 0;
         case (state)
-            LINE: body[8*LONGEST-1-:24] = {ERROR, expected, what};
+            LINE: body[8*LONGEST_BYTES-1-:24] = {ERROR, expected, line_error};
             REPLY:
-            if (reply_error != 0) body[8*LONGEST-1-:24] = {ERROR, reply_number, reply_error};
+            if (reply_error != 0) body[8*LONGEST_BYTES-1-:24] = {ERROR, reply_number, reply_error};
             else if (reply_hello)
-                body[8*LONGEST-1-:56+24*SIZES] = {HELLO, reply_number, VERSION, 7'b0, loaded, ROOM, SIZE};
-            else body[8*LONGEST-1-:16] = {DONE, reply_number};
-            SPIKE: body[8*LONGEST-1-:40] = {SPIKES, 8'b0, spike_held};
-            default: body[8*LONGEST-1-:320] = {ANSWER, 8'b0, answer};
+                body[8*LONGEST_BYTES-1-:56+24*SIZES] = {HELLO, reply_number, VERSION, 7'b0, loaded, ROOM, SIZE};
+            else body[8*LONGEST_BYTES-1-:16] = {DONE, reply_number};
+            SPIKE: body[8*LONGEST_BYTES-1-:40] = {SPIKES, 8'b0, spike_held};
+            default: body[8*LONGEST_BYTES-1-:320] = {ANSWER, 8'b0, answer};
         endcase
     end
 
     wire [8:0] low = {6'd39 - index, 3'b0};
     wire       sent = frame_valid && frame_ready;
-    wire       again = state == SPIKE && index == 4 && spike_more && together != MOST;
+    wire       again = state == SPIKE && index == 4 && spike_more && spikes_sent != MORE_SPIKES;
     assign frame_valid = state != IDLE;
     assign frame_data = body[low+:8];
     assign frame_last = index == last && !again;
@@ -77,9 +77,9 @@ module replies #(
     assign answer_ready = state == FINAL && sent && frame_last;
 
     always_ff @(posedge clk) begin
-        if (error_valid && !pending) {pending, what} <= {1'b1, error};
+        if (error_valid && !pending) {pending, line_error} <= {1'b1, error};
         if (state == IDLE) begin
-            {index, together} <= 0;
+            {index, spikes_sent} <= 0;
             if (pending) {state, last} <= {LINE, 6'd2};
             else if (reply_valid)
                 {state, last} <= {REPLY, reply_error != 0 ? 6'd2 : reply_hello ? 6'(6 + 3 * SIZES) : 6'd1};
@@ -87,7 +87,7 @@ module replies #(
             else if (answer_valid) {state, last} <= {FINAL, 6'd39};
         end else if (sent) begin
             index <= again ? 2 : index + 1;
-            if (again) together <= together + 1;
+            if (again) spikes_sent <= spikes_sent + 1;
             if (frame_last) begin
                 state <= IDLE;
                 if (state == LINE) pending <= 0;

@@ -28,7 +28,7 @@ module transpose #(
     input  logic [23:0]               align_events,  // events of the row that aligned phases begin with; 0: none does
     // Of the phase.
     input  logic [23:0]               steps,
-    input  logic [23:0]               visits_end,    // its visits end before this one
+    input  logic [23:0]               visits_end,    // the number of the visit behind its last one
     input  logic [23:0]               rows,          // that its visits tell of; aligned by rows: of the recording
     input  logic [2:0]                shared,        // 2^shared of these rows are one source
     input  logic [23:0]               row_source,
@@ -58,10 +58,10 @@ module transpose #(
     // that is due, or the step ends; CHANNEL: a channel of this row is read, another looked at; PRIME: the first word of a
     // visit is read, and the next visit; SCAN: an event for each bit of a word, while the next word waits.
     //
-    // What is found waits for its turn in a register, and all stands still until then. From there it leaves as a word.
+    // A word that was found, `pending`, waits in a register until the output is free; all else stands still until then.
     localparam logic [2:0] IDLE = 0, FETCH = 1, HOLD = 2, COMPARE = 3, NEXT = 4, CHANNEL = 5, PRIME = 6, SCAN = 7;
     logic [2:0]        state;
-    logic              due, over, row_done;
+    logic              due, steps_over, row_done;  // a visit is due in this step; no step is left; this row was read by channels
     logic [INDEX:0]    index;
     logic [STEP-1:0]   step;
     logic [ROW-1:0]    row;           // of this step; of the stream while it arrives
@@ -78,10 +78,10 @@ module transpose #(
     wire [STEP-1:0]    visit_step = visit[STEP-1:0];
     wire [SOURCE-1:0]  visit_channel = visit[STEP+:SOURCE];
     wire [SOURCE-1:0]  visit_source = visit[STEP+SOURCE+:SOURCE];
-    logic              found, found_visited;
-    logic [1:0]        found_kind;
-    logic [BIT-1:0]    found_bit;
-    wire               go = !found || !out_valid;  // whether a word is taken is known too late in a cycle
+    logic              pending, pending_visited;  // a word waits; it comes from a visit, not from a channel by rows
+    logic [1:0]        pending_kind;
+    logic [BIT-1:0]    pending_bit;
+    wire               go = !pending || !out_valid;  // whether a word is taken is known too late in a cycle
     wire               next_word = state == SCAN && bits == 0 && more;
     wire               next_channel = state == CHANNEL && channel != channels[SOURCE:0];
 
@@ -106,9 +106,9 @@ module transpose #(
 
     // The first row with enough events, or that none has them: where phases keep more rows than the recording has, the last
     // row that came does not tell.
-    logic [SOURCE:0]  together;
+    logic [SOURCE:0]  events_in_row;
     logic             counted, touched, never;
-    logic [ROW-1:0]   touch;
+    logic [ROW-1:0]   touch_row;
     logic [PLACE-1:0] touch_place;
     logic             was_full, row_began;
     wire              full = FAST != 0 ? was_full : row == kept[ROW-1:0];
@@ -116,17 +116,17 @@ module transpose #(
     always_ff @(posedge clk) row_began <= mark_tick;  // the first cycle of a row
     clock_gate gate (
         .clk, .enable(clear || load_visit || start || mark || counted || marked || write_back || mark_tick || row_began || out_ready
-            || (go && (state != IDLE || found))), .gated(ticking)
+            || (go && (state != IDLE || pending))), .gated(ticking)
     );
     always_ff @(posedge ticking) begin
         {counted, marked} <= clear ? 2'b0 : {mark, marking};
         was_full <= row == kept[ROW-1:0];  // no word comes in the cycle after a tick
         write_back <= marked || sweep;
         {write_place, write_word} <= {address, written};
-        if (mark) together <= together + 1;
-        if (!touched && state == IDLE) {touch, touch_place} <= {row, row_place};
-        if (start || (counted && together == align_events[SOURCE:0])) touched <= 1;
-        if (mark_tick || clear) together <= 0;
+        if (mark) events_in_row <= events_in_row + 1;
+        if (!touched && state == IDLE) {touch_row, touch_place} <= {row, row_place};
+        if (start || (counted && events_in_row == align_events[SOURCE:0])) touched <= 1;
+        if (mark_tick || clear) events_in_row <= 0;
         if (start && !touched) never <= 1;
         if (clear) {touched, never} <= 0;
     end
@@ -158,13 +158,13 @@ module transpose #(
     end
     wire [ROW-1:0] next_row = word_row + (state == CHANNEL ? ROW'(1) : ROW'(WORD));
     wire           hit = bits_are && bits[row[BIT-1:0]];
-    wire [ROW-1:0] origin = aligned && found_visited ? touch : {ROW{1'b0}};
-    wire [ROW-1:0] event_row = (word_row | ROW'(found_bit)) - origin;  // before the first row it wraps, to a large number
-    wire           row_next = by_rows && !over && !row_done;
+    wire [ROW-1:0] origin = aligned && pending_visited ? touch_row : {ROW{1'b0}};
+    wire [ROW-1:0] event_row = (word_row | ROW'(pending_bit)) - origin;  // before the first row it wraps, to a large number
+    wire           row_next = by_rows && !steps_over && !row_done;
     wire           row_over = state == IDLE ? mark_tick && !full : go && state == NEXT && !row_next && !due;
 
     always_ff @(posedge ticking) begin
-        over <= step == steps[STEP-1:0] || (by_rows && aligned && (never || row == rows[ROW-1:0]));
+        steps_over <= step == steps[STEP-1:0] || (by_rows && aligned && (never || row == rows[ROW-1:0]));
         fetched <= go && (state == FETCH || state == PRIME);
         if (fetched) visit <= visit_word;
         if (out_ready) out_valid <= 0;
@@ -173,18 +173,18 @@ module transpose #(
             if (&row[BIT-1:0]) row_place <= row_place + channels[PLACE-1:0];
         end
         if (go) begin
-            found <= 0;
-            if (found) begin
-                out_valid <= !found_visited || event_row < rows[ROW-1:0];
-                out_kind <= found_kind;
-                out_source <= source + SOURCE'(GROUPS != 0 && found_visited ? event_row >> shared : event_row);
+            pending <= 0;
+            if (pending) begin
+                out_valid <= !pending_visited || event_row < rows[ROW-1:0];
+                out_kind <= pending_kind;
+                out_source <= source + SOURCE'(GROUPS != 0 && pending_visited ? event_row >> shared : event_row);
             end
             case (state)
                 IDLE:
                 if (start) begin
                     state <= FETCH;
                     {step, row_done} <= 0;
-                    row <= aligned ? touch : {ROW{1'b0}};
+                    row <= aligned ? touch_row : {ROW{1'b0}};
                     row_place <= aligned ? touch_place : {PLACE{1'b0}};
                 end
                 FETCH: state <= HOLD;
@@ -209,18 +209,18 @@ module transpose #(
                     bits <= 0;
                     state <= PRIME;
                 end else begin
-                    found <= 1;
-                    found_visited <= 0;
-                    found_kind <= over ? END : TICK;
+                    pending <= 1;
+                    pending_visited <= 0;
+                    pending_kind <= steps_over ? END : TICK;
                     step <= step + 1;
                     row_done <= 0;
-                    state <= over ? IDLE : COMPARE;
+                    state <= steps_over ? IDLE : COMPARE;
                 end
                 CHANNEL: begin
                     if (next_channel) channel <= channel + 1;
                     {bits_are, word_is} <= {word_is, next_channel};
                     bits <= word;
-                    {found, found_visited, found_kind, found_bit} <= {hit, 1'b0, EVENT, {BIT{1'b0}}};
+                    {pending, pending_visited, pending_kind, pending_bit} <= {hit, 1'b0, EVENT, {BIT{1'b0}}};
                     if (bits_are) word_row <= next_row;
                     if (!next_channel && !word_is) state <= NEXT;
                 end
@@ -231,7 +231,7 @@ module transpose #(
                 end
                 default:
                 if (bits != 0) begin
-                    {found, found_visited, found_kind, found_bit} <= {1'b1, 1'b1, EVENT, lowest_index};
+                    {pending, pending_visited, pending_kind, pending_bit} <= {1'b1, 1'b1, EVENT, lowest_index};
                     bits <= bits & ~lowest;
                 end else if (more) begin
                     bits <= word;
@@ -243,7 +243,7 @@ module transpose #(
         end
         if (clear) begin
             state <= IDLE;
-            {out_valid, found} <= 0;
+            {out_valid, pending} <= 0;
             {index, row, row_place} <= 0;
         end
     end

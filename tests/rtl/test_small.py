@@ -47,7 +47,7 @@ FAULTS = [
     ("the buffer is not swept", "transpose.sv", "ONE_PORT != 0 ? marked || sweep :", "ONE_PORT != 0 ? marked :"),
     ("the word of the mark before", "transpose.sv", "ONE_PORT != 0 ? written : write_word", "write_word"),
     ("a mark takes two cycles", "transpose.sv", "!(ONE_PORT != 0 && write) && (marking", "!write_back && (marking"),
-    ("entries are where families would be", "update.sv", "FAMILY = JOIN != 0 ? 2 + PARENT : 0;", "FAMILY = 2 + PARENT;"),
+    ("entries are where families would be", "update.sv", "JOIN_FIELDS = JOIN != 0 ? 2 + PARENT : 0;", "JOIN_FIELDS = 2 + PARENT;"),
     ("all phases are the first", "locsnn_core.sv", "PHASE_WORD'({phase, field[2:0]})", "PHASE_WORD'(field[2:0])"),
     ("phases have half their words", "locsnn_core.sv", "$clog2(PHASE_WORDS);", "$clog2(PHASE_WORDS) - 1;"),
 ]  # fmt: skip
