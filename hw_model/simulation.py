@@ -211,7 +211,8 @@ def _copied(value: Any) -> Any:
 
 def _played(streams: Mapping[str, ByteArray], playback: _Playback) -> SimulationResult:
     """Play recordings, as many at a time as can be held, and keep what the probes ask for."""
-    program, player = playback.program, playback.player
+    program = playback.program
+    player = playback.player
     plans = _plans(program, playback.probes, playback.rows, playback.steps)
     collected = _Collected(playback)
     batch = len(next(iter(streams.values())))

@@ -190,8 +190,10 @@ def step_times(
 def critical_path(times: StepTimes) -> CriticalPath:
     """Follow every step back from the core that finishes last to the packet that it waited for, and to its sender."""
     last = times.core_ns.argmax(axis=-1)
-    routes, sent_ns = times.routes, times.sent_ns
-    sender, mesh_ns = last.copy(), np.zeros(last.shape)
+    routes = times.routes
+    sent_ns = times.sent_ns
+    sender = last.copy()
+    mesh_ns = np.zeros(last.shape)
     latest = _at(sent_ns, last)
     for way in np.flatnonzero(routes.source != routes.target):
         arrived = sent_ns[..., routes.source[way]] + times.mesh_ns[..., way]
@@ -214,7 +216,8 @@ def critical_path(times: StepTimes) -> CriticalPath:
 
 def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
     """Return the time on each way in each step, (..., steps, ways): for its hops, and waiting on its busiest link."""
-    cost_x, cost_y = profile.time_ns.get("hops_x", 0.0), profile.time_ns.get("hops_y", 0.0)
+    cost_x = profile.time_ns.get("hops_x", 0.0)
+    cost_y = profile.time_ns.get("hops_y", 0.0)
     taken = packets > 0
     mesh_ns: FloatArray = taken.astype(np.float64) * (
         routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y

@@ -118,8 +118,10 @@ class SynapseMemory(Frozen):
 
     def words(self, synapses: IntArray, bits: IntArray | int) -> IntArray:
         """Return the words of lists, given the number of synapses and their bits; every run is rounded up to a word."""
-        full, rest = synapses // self.run_length, synapses % self.run_length
-        header, word = self.run_header_bits, self.word_bits
+        full = synapses // self.run_length
+        rest = synapses % self.run_length
+        header = self.run_header_bits
+        word = self.word_bits
         of_full, of_rest = (
             -(-(header + run * np.asarray(bits)) // word) for run in (self.run_length, rest)
         )
@@ -188,10 +190,8 @@ class Chip(Shown, eq=True):
 
     def profile(self, name: str) -> Profile:
         """Return the profile of this name; ``InputError`` lists those that exist."""
-        what, more = (
-            f"there is no energy profile {name!r}",
-            " A profile of your own is a file that ends in .yaml.",
-        )
+        what = f"there is no energy profile {name!r}"
+        more = " A profile of your own is a file that ends in .yaml."
         check_known(f"chip {self.name}", what, name, self.profiles, more)
         return self.profiles[name]
 

@@ -103,7 +103,8 @@ def check_profile(profile: Profile, where: str) -> None:
             "Price either.",
         )
         raise InputError(f"{where}: energy_pj", what, fix=fix)
-    one, every = profile.barrier_ns.one_tile, profile.barrier_ns.all_tiles
+    one = profile.barrier_ns.one_tile
+    every = profile.barrier_ns.all_tiles
     check_most(
         one,
         every,

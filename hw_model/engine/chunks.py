@@ -129,7 +129,9 @@ def _finish(c: Place, step: Step) -> Lanes:
 @kernel("registers, at, charge, row, slot, widths", returns=3)
 def update(c: Place, charge: Place, widths: Given) -> Returned:
     """Update a chunk. Its charges are taken and set to 0."""
-    arrived, joined, p = charge[0], c[JOINED], _parameters(c)
+    arrived = charge[0]
+    joined = c[JOINED]
+    p = _parameters(c)
     before = State(c[U], c[V], c[BLOCKED])
     charge[0] = 0
     c[JOINED] = 0
@@ -143,7 +145,9 @@ def update(c: Place, charge: Place, widths: Given) -> Returned:
 
 def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Response]:
     """Take charge into u and v, where nothing can wrap; return which lanes were busy, and what they did."""
-    arrived, u, v = charge[0], c[U], c[V]
+    arrived = charge[0]
+    u = c[U]
+    v = c[V]
     charge[0] = 0
     busy = (arrived | u | v) != 0
     response = loihi.respond(PLAINLY, _plain(_parameters(c)), u, v, arrived, NO_JOINED)
@@ -197,7 +201,9 @@ def advance(c: Place, charge: Place, widths: Given) -> Returned:
 
     What no one will ask for need not be counted, in steps that are run only for their spikes.
     """
-    joined, p, before = c[JOINED], _parameters(c), State(c[U], c[V], c[BLOCKED])
+    joined = c[JOINED]
+    p = _parameters(c)
+    before = State(c[U], c[V], c[BLOCKED])
     c[JOINED] = 0
     ends = halves(c, widths)
     if ends[1] is None:
@@ -224,13 +230,17 @@ def advance_pair(
     ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted. Without
     ``widths``, an empty tuple, both dendrites are plain.
     """
-    ends, second = halves(c, widths), KEPT_FIELDS
+    ends = halves(c, widths)
+    second = KEPT_FIELDS
     ops = OnLanes(ends)
     one, other, soma = (_parameters(c.after(n * FIELDS)) for n in range(3))
     if ends[1] is None:
-        one, other = _plain(one), _plain(other)
+        one = _plain(one)
+        other = _plain(other)
     u, v, u_other, v_other = (held(before[field]) for field in (0, 1, second, second + 1))
-    fired, counted, echoes = held(mask_of(c, spikes)), held(numbers[0]), (echo[0], other_echo[0])
+    fired = held(mask_of(c, spikes))
+    counted = held(numbers[0])
+    echoes = (echo[0], other_echo[0])
     # The sum is not kept, so it need not be clipped: where clipped ones never exceed the threshold, no sum exceeds
     # another. None is raised above it, for vmin is 0 at most and the threshold 0 at least.
     threshold = where(soma.vmax > soma.threshold, soma.threshold, one.vmax + other.vmax)
@@ -242,7 +252,8 @@ def advance_pair(
         )
         u[0], v[0] = response.u, response.v
         u_other[0], v_other[0] = other_response.u, other_response.v
-        to, was = after.row(row), masks.row(row).bits()
+        to = after.row(row)
+        was = masks.row(row).bits()
         to[0], to[1], to[second], to[second + 1] = u[0], v[0], u_other[0], v_other[0]
         fired[0] = v[0] + v_other[0] > threshold
         flips.row(row).put_bits(fired[0] != was)

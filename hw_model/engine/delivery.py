@@ -80,7 +80,8 @@ def paths_of(layout: FastLayout) -> Paths:
 def by_lists(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no-untyped-def]
     """Follow the list of each spike's source."""
     event, base, begin, m = listed
-    nodes, links = tables.nodes, tables.links
+    nodes = tables.nodes
+    links = tables.links
     ahead = np.uint64(1 + links.delay[link])
     rows_touched = np.uint64(links.width[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
@@ -103,7 +104,8 @@ def by_lists(link, rows_from, rows_to, listed, tables, state):  # type: ignore[n
 def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
     """Add short matrix rows of the spikes of all rows together."""
     _add_short_rows(link, rows_from, rows_to, listed, tables, memory)
-    nodes, links = tables.nodes, tables.links
+    nodes = tables.nodes
+    links = tables.links
     begin = listed.begin
     m = listed.node
     touched = memory.state.touched
@@ -120,7 +122,8 @@ def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  #
 def by_rows(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no-untyped-def]
     """Add matrix rows of the spikes of one row after the other."""
     event, base, begin, m = listed
-    nodes, links = tables.nodes, tables.links
+    nodes = tables.nodes
+    links = tables.links
     charge = state.charge
     offset = links.offset[link]
     width = links.width[link]

@@ -27,7 +27,8 @@ def list_events(name: str, recordings: ByteArray) -> EventLists:
         found = []
         for start in range(low, high, together):
             stop = min(start + together, high)
-            given, starts = plain[start:stop].reshape(-1), first[start:stop]
+            given = plain[start:stop].reshape(-1)
+            starts = first[start:stop]
             # Where bytes are few there is room for all. Others are counted as booleans, which numpy does fastest.
             most = given.size if given.size <= LITTLE else np.count_nonzero(given.view(np.bool_))
             channel = np.empty(most + CACHE_LINE, dtype=np.int32)
@@ -110,7 +111,9 @@ def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
     Return how many events there are, and a number above 0 if a byte is above 1. ``channel`` has room for all of them
     and, behind, for a line of the cache.
     """
-    many, low, larger = np.uint64(0), 0, np.int32(0)
+    many = np.uint64(0)
+    low = 0
+    larger = np.int32(0)
     for b in range(first.shape[0]):
         first[b, 0] = many
         for row in range(1, first.shape[1]):

@@ -169,7 +169,9 @@ def _run(low, high, tile_at, given, tables, memory, skip, written):  # type: ign
     """Run recordings ``low..high`` one after the other, each tile by tile."""
     first, line, start, stop = given
     state = memory.state
-    nodes, chunks, links = tables.nodes, tables.chunks, tables.links
+    nodes = tables.nodes
+    chunks = tables.chunks
+    links = tables.links
     spikes, sent, active, events, totals, kept = written
     most_rows = len(memory.work.masks)
     for b in range(low, high):
@@ -203,7 +205,8 @@ def _run(low, high, tile_at, given, tables, memory, skip, written):  # type: ign
 @inner
 def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]
     """Add up what :func:`hw_model.engine.trace.added_up` does, of one recording."""
-    due_late, columns = links.due_late, spikes.shape[1]
+    due_late = links.due_late
+    columns = spikes.shape[1]
     lines = due_late.shape[1] - columns
     for late in range(min(len(due_late), stop - start)):
         row = stop - 1 - late

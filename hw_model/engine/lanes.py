@@ -60,7 +60,8 @@ class Lanes:
         """Return what is combined with these lanes, in their type: an integer in every lane, a truth as 0 or 1."""
         if not isinstance(other, Lanes):
             return _everywhere(self.value.type, other)
-        wide, narrow = self.value.type, other.value.type
+        wide = self.value.type
+        narrow = other.value.type
         if narrow == wide:
             return other.value
         return (self.builder.zext if _of_a_lane(narrow) == BIT else self.builder.sext)(
@@ -132,7 +133,8 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
     if can("avx512f"):
         place[0] = _side_by_side(mask, numbers)
         return count(mask)
-    builder, every = place.builder, held(numbers)
+    builder = place.builder
+    every = held(numbers)
     left = _room(builder, COUNT)
     builder.store(bits(mask), left)
     # One number after the other: mostly there are few, and LLVM would move every lane.
@@ -148,10 +150,13 @@ def put_numbers(place: "Place", mask: Lanes, first: Given) -> Given:
 
     The place has room for all lanes.
     """
-    builder, found, lanes = place.builder, bits(mask), mask.value.type.count
+    builder = place.builder
+    found = bits(mask)
+    lanes = mask.value.type.count
     if can("avx512vbmi2"):
         numbers = ir.Constant(ir.VectorType(BYTE, lanes), list(range(lanes)))
-        which, many = _side_by_side(mask, mask.with_value(numbers)).value, count(mask)
+        which = _side_by_side(mask, mask.with_value(numbers)).value
+        many = count(mask)
         place.put_bytes(COUNT(0), _part(builder, which, 0, LANES), first)
         if lanes > LANES:
             with builder.if_then(builder.icmp_unsigned(">", many, COUNT(LANES)), likely=False):
@@ -182,7 +187,8 @@ def can(feature: str) -> bool:
 
 def _side_by_side(mask: Lanes, numbers: Lanes) -> Lanes:
     """Return the numbers of the lanes that are set in the first lanes; what the others hold does not count."""
-    vector, builder = numbers.value.type, mask.builder
+    vector = numbers.value.type
+    builder = mask.builder
     kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
     name = f"llvm.experimental.vector.compress.v{vector.count}i{vector.element.width}"
     functions = builder.module.globals
@@ -200,7 +206,8 @@ def _part(builder: ir.IRBuilder, vector: ir.Value, low: int, many: int) -> ir.Va
 
 def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
     """Return the table of the bits that are set in a byte: their numbers, ascending, in eight bytes."""
-    name, module = "lanes_of_bytes", builder.module
+    name = "lanes_of_bytes"
+    module = builder.module
     if name not in module.globals:
         of_bytes = (bytes(bit for bit in range(EIGHT) if byte >> bit & 1) for byte in range(256))
         numbers = [int.from_bytes(of_byte, "little") for of_byte in of_bytes]
@@ -264,7 +271,9 @@ def seldom(mask: Lanes) -> Iterator[None]:
 
 def first_lanes(mask: Lanes, many: Given) -> Lanes:
     """Return a mask without the lanes from number ``many`` on, above 0, of which there may be none."""
-    builder, lanes, found = mask.builder, mask.value.type.count, bits(mask)
+    builder = mask.builder
+    lanes = mask.value.type.count
+    found = bits(mask)
     beyond = builder.sub(COUNT(lanes), builder.trunc(many, COUNT))
     beyond = builder.select(builder.icmp_signed(">", beyond, COUNT(0)), beyond, COUNT(0))
     if found.type != COUNT:

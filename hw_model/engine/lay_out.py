@@ -74,12 +74,15 @@ def _chunks(
     links: Links,
     echoes: Echoes,
 ) -> Chunks:
-    slot, count = cut.slot, len(cut.node)
+    slot = cut.slot
+    count = len(cut.node)
     limits = program.chip.registers
     widths = Widths(loihi.charge_span(limits.charge_bits), limits.half_current)
-    arrived, reached = np.zeros(count * LANES), np.zeros(count, dtype=np.bool_)
+    arrived = np.zeros(count * LANES)
+    reached = np.zeros(count, dtype=np.bool_)
     for core in program.cores_of(phase):
-        here, charge = slot[program.columns_of_core(core)], charges(core)
+        here = slot[program.columns_of_core(core)]
+        charge = charges(core)
         arrived[here] = loihi.in_units(np.maximum(-charge.low, charge.high))
         reached[here[core.axons.target] // LANES] = True
     fits = (
@@ -124,10 +127,8 @@ def _chunks(
         *dendrites, last = member[low:high]
         pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
     latest = max((len(weights) for _, weights in echoes.values()), default=1)
-    echo_to, echo = (
-        np.full(count, -1, dtype=np.int64),
-        aligned((latest, count * LANES), registers.dtype),
-    )
+    echo_to = np.full(count, -1, dtype=np.int64)
+    echo = aligned((latest, count * LANES), registers.dtype)
     for node, (child, weights) in echoes.items():
         here, there = (slot[nodes.first[n] : nodes.first[n] + nodes.size[n]] for n in (node, child))
         echo_to[here // LANES], echo[: len(weights), there] = there // LANES, weights

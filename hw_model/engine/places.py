@@ -55,7 +55,8 @@ class Cut(Frozen, eq=False):
 def cut_pieces(pieces: Pieces, nodes: Numbering) -> Cut:
     """Cut the pieces in the order of their columns, which is that of their nodes."""
     order = np.argsort(pieces.first)
-    size, chunks = pieces.size[order], -(-pieces.size[order] // LANES)
+    size = pieces.size[order]
+    chunks = -(-pieces.size[order] // LANES)
     begin = np.cumsum(chunks) - chunks
     slot = np.arange(size.sum()) + np.repeat(LANES * begin - pieces.first[order], size)
     piece = np.repeat(order, chunks)

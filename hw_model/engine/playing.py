@@ -37,7 +37,8 @@ def read_streams(
     if isinstance(spikes, np.ndarray) or not isinstance(spikes, Mapping):
         spikes = {name: spikes for name in list(expected)[:1]}
     if spikes.keys() != expected.keys():
-        what, names = "its streams are not the program's inputs", ", ".join(sorted(expected))
+        what = "its streams are not the program's inputs"
+        names = ", ".join(sorted(expected))
         raise InputError(
             "spikes", what, measured=names, fix="Give a mapping with one array for each."
         )
@@ -123,7 +124,8 @@ def play(
     counts = np.zeros((len(PLAYED), batch), dtype=np.int64)
     played, transposed, dropped, before = counts
     inputs = program.inputs_of(phase.name)
-    start, stop = np.zeros(batch, dtype=np.int64), before + length
+    start = np.zeros(batch, dtype=np.int64)
+    stop = before + length
     if phase.align_events is not None:
         before[:] = first_touch(
             [streams[name] for name in {item.stream for item in inputs}], phase.align_events

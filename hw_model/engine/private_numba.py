@@ -348,7 +348,8 @@ class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
 @unbox(_Record)  # type: ignore[untyped-decorator]
 def _unbox(kind: _Record, packed: Any, context: Any) -> Any:
     """Read the address of a packed record that Python gives to a loop."""
-    api, builder = context.pyapi, context.builder
+    api = context.pyapi
+    builder = context.builder
     attribute = api.object_getattr_string(packed, "address")
     address = api.long_as_longlong(attribute)
     api.decref(attribute)

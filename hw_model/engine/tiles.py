@@ -34,8 +34,10 @@ def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untype
     ``spikes`` and ``active`` of what is :class:`hw_model.engine.state.Written` are written, ``sent``
     is added to, and registers are kept.
     """
-    first, rows = arriving.first, tile.rows
-    state, work = memory.state, memory.work
+    first = arriving.first
+    rows = tile.rows
+    state = memory.state
+    work = memory.work
     for m in range(first.shape[1]):
         _count(arriving.line, first[0, m], first[rows, m], tables.nodes.first[m], written.sent)
     for r in range(rows):
@@ -68,7 +70,8 @@ def _run_block(block, tile, arriving, tables, memory, written):  # type: ignore[
 @absorbed
 def _deliver_into(block, rows, arriving, tables, memory):  # type: ignore[no-untyped-def]
     """Deliver what inputs and earlier blocks sent in a tile to a block."""
-    links, work = tables.links, memory.work
+    links = tables.links
+    work = memory.work
     for link in range(links.into_block[block], links.into_block[block + 1]):
         m = links.source[link]
         if m < arriving.first.shape[1]:
@@ -81,7 +84,9 @@ def _deliver_into(block, rows, arriving, tables, memory):  # type: ignore[no-unt
 @absorbed
 def _deliver_within(block, low, high, fired, tables, memory, written):  # type: ignore[no-untyped-def]
     """List the spikes of a block in rows ``low..high``, and deliver those that stay within it."""
-    chunks, links, work = tables.chunks, tables.links, memory.work
+    chunks = tables.chunks
+    links = tables.links
+    work = memory.work
     for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
         m = chunks.spiking_node[index]
         _list_spikes(m, low, high, fired, tables, work, written)
@@ -94,8 +99,11 @@ def _deliver_within(block, low, high, fired, tables, memory, written):  # type: 
 @absorbed
 def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
     """Update whole bundles, members ``start..stop``, in row r; return the spikes of all of them as bits."""
-    state, work, kept = memory.state, memory.work, written.kept
-    registers, at_rest = state.registers, state.at_rest
+    state = memory.state
+    work = memory.work
+    kept = written.kept
+    registers = state.registers
+    at_rest = state.at_rest
     fired = np.int32(0)
     stirred = False
     index = start
@@ -132,7 +140,8 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
         if chunks.parent[k] >= 0:
             pass_on(registers, at, registers, np.uint64(chunks.parent[k] * FIELDS * LANES))
         if kept.watched:
-            step, recording = tile.step + r, written.recording
+            step = tile.step + r
+            recording = written.recording
             _keep(registers, at + _U, k, chunks, step, recording, kept.u)
             _keep(registers, at + _V, k, chunks, step, recording, kept.v)
             _keep(registers, at + _POTENTIAL, k, chunks, step, recording, kept.potential)
@@ -142,7 +151,9 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
 @absorbed
 def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
     """Do what :func:`_update_members` does for two dendrites and their sum, three members, at once."""
-    state, work, active = memory.state, memory.work, written.active
+    state = memory.state
+    work = memory.work
+    active = written.active
     at_rest = state.at_rest
     touched = state.touched
     registers = state.registers
@@ -190,10 +201,15 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
 @absorbed
 def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]
     """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
-    nodes, chunks = tables.nodes, tables.chunks
-    spikes, sent = written.spikes, written.sent
-    masks, event, begin = work.masks, work.event, work.begin
-    base, first = work.list_start[m], nodes.first[m]
+    nodes = tables.nodes
+    chunks = tables.chunks
+    spikes = written.spikes
+    sent = written.sent
+    masks = work.masks
+    event = work.event
+    begin = work.begin
+    base = work.list_start[m]
+    first = nodes.first[m]
     columns = spikes.shape[1]
     lines = len(sent) - columns
     # The last column at which a whole chunk of lanes can be written.
@@ -203,7 +219,8 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
     for r in range(np.uint64(low), np.uint64(high)):
         if fired:
             for k in range(np.uint64(nodes.chunk[m]), np.uint64(nodes.chunk[m + 1])):
-                mask, column = masks[r, k], chunks.first_column[k]
+                mask = masks[r, k]
+                column = chunks.first_column[k]
                 masks[r, k] = 0
                 # No branches: they would be guessed wrong too often.
                 found += list_lanes(event, base + found, column - first, mask)[0]

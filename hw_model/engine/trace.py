@@ -94,7 +94,8 @@ class PhaseInput(NamedTuple):
         """Return the input of some recordings."""
         events = tuple(EventLists(lists.first[recordings], lists.channel) for lists in self.events)
         counts = self.counts[:, recordings]
-        start, stop = self.start[recordings], self.stop[recordings]
+        start = self.start[recordings]
+        stop = self.stop[recordings]
         return PhaseInput(self.steps, self.sizes, events, counts, start, stop)
 
     def lines(self, recording: int) -> ByteArray:
@@ -169,7 +170,8 @@ def due_late(program: ChipProgram, phase: str) -> IntArray:
     )
     for core in cores:
         # Each input axon of a core has a sender of its own.
-        axons, shape = core.axons, (longest + 1, core.axons.input_axons)
+        axons = core.axons
+        shape = (longest + 1, core.axons.input_axons)
         by_delay = np.bincount(
             axons.delay * shape[1] + axons.axon_of_synapse, minlength=shape[0] * shape[1]
         )

@@ -59,8 +59,6 @@ def write_build(folder: Path, files: Mapping[str, bytes], ours: str = NO_NAMES) 
 
 
 def _unwritable(folder: Path, reason: str) -> InputError:
-    where, what = (
-        f"output {folder.name or str(folder)!r}",
-        f"cannot be written: {reason[:1].lower()}{reason[1:]}",
-    )
+    where = f"output {folder.name or str(folder)!r}"
+    what = f"cannot be written: {reason[:1].lower()}{reason[1:]}"
     return InputError(where, what, fix="With -o, choose a folder that you may write to.")

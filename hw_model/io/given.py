@@ -40,9 +40,11 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
     Arrays, and the contents of sequences and mappings, are left to the function, except for rows of different lengths.
     """
-    signature, called = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
+    signature = inspect.signature(function)
+    called = function.__qualname__.removesuffix(".__init__")
     by_place = [p for p in signature.parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
-    names, least = [p.name for p in by_place], sum(p.default is p.empty for p in by_place)
+    names = [p.name for p in by_place]
+    least = sum(p.default is p.empty for p in by_place)
     if any(p not in by_place and p.default is p.empty for p in signature.parameters.values()):
         least = len(names) + 1
     passed: set[tuple[str, type]] = set()

@@ -45,7 +45,8 @@ def load_npy(data: bytes, where: str, kinds: str = NUMBERS) -> AnyArray:
     """
     stream = io.BytesIO(data)
     shape, fortran, dtype = check_header(stream, where, kinds)
-    held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
+    held = len(data) - stream.tell()
+    needed = math.prod(shape) * dtype.itemsize
     if held < needed:
         raise InputError(
             where, "it is truncated", measured=f"{held} of {needed} bytes", fix=_REWRITE

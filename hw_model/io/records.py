@@ -137,17 +137,16 @@ def check_fields(record: object) -> None:
     """
     own: type = type(record)
     try:
-        called, hints, said = (
-            getattr(record, "where", own.__name__),
-            get_type_hints(own),
-            said_of(own),
-        )
+        called = getattr(record, "where", own.__name__)
+        hints = get_type_hints(own)
+        said = said_of(own)
     except (
         NameError
     ):  # a type from elsewhere, whose annotations may name what only type checkers import
         return
     for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
-        value, hint = getattr(record, name), hints[name]
+        value = getattr(record, name)
+        hint = hints[name]
         if isinstance(value, Real) and not isinstance(value, int | float):
             value = value.item()  # type: ignore[attr-defined]  # files hold Python's numbers, not those of numpy
             object.__setattr__(record, name, value)
@@ -229,7 +228,8 @@ class RecordReader(Frozen):
         hint = get_args(hint)[0] if said else hint
         if isinstance(hint, UnionType):
             return self._one_of(hint, said, value, key)
-        origin, parts = get_origin(hint) or hint, get_args(hint)
+        origin = get_origin(hint) or hint
+        parts = get_args(hint)
         if hasattr(origin, "__dataclass_fields__"):
             return self.record(origin, value, key)
         check_value(self.place(key), value, _kinds(hint), said, self.fix or "Correct it.")

@@ -80,7 +80,8 @@ def _check_charges(graph: CompartmentGraph) -> None:
     for phase in graph.phases:
         names = {group.name: group.size for group in graph.groups if group.phase == phase.name}
         delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
-        kept, compartments = max(delays, default=0) + 2, sum(names.values())
+        kept = max(delays, default=0) + 2
+        compartments = sum(names.values())
         if kept * compartments > MOST_CHARGES:
             what = "its longest delay keeps more charges in flight than the simulator allows"
             measured = (
@@ -113,7 +114,8 @@ def _check_visits(item: Input, phase: Phase) -> None:
     """Channels are visited within the phase, on lines that exist and are theirs alone in that step."""
     if item.positions is None:
         return
-    where, lines = f"input {item.name!r}", item.first_lines
+    where = f"input {item.name!r}"
+    lines = item.first_lines
     outside = item.positions[(item.positions < 0) | (item.positions >= (phase.steps or np.inf))]
     if len(outside):
         measured = f"step {outside[0]} of {phase.steps}, counted from 0"
@@ -224,10 +226,8 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         )
     bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
     if len(bad):
-        kind, fix = (
-            f"{grid.weight_bits}-bit {grid.sign_mode} weights",
-            "Round the weights onto the grid first.",
-        )
+        kind = f"{grid.weight_bits}-bit {grid.sign_mode} weights"
+        fix = "Round the weights onto the grid first."
         what = f"weight {synapses.mantissa[bad[0]]} is not on the grid of {kind}"
         of = counted(len(synapses.mantissa), "weight")
         measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {of} off"

@@ -101,10 +101,8 @@ class ProgramBuilder:
         def column(key: str, value: Ints) -> IntArray:
             return _whole(f"compartments {name!r}", key, value, (node.size,))
 
-        last, joined = (
-            self._chip.registers.voltage_max,
-            None if joined_to is None else joined_to.name,
-        )
+        last = self._chip.registers.voltage_max
+        joined = None if joined_to is None else joined_to.name
         given = {
             "decay_u": decay_u,
             "decay_v": decay_v,

@@ -85,7 +85,8 @@ def _check_names(stored: set[str], program: ChipProgram) -> None:
 
 
 def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
-    inputs, routes = [], []
+    inputs = []
+    routes = []
     for index, item in enumerate(document["inputs"]):
         positions = arrays[f"input{index}/positions"] if item["transposed"] else None
         first_lines = arrays.get(f"input{index}/first_lines")

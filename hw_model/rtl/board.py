@@ -46,7 +46,9 @@ class Board:
     """
 
     def __init__(self, port: Port) -> None:
-        self._port, self._frames, self._number = port, frames.FrameReader(port.read), 0
+        self._port = port
+        self._frames = frames.FrameReader(port.read)
+        self._number = 0
         self.cut_off = False
         self._spikes: list[int] = []
         self._answers: list[Answer] = []
@@ -103,10 +105,8 @@ class Board:
 
     def _command(self, kind: int, payload: bytes = b"") -> bytes:
         """Send a frame until it is carried out; return what the board says to it. A refusal is an ``InputError``."""
-        wanted, following = (
-            frames.WELCOME if kind == frames.HELLO else frames.DONE,
-            (self._number + 1) % 256,
-        )
+        wanted = frames.WELCOME if kind == frames.HELLO else frames.DONE
+        following = (self._number + 1) % 256
         for _ in range(TRIES):
             self._port.write(frames.framed(kind, self._number, payload))
             while (frame := self._heard()) is not None:

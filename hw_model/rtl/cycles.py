@@ -175,25 +175,29 @@ def transposed_words(core: CoreProgram, phase: CorePhase, recording: ByteArray) 
 
     A channel of a row takes a cycle, a visit four and one for every word of its rows.
     """
-    visits, origin = [] if core.later else phase.visits.T.tolist(), phase.origin(recording)
+    visits = [] if core.later else phase.visits.T.tolist()
+    origin = phase.origin(recording)
     wait, at = core.swept + 10 + 5, 0  # charges are swept and the fields of the phase read first
     for step in phase.span(recording):
         if phase.by_rows:
-            read, wait = 0, wait + 3
+            read = 0
+            wait = wait + 3
             for channel in np.flatnonzero(recording[step : step + 1].any(axis=0)).tolist():
                 yield wait + channel - read, phase.row_source + channel
                 read, wait = channel, 0
             wait += core.channels - read
         while at < len(visits) and visits[at][0] == step:
             _, channel, source = visits[at]
-            read, wait = 0, wait + 2
+            read = 0
+            wait = wait + 2
             for row in np.flatnonzero(recording[: core.kept, channel]).tolist():
                 shown = 0 <= row - origin < phase.rows
                 yield (
                     wait + row // core.word + 1 - read,
                     source + (row - origin >> phase.shared) if shown else HIDDEN,
                 )
-                read, wait = row // core.word + 1, 1
+                read = row // core.word + 1
+                wait = 1
             wait += core.row_words - read + 2
             at += 1
         yield wait, TICK

@@ -34,10 +34,8 @@ def check_room(core: CoreProgram, device: Chip) -> None:
     """Refuse what the open core of a device has too few of, or no bits for, as a ``TargetError``."""
     assert device.open_core is not None
     for name, (need, limit) in _short_of(core, device).items():
-        what, measured = (
-            f"the open core of {device.name} is too small in {name!r}",
-            f"{need} against {limit}",
-        )
+        what = f"the open core of {device.name} is too small in {name!r}"
+        measured = f"{need} against {limit}"
         raise TargetError(
             f"program {core.program.name!r}", what, measured=measured, fix=_way_out(core)
         )
@@ -76,10 +74,8 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
     They are means of a recording. The cleaning between recordings is not in it. Charges that are 0 when they are taken
     and compartments at rest are not written back: writes are the most that there can be.
     """
-    updates, lists = (
-        counts.neuron_updates,
-        counts.input_events + counts.transpose_events + counts.spikes,
-    )
+    updates = counts.neuron_updates
+    lists = counts.input_events + counts.transpose_events + counts.spikes
     scanned = 0 if core.later else recordings * len(core.tables["visits"]["step"]) * core.row_words
     written = {
         "charges": counts.synaptic_ops + updates,

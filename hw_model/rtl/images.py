@@ -116,7 +116,8 @@ class CoreProgram:
         self.row_words = -(-self.kept // self.word)
         self.channels = sum(program.streams.values())
         self.numbering = numbered(program, [phase.name for phase in self.phases], self.sizes)
-        self.numbers, self.ends = self.numbering.of_phase, self.numbering.ends
+        self.numbers = self.numbering.of_phase
+        self.ends = self.numbering.ends
         synapses = self._synapses()
         places = self.numbering.places(synapses["target"])
         self.later = self._hears_later(_power(int(synapses["delay"].max(initial=0)) + 2))
@@ -124,8 +125,10 @@ class CoreProgram:
             places %= self.sizes.compartments >> self.sizes.later
         placed = {**synapses, "target": places}
         lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
-        self.starts, self.lengths = lists.starts, lists.lengths
-        most, longest = (1 << LENGTH_BITS) - 1, int(self.lengths.max(initial=0))
+        self.starts = lists.starts
+        self.lengths = lists.lengths
+        most = (1 << LENGTH_BITS) - 1
+        longest = int(self.lengths.max(initial=0))
         fits = not self.sizes.step or longest <= most
         refuse_unless(
             fits,
@@ -140,10 +143,8 @@ class CoreProgram:
         )
         self.scale = max((below for _, below in ratios), default=1)
         weights = [above * (self.scale // below) for above, below in ratios]
-        heaviest, what = (
-            max(map(abs, weights), default=0),
-            f"weight of a readout of more than {READOUT_BITS} bits",
-        )
+        heaviest = max(map(abs, weights), default=0)
+        what = f"weight of a readout of more than {READOUT_BITS} bits"
         refuse_unless(heaviest < 1 << READOUT_BITS, program, f"{what} as a whole number", heaviest)
         visits = np.hstack([phase.visits for phase in self.phases])
         visits = visits[:, np.argsort(visits[1])] if self.later else visits
@@ -193,7 +194,8 @@ class CoreProgram:
         """Return what every memory holds, in the fields of its words."""
         settings = {"settings": {"value": _array(self._settings(sizes).values())}}
         compartments = self.tables["compartments"]
-        tables, found = self.tables | settings | {"leaks": compartments, "fires": compartments}, {}
+        tables = self.tables | settings | {"leaks": compartments, "fires": compartments}
+        found = {}
         for name, layout in layouts(sizes).items():
             columns = {field.name: tables[name][field.name] for field in layout.fields}
             for field in layout.fields:
@@ -253,7 +255,8 @@ class CoreProgram:
 
     def _settings(self, sizes: Sizes) -> dict[str, int]:
         """Return memory 0, a setting an address; writing the last one starts the core."""
-        readout, slots = self.program.readout, _power(self.needs.slots)
+        readout = self.program.readout
+        slots = _power(self.needs.slots)
         return {
             "heard": self.heard,
             "kept": self.kept,
@@ -347,8 +350,10 @@ class CoreProgram:
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""
-        numbering, given = self.numbering, partial(of_compartments, self.program)
-        number, child = numbering.number, numbering.parent >= 0
+        numbering = self.numbering
+        given = partial(of_compartments, self.program)
+        number = numbering.number
+        child = numbering.parent >= 0
         parent = np.where(child, number[numbering.parent], -1)
         place_of_parent = numbering.places(np.maximum(parent, 0)) * child
         if self.sizes.sums:

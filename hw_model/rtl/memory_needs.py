@@ -25,13 +25,14 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     Accesses are those that counts and program tell. They do not tell words of lists with one synapse or none, which are
     read, nor states of active compartments that the next step does not depend on, which are not.
     """
-    needs, words = core.needs, core.words
+    needs = core.needs
+    words = core.words
     widths = {name: layout.width for name, layout in layouts(sizes).items()}
-    updates, active, spikes = counts.neuron_updates, counts.neuron_updates_active, counts.spikes
-    lists, source = (
-        counts.input_events + counts.transpose_events + spikes,
-        (sizes.axons - 1).bit_length(),
-    )
+    updates = counts.neuron_updates
+    active = counts.neuron_updates_active
+    spikes = counts.spikes
+    lists = counts.input_events + counts.transpose_events + spikes
+    source = (sizes.axons - 1).bit_length()
     # With two slots no synapse has a delay.
     synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
     charges = sizes.slots << (words.states - 1).bit_length() - 1
@@ -112,7 +113,8 @@ def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
         {field.name: core.tables["compartments"][field.name] for field in layout.fields}
     )
     words = np.delete(words, own_bits(name, sizes), axis=1)
-    begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
+    begin = core.ends[phase - 1] if phase else 0
+    end = core.ends[phase]
     differs = (words[begin + 2 : end] != words[begin : max(end - 2, begin)]).any(axis=1)
     differs = np.r_[[True, True], differs][: end - begin]
     return (

@@ -60,9 +60,11 @@ class Made(Frozen):
 
     def pieces(self) -> "Iterator[Piece]":
         """Yield the macros of a copy."""
-        array, every = self.array, self.pack * self.parts
+        array = self.array
+        every = self.pack * self.parts
         for bank in range(self.banks):
-            first, bit = bank // self.parts * every * self.macros[0].words + bank % self.parts, 0
+            first = bank // self.parts * every * self.macros[0].words + bank % self.parts
+            bit = 0
             for name, macro in zip(self.row, self.macros, strict=True):
                 yield Piece(
                     array.name,

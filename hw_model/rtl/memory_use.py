@@ -14,7 +14,8 @@ def memory_uses(core: CoreProgram) -> dict[str, MemoryUse]:
     Synapses lie in pairs, so a word of theirs is two, and charges wait in a slot for each step of
     delay. The sums of joined voltages are left out: the tools make them of logic or of memory.
     """
-    sizes, needs = core.sizes, core.needs
+    sizes = core.sizes
+    needs = core.needs
     widths = {name: layout.width for name, layout in layouts(sizes).items()}
     places = held(sizes)
     states = core.words.states

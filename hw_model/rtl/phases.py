@@ -62,7 +62,8 @@ def core_phases(
         (p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))),
         None,
     )
-    found, free = [] if streaming else [CorePhase()], sum(program.streams.values())
+    found = [] if streaming else [CorePhase()]
+    free = sum(program.streams.values())
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
         length = length_of(program, phase, rows, steps)
         core_phase, free = _core_phase(
@@ -81,21 +82,24 @@ def _core_phase(
     by_rows = not streams and any(item.positions is None for item in inputs)
     row_source = free if by_rows else 0
     free += ends[-1] if by_rows else 0
-    sources, visits = [CorePhase().sources], [CorePhase().visits]
+    sources = [CorePhase().sources]
+    visits = [CorePhase().visits]
     shared = rows_together(program, phase.name) if groups else 0
     for item in inputs:
         channels = first_channel[item.stream] + np.arange(item.channels)
         if item.positions is None:
             sources.append(row_source + channels)
             continue
-        of_line, row = np.arange(item.size), np.arange(item.size) % item.rows
+        of_line = np.arange(item.size)
+        row = np.arange(item.size) % item.rows
         if shared:
             of_line = of_line // item.rows * -(-item.rows >> shared) + (row >> shared)
         visits.append(np.stack((item.positions, channels, free + of_line[item.visits[1]])))
         # Where rows share a source, the first of them has its list.
         sources.append(np.where(row % (1 << shared), -1, free + of_line))
         free += int(of_line[-1]) + 1
-    table, events = np.hstack(visits), phase.align_events
+    table = np.hstack(visits)
+    events = phase.align_events
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
     kept = max(
         0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows
@@ -106,7 +110,8 @@ def _core_phase(
         max((first[name] for name in program.columns_of(phase.name) if name in first), default=0),
         NO_ROW,
     )
-    lines, table = np.concatenate(sources), table[:, np.argsort(table[0], kind="stable")]
+    lines = np.concatenate(sources)
+    table = table[:, np.argsort(table[0], kind="stable")]
     return CorePhase(
         phase.name, steps, kept, told, shared, row_source, by_rows, events, from_step, lines, table
     ), free

@@ -12,7 +12,8 @@ MOST_POPULATIONS, MOST_CHANNELS, MOST_PHASES = 64, 1 << 16, 64
 def refuse_unless(fits: bool, program: ChipProgram, what: str, found: object) -> None:
     """Raise a ``TargetError`` that names what the core does not have, and what a program asks for."""
     if not fits:
-        where, what = f"program {program.name!r}", f"the open core has no {what}"
+        where = f"program {program.name!r}"
+        what = f"the open core has no {what}"
         raise TargetError(where, what, measured=f"{found}", fix="Simulate it instead.")
 
 
@@ -51,10 +52,8 @@ def refuse_unplayable(program: ChipProgram) -> None:
 
 
 def _refuse_phase(program: ChipProgram, phase: Phase) -> None:
-    inputs, first = (
-        program.inputs_of(phase.name),
-        program.readout.from_step if program.readout else {},
-    )
+    inputs = program.inputs_of(phase.name)
+    first = program.readout.from_step if program.readout else {}
     begins = sorted({first[name] for name in program.columns_of(phase.name) if name in first})
     refuse_unless(
         len(begins) < 2, program, "readout of potentials from several steps of a phase", begins

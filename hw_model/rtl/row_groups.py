@@ -10,7 +10,8 @@ MOST_SHARED = 7
 
 def rows_together(program: ChipProgram, phase: str) -> int:
     """Return the largest k for which rows ``n 2^k`` to ``(n + 1) 2^k - 1`` of every channel have the same synapses."""
-    lines, shared = program.lines_of(phase), MOST_SHARED
+    lines = program.lines_of(phase)
+    shared = MOST_SHARED
     inputs = [item for item in program.inputs_of(phase) if item.positions is not None]
     for item in inputs:
         if (

@@ -113,10 +113,8 @@ def said(command: list[str], folder: Path, where: str) -> str:
 
     What pip has installed next to this Python is found, too.
     """
-    tool, path = (
-        Path(command[0]).name,
-        f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}",
-    )
+    tool = Path(command[0]).name
+    path = f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}"
     if shutil.which(command[0], path=path) is None:
         fix = f"Install it with: apt-get install {PACKAGES.get(tool, tool)} (Debian)."
         if tool.startswith("yowasp"):

@@ -248,7 +248,10 @@ def _order(layout: FastLayout, read_columns: Read) -> Order:
 @compiled
 def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]
     """Add rows from row ``before`` on, and note what every column gives after each in ``counts``."""
-    visits, read, order, history = phase.visits, phase.read, phase.order, phase.history
+    visits = phase.visits
+    read = phase.read
+    order = phase.order
+    history = phase.history
     tables = phase.tables
     steps = len(history.masks)
     for row in range(len(rows)):
@@ -291,14 +294,15 @@ def _largest(at, first, history):  # type: ignore[no-untyped-def]
 def _change(link, found, links, history):  # type: ignore[no-untyped-def]
     """Add, or take away, the charges of the spikes listed, and note from where on the target has to run again."""
     block = np.uint64(history.block_of[links.target_node[link]])
-    steps, first = len(history.masks), history.changed[block]
-    offset, form, is_matrix = links.offset[link], _form_of(link, links), links.kind[link] == MATRIX
+    steps = len(history.masks)
+    first = history.changed[block]
+    offset = links.offset[link]
+    form = _form_of(link, links)
+    is_matrix = links.kind[link] == MATRIX
     stride = links.width[link] if is_matrix else 1
-    width, low, delay = (
-        np.uint64(links.width[link]),
-        np.uint64(links.target[link]),
-        links.delay[link],
-    )
+    width = np.uint64(links.width[link])
+    low = np.uint64(links.target[link])
+    delay = links.delay[link]
     for e in range(np.uint64(found)):
         event = np.int64(history.event[e])
         sign = np.int64(1 if event >= 0 else -1)
@@ -306,7 +310,8 @@ def _change(link, found, links, history):  # type: ignore[no-untyped-def]
         if is_matrix:
             at = history.row_of[e] + 1 + delay
             if at < steps:
-                due, begin = np.uint64(at), np.uint64(source)
+                due = np.uint64(at)
+                begin = np.uint64(source)
                 for j in range(np.uint64(0), width, _LANES):
                     add_multiple(history.charge, due, low + j, links.matrix, begin + j, sign)
                 first = min(first, at)
@@ -336,15 +341,18 @@ def _synapse(form, k, links):  # type: ignore[no-untyped-def]
     """Return delay, slot and weight of synapse k of a list."""
     is_wide, low, delay, slot_bits, late_bits, shift = form
     word = links.wide_word[k] if is_wide else np.int64(links.word[k])
-    late, slot = (word >> slot_bits) & ((1 << late_bits) - 1), word & ((1 << slot_bits) - 1)
+    late = (word >> slot_bits) & ((1 << late_bits) - 1)
+    slot = word & ((1 << slot_bits) - 1)
     return delay + late, np.uint64(low + slot), (word >> (slot_bits + late_bits)) << shift
 
 
 @inner
 def _run_again(block, start, phase):  # type: ignore[no-untyped-def]
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
-    tables, order = phase.tables, phase.order
-    registers, history = phase.registers, phase.history
+    tables = phase.tables
+    order = phase.order
+    registers = phase.registers
+    history = phase.history
     chunks = tables.chunks
     steps = len(history.masks)
     for member in range(
@@ -356,7 +364,8 @@ def _run_again(block, start, phase):  # type: ignore[no-untyped-def]
     stride = 1 if chunks.feeds_itself[block] else steps - start
     for first in range(start, steps, stride):
         for bundle in range(chunks.of_block[block], chunks.of_block[block + 1]):
-            low, high = np.uint64(chunks.bundle[bundle]), np.uint64(chunks.bundle[bundle + 1])
+            low = np.uint64(chunks.bundle[bundle])
+            high = np.uint64(chunks.bundle[bundle + 1])
             if order.is_pair[low]:
                 call_at(phase.by_pairs, (np.uint64(first), stride, low, phase))
                 continue
@@ -387,13 +396,16 @@ def _run_pair(first, many, index, phase):  # type: ignore[no-untyped-def]
 @absorbed
 def _advance_pair(first, many, index, phase, widths):  # type: ignore[no-untyped-def]
     """Do what :func:`_run_pair` says; without ``widths``, an empty tuple, both dendrites are plain."""
-    chunks, registers, history = phase.tables.chunks, phase.registers, phase.history
-    at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
-    one, other = (
-        np.uint64(chunks.member[index]) * _LANES,
-        np.uint64(chunks.member[index + _ONE_MORE]) * _LANES,
-    )
-    before, charge, echo = history.before, history.charge, chunks.echo
+    chunks = phase.tables.chunks
+    registers = phase.registers
+    history = phase.history
+    at = index * _KEPT
+    last = np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
+    one = np.uint64(chunks.member[index]) * _LANES
+    other = np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
+    before = history.before
+    charge = history.charge
+    echo = chunks.echo
     spikes = history.masks[first - _ONE_MORE, last] if first > 0 else np.int32(0)
     advance_pair(
         registers, index * _CHUNK, before, first, at, before, first + _ONE_MORE, at, charge, first, one,
@@ -405,7 +417,8 @@ def _advance_pair(first, many, index, phase, widths):  # type: ignore[no-untyped
 @absorbed
 def _run_member(step, index, chunks, order, registers, history):  # type: ignore[no-untyped-def]
     """Update one chunk in one step; return the spikes as bits."""
-    k, at = np.uint64(chunks.member[index]), index * _CHUNK
+    k = np.uint64(chunks.member[index])
+    at = index * _CHUNK
     mask = advance(registers, at, history.charge, step, k * _LANES, chunks.widths)[0]
     if order.parent[index] >= 0:
         pass_on(registers, at, registers, np.uint64(order.parent[index]) * _CHUNK)
@@ -420,15 +433,14 @@ def _note(k, step, mask, chunks, history):  # type: ignore[no-untyped-def]
     history.flips[step, k], history.masks[step, k] = flips, mask
     count_changes(history.spikes, k * _LANES, flips & mask, flips & ~mask)
     if chunks.echo_to[k] >= 0:
-        to, due, end = (
-            np.uint64(chunks.echo_to[k]) * _LANES,
-            step + _ONE_MORE,
-            np.uint64(len(chunks.echo)),
-        )
+        to = np.uint64(chunks.echo_to[k]) * _LANES
+        due = step + _ONE_MORE
+        end = np.uint64(len(chunks.echo))
         at = to
         while at < end and due < np.uint64(len(history.masks)):
             change_echo(history.charge, due, to, chunks.echo, at, flips & mask, flips & ~mask)
-            at, due = at + (np.uint64(history.charge.shape[1]) if flips else end), due + _ONE_MORE
+            at = at + (np.uint64(history.charge.shape[1]) if flips else end)
+            due = due + _ONE_MORE
 
 
 @inner
@@ -437,15 +449,16 @@ def _pass_flips_on(node, low, high, tables, order, history):  # type: ignore[no-
 
     All of them first, without branches: which steps have any would be guessed wrong too often.
     """
-    nodes, chunks, links = tables.nodes, tables.chunks, tables.links
-    found, base = _NONE, nodes.first[node]
+    nodes = tables.nodes
+    chunks = tables.chunks
+    links = tables.links
+    found = _NONE
+    base = nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
-            first, flips, spikes = (
-                chunks.first_column[k] - base,
-                history.flips[row, k],
-                history.masks[row, k],
-            )
+            first = chunks.first_column[k] - base
+            flips = history.flips[row, k]
+            spikes = history.masks[row, k]
             found += list_flips(
                 history.event, found, history.row_of, found, row, first, flips, spikes
             )[0]

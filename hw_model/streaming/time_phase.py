@@ -171,10 +171,13 @@ def _run(  # type: ignore[no-untyped-def]
     at,
 ):
     """Play rows, bytes side by side, from step ``before`` up to ``end``; note what every column gives after each."""
-    room, read = phase.room, phase.read
-    begin, lasting = room.begin, max(0, min(len(counts), end - before))
+    room = phase.room
+    read = phase.read
+    begin = room.begin
+    lasting = max(0, min(len(counts), end - before))
     for low in range(0, lasting, TILE):
-        rows, many = min(TILE, lasting - low), np.uint64(0)
+        rows = min(TILE, lasting - low)
+        many = np.uint64(0)
         for m in range(len(begin) - 1):
             room.first[0, m] = many
             for row in range(rows):

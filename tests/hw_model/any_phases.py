@@ -110,11 +110,14 @@ def _branch(
     r: np.random.Generator, chip: hw.Chip, name: str, lines: list[int], classes: int
 ) -> CompartmentGraph:
     """Populations ``y`` and ``z`` of so many classes and up to two more, with what is joined to them, and synapses."""
-    builder, quiet, narrow = hw.ProgramBuilder(chip), bool(r.random() < 0.5), bool(r.random() < 0.5)
+    builder = hw.ProgramBuilder(chip)
+    quiet = bool(r.random() < 0.5)
+    narrow = bool(r.random() < 0.5)
     senders = [builder.add_input(f"{name}/x{i}", n) for i, n in enumerate(lines)]
     targets = []
     for group in ["y", "z", *(f"h{i}" for i in range(r.integers(3)))]:
-        size, kept = classes if group in "yz" else int(r.integers(1, 4)), {}
+        size = classes if group in "yz" else int(r.integers(1, 4))
+        kept = {}
         if narrow:
             kept = {
                 "vmin": int(r.choice(voltage_minima(chip.registers))),
@@ -127,10 +130,8 @@ def _branch(
         shape = str(r.choice(["none", *SHAPES]))
         targets += [soma, *any_program.add_children(builder, soma, shape, chip, r, kept)]
     for _ in range(int(r.choice([0, 3, 6, 12]))):
-        source, target = (
-            senders[int(r.integers(len(senders)))],
-            targets[int(r.integers(len(targets)))],
-        )
+        source = senders[int(r.integers(len(senders)))]
+        target = targets[int(r.integers(len(targets)))]
         for _ in range(int(r.choice([1, 1, 2]))):
             any_program.connect(r, builder, source, target, chip)
     return builder.graph()
@@ -144,7 +145,8 @@ def _visits(
         positions = r.integers(0, steps, channels)
         number = np.array([np.count_nonzero(positions[:c] == at) for c, at in enumerate(positions)])
     else:
-        positions, number = np.full(channels, r.integers(steps)), r.permutation(channels)
+        positions = np.full(channels, r.integers(steps))
+        number = r.permutation(channels)
     alone = not number.any() and r.random() < 0.3
     visits = {"positions": positions, "first_lines": None if alone else number * rows}
     return (int(number.max()) + 1) * rows, visits
@@ -162,15 +164,20 @@ def _phase(
 
     ``touches``: so many events may begin it; ``alike``: its inputs hear equally many rows.
     """
-    axis, mixed = str(r.choice(AXES)), bool(r.random() < 0.1)
+    axis = str(r.choice(AXES))
+    mixed = bool(r.random() < 0.1)
     steps = None if r.random() < 0.4 else int(r.choice([1, 2, 5, rows + 1, max(rows, 1), 60]))
     align = None if mixed or r.random() < 0.5 else int(r.choice(touches))
-    lines, feeds, heard = [], [], [1, 2, max(rows, 1), rows + 3, max(1, rows - 2)]
+    lines = []
+    feeds = []
+    heard = [1, 2, max(rows, 1), rows + 3, max(1, rows - 2)]
     if alike:
         heard = [int(r.choice(heard))]
     for i in range(int(r.choice([1, 1, 2]))):
         stream = str(r.choice(list(streams)))
-        channels, size, visits = streams[stream], streams[stream], {}
+        channels = streams[stream]
+        size = streams[stream]
+        visits = {}
         if (axis == "location") != (mixed and i == 1):
             size, visits = _visits(
                 r,
@@ -211,7 +218,9 @@ def drawn(seed: int, plain: bool = False) -> Case:
     chip = _chip(r, plain)
     rows = int(r.choice([0, 1, 1, 2, 3, 7, 20, 40, 70]))
     streams = {f"s{i}": int(r.choice([1, 1, 2, 5, 9])) for i in range(int(r.integers(1, 3)))}
-    classes, graphs, touches = int(r.integers(1, 4)), [], [1, 1, 2, 4, 1000]
+    classes = int(r.integers(1, 4))
+    graphs = []
+    touches = [1, 1, 2, 4, 1000]
     if plain:
         touches = [int(r.choice(touches))]
     for i in range(int(r.choice([1, 2, 2, 3, 4]))):

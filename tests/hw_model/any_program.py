@@ -132,7 +132,8 @@ def connect(
     r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip
 ) -> None:
     """Add synapses of any format, weights, exponent and delays; some pairs of compartments have none."""
-    bits, mode = int(r.choice(chip.registers.weight_bits)), str(r.choice(SIGN_MODES))
+    bits = int(r.choice(chip.registers.weight_bits))
+    mode = str(r.choice(SIGN_MODES))
     grid = weight_grid(bits, mode)
     shape = (target.size, source.size)
     weights = grid.round(r.choice([20, 300]) * r.uniform(-1, 1, shape))
@@ -177,10 +178,8 @@ def graphs(
         seen["fans of more than 255"] += len(children) > 255
     targets = senders[1:] + joined[:12]
     for _ in range(draw(st.integers(1, 8), label="links")):
-        source, target = (
-            senders[int(r.integers(len(senders)))],
-            targets[int(r.integers(len(targets)))],
-        )
+        source = senders[int(r.integers(len(senders)))]
+        target = targets[int(r.integers(len(targets)))]
         for _ in range(int(r.choice([1, 1, 2, 4]))):
             connect(r, builder, source, target, chip)
         seen["links"] += 1
@@ -214,10 +213,8 @@ def programs(
 ) -> Drawn:
     """A program of one phase, out of the builder, and a batch of recordings; ``given``: for which chips."""
     chip = draw(chips(widths) if given is None else given)
-    lines, classes = (
-        draw(st.integers(1, 5), label="lines"),
-        draw(st.integers(1, 4), label="classes"),
-    )
+    lines = draw(st.integers(1, 5), label="lines")
+    classes = draw(st.integers(1, 4), label="classes")
     graph, seen = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
     graph = replace(graph, readout=Readout(("y",), (1.0,), draw(POTENTIALS_FROM)))
@@ -232,10 +229,8 @@ def programs(
 def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = None) -> Drawn:
     """A program of a time phase and a transposed location phase, and one recording (1, steps, channels)."""
     chip = draw(chips() if given is None else given)
-    steps, channels = (
-        draw(st.integers(1, 16), label="steps"),
-        draw(st.integers(1, 5), label="channels"),
-    )
+    steps = draw(st.integers(1, 16), label="steps")
+    channels = draw(st.integers(1, 5), label="channels")
     classes = draw(st.integers(1, 3), label="classes")
     time, seen = draw(graphs(chip, channels, classes, "time/"))
     location, more = draw(graphs(chip, steps, classes, "location/"))

@@ -76,7 +76,9 @@ def one_layer(
 def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
     """A program of one or two channels and up to three classes, some with a dendrite, and a short recording."""
     r = np.random.default_rng(seed)
-    channels, classes, steps = int(r.integers(1, 3)), int(r.integers(2, 4)), int(r.integers(3, 7))
+    channels = int(r.integers(1, 3))
+    classes = int(r.integers(2, 4))
+    steps = int(r.integers(3, 7))
     weights = 2 * r.integers(-30, 60, (classes, channels))
     builder, y = one_layer(
         weights,

@@ -23,7 +23,8 @@ COUNTED = (
 
 def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Counter[str]:
     """Return the counts of one recording with the ``spikes`` (batch, steps, n) of its populations."""
-    program, found = case.program, Counter[str]()
+    program = case.program
+    found = Counter[str]()
     core_of = {
         (piece.group, i): core
         for core in program.cores

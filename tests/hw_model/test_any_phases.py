@@ -30,7 +30,8 @@ MANY = [*LARGE, *range(36, 200)]
 def check_equal(found: hw.SimulationResult, wanted: hw.SimulationResult) -> None:
     """Every array, count, event and score; only the steps that an engine skips may differ."""
     for kind in KINDS:
-        ours, theirs = getattr(found, kind), getattr(wanted, kind)
+        ours = getattr(found, kind)
+        theirs = getattr(wanted, kind)
         assert ours.keys() == theirs.keys()
         assert [name for name in ours if not np.array_equal(ours[name], theirs[name])] == [], kind
     assert [replace(one, skipped_steps=0) for one in found.per_recording] == [

@@ -44,7 +44,8 @@ def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
         name: np.where(heard, array, 0).astype(np.uint8) for name, array in case.first.items()
     }
     whole = hw.simulate(case.program, so_far, engine=ENGINES[1], probe=("spikes", "potential"))
-    scores, from_step = np.zeros(found.scores.shape[1]), case.program.readout.from_step
+    scores = np.zeros(found.scores.shape[1])
+    from_step = case.program.readout.from_step
     phase_of = {
         name: phase.name
         for phase in case.program.phases
@@ -69,15 +70,14 @@ def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
     found = pushed(session, case.first, [])
     for step in {0, case.rows - 1, *r.integers(case.rows, size=2).tolist()}:
         check_so_far(case, step, found)
-    every, some = (
-        list(range(1, case.rows)),
-        r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist(),
-    )
+    every = list(range(1, case.rows))
+    some = r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist()
     for cuts in (every, some):
         again = pushed(session if r.random() < 0.5 else hw.Session(case.program), case.first, cuts)
         assert np.array_equal(again.scores, found.scores, equal_nan=True)
         for kind in ("spikes", "potential"):
-            ours, theirs = getattr(again, kind), getattr(found, kind)
+            ours = getattr(again, kind)
+            theirs = getattr(found, kind)
             assert [name for name in theirs if not np.array_equal(ours[name], theirs[name])] == []
     live = [p for p in case.program.phases if case.program.inputs_of(p.name)[0].positions is None]
     if all((phase.steps or 0) <= case.rows for phase in live):
@@ -88,7 +88,8 @@ def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
 
 def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generator) -> None:
     """While the first phase plays rows as they come, those that have not come yet may be any and change no winner."""
-    first, done = case.program.phases[0], int(proven.steps[0])
+    first = case.program.phases[0]
+    done = int(proven.steps[0])
     ends = (
         case.rows
         if first.steps is None or first.align_events is not None
@@ -107,7 +108,8 @@ def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generato
 
 def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
     """Proven, at a margin and in silence: each says what a run of what was read says."""
-    program, spikes = case.program, case.spikes
+    program = case.program
+    spikes = case.spikes
     final = hw.simulate(program, spikes).prediction
     proven = hw.stop_when_proven(program, spikes)
     assert proven.final.tolist() == proven.prediction.tolist() == final.tolist()
@@ -136,7 +138,8 @@ def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
 
 def check(seed: int) -> Counter[str]:
     """Return what was met."""
-    case, r = any_phases.case(seed), np.random.default_rng([seed, 1])
+    case = any_phases.case(seed)
+    r = np.random.default_rng([seed, 1])
     if not case.rows:
         return Counter()
     if case.mixed:

@@ -53,10 +53,8 @@ def check_ranges(program: hw.ChipProgram, found: hw.SimulationResult) -> None:
     """What is proven of a compartment holds in this run."""
     for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
         for piece in core.slices:
-            here, there = (
-                slice(piece.offset, piece.offset + piece.size),
-                slice(piece.start, piece.stop),
-            )
+            here = slice(piece.offset, piece.offset + piece.size)
+            there = slice(piece.start, piece.stop)
             u, v = (getattr(found, kind)[piece.group][..., there] for kind in ("u", "potential"))
             kept = proven.cannot_wrap[here]
             assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
@@ -95,7 +93,8 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
 
 def check_streams(drawn: any_program.Drawn) -> Counter[str]:
     """A session against whole runs after every step, and a proven stop against recordings that go on otherwise."""
-    program, recording = drawn.program, drawn.spikes[0]
+    program = drawn.program
+    recording = drawn.spikes[0]
     session = hw.Session(program)
     check_every_step(program, recording, session.push(recording))
     apart = in_streams(program)

@@ -77,7 +77,8 @@ def test_never_more_hops_and_the_same_spikes(seed, size, links):
 @pytest.mark.parametrize("seed", range(6))
 def test_close_to_the_best_of_all_arrangements(seed):
     placed = place_cores(random_graph(seed, 6, 14), small_chip(6, 3))
-    traffic, distance = core_traffic(placed), slot_distances(placed.chip, 6)
+    traffic = core_traffic(placed)
+    distance = slot_distances(placed.chip, 6)
     best = min(total_hops(traffic, distance, order) for order in permutations(range(6)))
     assert hops(arrange_cores(placed)) <= 1.1 * best
 

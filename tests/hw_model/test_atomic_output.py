@@ -119,7 +119,9 @@ def test_a_failed_write_leaves_the_folder_as_it_was(mode, tmp_path):
 
 def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_stay(tmp_path):
     out = tmp_path / "out.bin"
-    dead, living, foreign = partial_path(out), partial_path(out), tmp_path / ".out.bin.partial-mine"
+    dead = partial_path(out)
+    living = partial_path(out)
+    foreign = tmp_path / ".out.bin.partial-mine"
     for path in (dead, living, foreign):
         path.write_bytes(b"x")
     with locked(living):

@@ -41,7 +41,8 @@ class OfOneKind:
         return compiled.called(function, *arguments)
 
     def entry(self, function: Callable[..., object], *arguments: object) -> Callable[..., object]:
-        code, first = compiled.entry(function, *arguments), _kinds(arguments)
+        code = compiled.entry(function, *arguments)
+        first = _kinds(arguments)
         self.given[function] = first
 
         def checked(*given: object) -> object:
@@ -83,7 +84,8 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         ):
             assert all(np.array_equal(found.spikes[name], np.broadcast_to(spikes, found.spikes[name].shape))
                        for name, spikes in wanted.spikes.items())  # fmt: skip
-        at_once, by_row = hw.Session(program).push(rows), hw.Session(program)
+        at_once = hw.Session(program).push(rows)
+        by_row = hw.Session(program)
         scores = np.concatenate([by_row.push(row).scores for row in rows])
         assert np.array_equal(at_once.scores, scores)
         assert np.array_equal(scores[-1], wanted.scores)
@@ -130,10 +132,8 @@ def test_another_kind_is_found(watched, planted, place):
 
 
 def test_in_the_tests_every_entry_looks_at_what_it_is_given(monkeypatch):
-    right, wrong = (
-        (np.zeros(4, np.uint8), 4, FIRST, CHANNEL),
-        (np.zeros(8, np.uint8)[::2], 4, FIRST, CHANNEL),
-    )
+    right = (np.zeros(4, np.uint8), 4, FIRST, CHANNEL)
+    wrong = (np.zeros(8, np.uint8)[::2], 4, FIRST, CHANNEL)
     code = compiled.entry(events.list_into, *right)
     assert code(np.frombuffer(bytes(4), np.uint8), *right[1:]) == code(
         *right

@@ -59,7 +59,8 @@ def test_the_chip_that_ships():
 
 
 def test_the_small_chip_has_the_registers_of_the_large_one():
-    tiny, loihi = hw.chip("tiny-sim"), hw.chip("loihi-sim")
+    tiny = hw.chip("tiny-sim")
+    loihi = hw.chip("loihi-sim")
     assert tiny.registers == loihi.registers
     assert (tiny.cores, tiny.limits.compartments_per_core, tiny.mesh.tiles) == (16, 64, 4)
     assert tiny.hops(0, 15) == (1, 1)
@@ -210,7 +211,8 @@ def test_memory_does_not_grow_with_a_number_of_the_chip_file(section, key, value
 def use_everything(document):
     chip = parse_chip(yaml.safe_dump(document), "my.yaml")
     b = hw.ProgramBuilder(chip)
-    x, h = b.add_input("x", 3), b.add_compartments("h", 5, decay_u=4096, decay_v=100, threshold=1)
+    x = b.add_input("x", 3)
+    h = b.add_compartments("h", 5, decay_u=4096, decay_v=100, threshold=1)
     b.connect(x, h, np.full((5, 3), 30))
     b.connect(h, h, np.eye(5, dtype=int) * 20, delay=min(3, chip.registers.delay_max))
     program = b.build()

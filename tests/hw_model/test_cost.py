@@ -152,7 +152,8 @@ def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
 
 
 def test_the_critical_core_is_one_of_the_program_and_not_of_its_phase():
-    program, recording = hybrid().program, hybrid().recording
+    program = hybrid().program
+    recording = hybrid().recording
     activity = hw.simulate(program, recording, probe=("activity",)).activity
     for phase, (item,) in activity.items():
         (core,) = program.cores_of(phase)
@@ -198,7 +199,8 @@ def test_synapses_that_are_due_after_the_end_by_input():
 
 def test_the_most_packets_in_a_step_are_those_of_one_recording():
     """Whether recordings are measured together, or apart and then added up."""
-    worked, profile = crossroads(), CHIP.profile("davies2018")
+    worked = crossroads()
+    profile = CHIP.profile("davies2018")
     one, two = (
         hw.simulate(worked.program, np.stack(many * [worked.recording]), probe=("activity",))
         for many in (1, 2)

@@ -147,7 +147,9 @@ def test_events_of_a_direct_input_are_not_read_from_the_buffer():
 
 def walked_step_ns(program, phase, item, spikes, profile, step):
     """Return the time of a step, packet by packet, from the axons alone."""
-    chip, cores, costs = program.chip, program.cores_of(phase), profile.time_ns
+    chip = program.chip
+    cores = program.cores_of(phase)
+    costs = profile.time_ns
     spent = {
         core.number: {
             name: float(item.count(name)[step, i] * costs.get(name, 0.0)) for name in TIMED
@@ -157,7 +159,8 @@ def walked_step_ns(program, phase, item, spikes, profile, step):
     sent = {
         core: sum(ns for name, ns in its.items() if name in BEFORE) for core, its in spent.items()
     }
-    ways, loads = Counter(), Counter()
+    ways = Counter()
+    loads = Counter()
     for core in cores:
         fired = spikes[step, program.columns_of_core(core)]
         for k in np.flatnonzero(fired[core.axons.out_compartment]):
@@ -230,14 +233,16 @@ def test_counts_equal_a_walk_of_every_spike(seed):
         check_program(program)
     result = hw.simulate(program, recording, probe=("spikes", "activity"))
     for phase, (item,) in result.activity.items():
-        counts, reached = Counter(), []
+        counts = Counter()
+        reached = []
         for core in program.cores_of(phase):
             sent = spikes_of(program, phase, result, len(item.buffered))[
                 :, program.columns_of_core(core)
             ].sum(axis=0)
             counts["spikes"] += int(sent.sum())
             for k, here in enumerate(core.axons.out_compartment):
-                to, many = int(core.axons.out_core[k]), int(sent[here])
+                to = int(core.axons.out_core[k])
+                many = int(sent[here])
                 crossed = links(chip, core.slot, program.cores[to].slot)
                 reached.append((to, int(core.axons.out_axon[k]), many))
                 counts["axon_packets"] += many

@@ -81,7 +81,8 @@ def most_to_come(
         v = {c: int(result.v[group_of[c]][at - 1, i]) if at else 0 for c in family}
         before = np.flatnonzero(result.spikes[name][:at, i])
         free = int(before[-1]) + int(setting["refractory"][soma]) if len(before) else 0
-        n, most = 0, int(core.vmin)
+        n = 0
+        most = int(core.vmin)
         for step in range(at, steps):
             joined = 0
             for c in family:
@@ -111,7 +112,8 @@ def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential"))
     (name,), (weight,) = program.readout.populations, program.readout.weights
     weight, exact = Fraction(weight), float(weight).is_integer()
-    steps, first = len(recording), program.readout.potentials_from
+    steps = len(recording)
+    first = program.readout.potentials_from
     for at in range(steps):
         more = most_to_come(program, result, name, at, steps)
         if first is None:
@@ -157,7 +159,8 @@ def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
     program, recording = random_hybrid(seed)
     found = hw.stop_when_proven(program, recording[None])
     assert counted(found.all_counts) == counted(hw.simulate(program, recording).counts)
-    left, wanted = int(found.steps[0]), dict.fromkeys(BY_CORE, 0)
+    left = int(found.steps[0])
+    wanted = dict.fromkeys(BY_CORE, 0)
     result = hw.simulate(program, recording, probe=("activity",))
     for phase in program.phases:
         steps = min(left, phase.steps)
@@ -206,7 +209,8 @@ def test_a_shorter_recording_is_followed_by_silence():
     assert np.array_equal(scores, hw.timestep_scores(program, padded[None]))
     assert np.array_equal(scores[0, -1], hw.simulate(program, short).scores)
     for stop in (hw.stop_when_proven, lambda p, x: hw.stop_at_margin(p, x, 2.0)):
-        a, b = stop(program, short[None]), stop(program, padded[None])
+        a = stop(program, short[None])
+        b = stop(program, padded[None])
         assert (a.steps.tolist(), a.all_steps, counted(a.counts)) == (
             b.steps.tolist(),
             b.all_steps,

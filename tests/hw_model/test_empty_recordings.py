@@ -51,7 +51,8 @@ def equal(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
 
 @pytest.mark.parametrize("batched", [False, True], ids=["rows", "a batch of one"])
 def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched):
-    program, nothing = biased(), np.zeros((STEPS, 3), dtype=np.uint8)
+    program = biased()
+    nothing = np.zeros((STEPS, 3), dtype=np.uint8)
     nothing = nothing[None] if batched else nothing
     plain = hw.simulate(program, nothing, engine="reference", probe=KINDS)
     assert plain.counts.spikes > 0
@@ -67,7 +68,8 @@ def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched)
 
 def test_nothing_is_remembered_of_another_question():
     """Rows, steps, probes, skipping, a batch or not, and any event make it another one."""
-    program, nothing = biased(), np.zeros((STEPS, 3), dtype=np.uint8)
+    program = biased()
+    nothing = np.zeros((STEPS, 3), dtype=np.uint8)
     hw.simulate(program, nothing)
     assert hw.simulate(program, nothing[:7]).spikes["y"].shape == (7, 20)
     assert hw.simulate(program, nothing, 9).spikes["y"].shape == (9, 20)
@@ -87,7 +89,8 @@ def test_events_of_one_stream_are_played_beside_an_empty_one():
     y = builder.add_compartments("y", 1, threshold=1, decay_u=4096)
     for name in ("silent", "heard"):
         builder.connect(builder.add_input(name, 2), y, [[20, 20]])
-    program, heard = builder.build(), np.zeros((STEPS, 2), dtype=np.uint8)
+    program = builder.build()
+    heard = np.zeros((STEPS, 2), dtype=np.uint8)
     heard[3, 1] = 1
     found = hw.simulate(program, {"silent": np.zeros_like(heard), "heard": heard})
     assert (found.counts.input_events, found.counts.spikes) == (1, 1)
@@ -99,7 +102,8 @@ def test_an_empty_recording_is_played_once(monkeypatch, kind):
     monkeypatch.setattr(
         simulation, "play", lambda *given, play=simulation.play: (played.append(1), play(*given))[1]
     )
-    program, nothing = biased(), np.zeros((STEPS, 3), dtype=kind)
+    program = biased()
+    nothing = np.zeros((STEPS, 3), dtype=kind)
     for _ in range(3):
         hw.simulate(program, nothing)
     assert len(played) == 1

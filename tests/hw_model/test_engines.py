@@ -194,10 +194,8 @@ def test_the_sum_of_many_joined_voltages(chain):
 def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
     """Events of one tile of 64 steps are due in the next, which has none; a third has nothing, and a fourth one more."""
     builder = hw.ProgramBuilder(CHIP)
-    x, y = (
-        builder.add_input("x", 2),
-        builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30),
-    )
+    x = builder.add_input("x", 2)
+    y = builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30)
     builder.connect(x, y, [[60, 0], [0, 60]], delay=[[0, 0], [0, 62]])
     builder.read_out(y)
     program = builder.build()
@@ -280,7 +278,8 @@ def test_widths_by_hand(registers, bound):
         q = oracle.wrap(total, chip.registers.charge_bits)
         wrapped = oracle.wrap(u + q, chip.registers.current_bits)
         wraps += (q != total) + (wrapped != u + q)
-        u, v = wrapped, v + wrapped
+        u = wrapped
+        v = v + wrapped
         clips += abs(v) > bound
         v = max(-bound, min(bound, v))
         wanted.append((u, v))
@@ -330,7 +329,8 @@ def test_results_do_not_depend_on_placement(seed):
     one, _, _, spikes = random_program(seed, CHIP)
     many, *_ = random_program(seed, SMALL)
     assert len(many.cores) > len(one.cores) or len(one.cores) > 1
-    here, there = hw.simulate(one, spikes), hw.simulate(many, spikes)
+    here = hw.simulate(one, spikes)
+    there = hw.simulate(many, spikes)
     for name, array in here.spikes.items():
         assert np.array_equal(array, there.spikes[name])
     for count in (
@@ -365,7 +365,8 @@ def test_synaptic_ops_are_spikes_times_fan_out():
 )
 def test_no_number_of_spikes_is_counted_inexactly(sent):
     builder = hw.ProgramBuilder(CHIP)
-    x, y = builder.add_input("x", 1), builder.add_compartments("y", 7, threshold=1)
+    x = builder.add_input("x", 1)
+    y = builder.add_compartments("y", 7, threshold=1)
     builder.connect(x, y, 2 * np.ones((7, 1), dtype=np.int64))
     program = builder.build()
     (phase,) = program.phases

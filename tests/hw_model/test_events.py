@@ -153,7 +153,8 @@ def test_rows_of_every_length_are_listed(channels, density):
     recordings = (np.random.default_rng(channels).random((3, 7, channels)) < density).astype(
         np.uint8
     )
-    wanted, found = playing.list_events("x", recordings), event_scan.list_events("x", recordings)
+    wanted = playing.list_events("x", recordings)
+    found = event_scan.list_events("x", recordings)
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
 
@@ -167,7 +168,8 @@ def test_a_batch_is_listed_in_threads_as_one(shape, monkeypatch):
     """Lists of more than a part begin where those of the parts before end; a byte beyond 1 in the last part is refused."""
     monkeypatch.setattr(threads, "cores", lambda: 2)
     recordings = (np.random.default_rng(0).random(shape) < 0.02).astype(np.uint8)
-    wanted, found = playing.list_events("x", recordings), event_scan.list_events("x", recordings)
+    wanted = playing.list_events("x", recordings)
+    found = event_scan.list_events("x", recordings)
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
     program = hw.ProgramBuilder(hw.chip("loihi-sim"))

@@ -108,7 +108,8 @@ def test_a_reader_that_knows_only_the_page_plays_the_lines(saved):
     steps = {phase["name"]: phase["steps"] for phase in document["phases"]}
     item = document["inputs"][1]
     assert item["transposed"]
-    positions, first_lines = arrays["input1/positions"], arrays["input1/first_lines"]
+    positions = arrays["input1/positions"]
+    first_lines = arrays["input1/first_lines"]
     packets = np.zeros(steps[item["phase"]], dtype=np.int64)
     for t, c in np.argwhere(recording):
         if t < item["size"] - first_lines.max() and positions[c] < len(packets):

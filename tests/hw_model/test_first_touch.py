@@ -57,7 +57,8 @@ def check_phase(
     """A phase against the phase that starts at once, played the recording from its start on."""
     (phase,) = (p for p in program.phases if p.name == name)
     start = start_of(recording, phase.align_events)
-    cut, counts = recording[start:], found.counts_by_phase[name]
+    cut = recording[start:]
+    counts = found.counts_by_phase[name]
     rows = slice(None)
     assert counts.aligned_steps == (start if phase.align_events else 0)
     if phase.align_events and name == "time":
@@ -168,10 +169,8 @@ def test_sessions_know_the_same_after_every_step(seed, time, location, kind, row
 def test_a_session_of_a_late_phase_that_ends_before_its_recording_or_with_it(steps, first):
     """Potentials are below 0 while it runs, and 0 before and after."""
     b = hw.ProgramBuilder(CHIP)
-    x, y = (
-        b.add_input("x", 1),
-        b.add_compartments("y", 2, threshold=9, bias=[-640, -64], decay_u=4096, decay_v=4096),
-    )
+    x = b.add_input("x", 1)
+    y = b.add_compartments("y", 2, threshold=9, bias=[-640, -64], decay_u=4096, decay_v=4096)
     b.connect(x, y, [[2], [-2]])
     graph = b.graph()
     late = replace(graph, phases=(replace(graph.phases[0], steps=steps, align_events=1),))
@@ -320,7 +319,8 @@ def test_a_session_plays_two_phases_in_time():
     program = spikes_and_late_potentials(builder)
     rows = {"touch": np.ones((16, 1), dtype=np.uint8), "late": np.eye(16, 1, -11, dtype=np.uint8)}
     rows["late"][13] = 1
-    found, whole = hw.Session(program).push(rows), hw.simulate(program, rows)
+    found = hw.Session(program).push(rows)
+    whole = hw.simulate(program, rows)
     assert found.spikes["a"][[0, 1, 7, 15]].tolist() == [[0, 0], [1, 0], [7, 0], [7, 0]]
     assert found.potential["b"][[0, 11, 12, 13, 14, 15]].tolist() == [
         [0, 0],

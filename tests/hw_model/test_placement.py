@@ -130,7 +130,11 @@ def test_no_core_has_room_for_the_next_neuron(chip, seed):
     for core, after in pairwise(program.cores):
         moved = _first_neuron(program, after)
         both = [(core, np.arange(core.compartments)), (after, moved)]
-        sources, lists, profiles, thresholds, ends = set(), Counter(), set(), set(), set()
+        sources = set()
+        lists = Counter()
+        profiles = set()
+        thresholds = set()
+        ends = set()
         for one, compartments in both:
             axons = one.axons
             source = program.senders[one.number][axons.axon_of_synapse]
@@ -215,7 +219,8 @@ def test_only_those_who_send_too_much_give_way():
     b.connect(x, wide, np.full((70, 1), 4))
     b.connect(wide, narrow, np.full((24, 70), 4))
     cores = [[(piece.group, piece.size) for piece in core.slices] for core in b.build().cores]
-    wide_alone, narrow_alone = [("wide", 20)], [("narrow", 6)]
+    wide_alone = [("wide", 20)]
+    narrow_alone = [("narrow", 6)]
     assert cores == [*[wide_alone] * 3, [("wide", 10), ("narrow", 6)], *[narrow_alone] * 3]
 
 
@@ -254,7 +259,8 @@ def test_synapses_of_one_format_share_a_list(first, second, words):
     def cores(synapse_words):
         limits = replace(CHIP.limits, synapse_words_per_core=synapse_words)
         builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
-        x, n = builder.add_input("x", 1), builder.add_compartments("n", 2, threshold=1)
+        x = builder.add_input("x", 1)
+        n = builder.add_compartments("n", 2, threshold=1)
         for weights in (first, second):
             builder.connect(x, n, np.array(weights)[:, None])
         return builder.build().cores

@@ -23,7 +23,8 @@ from hw_model.program.write import program_files
 )  # fmt: skip
 def test_odd_names_are_read_back(name, read, tmp_path):
     b = hw.ProgramBuilder(hw.chip("tiny-sim"), name=f"p{name}")
-    x, y = b.add_input(f"x{name}", 1), b.add_compartments(name, 1, threshold=1)
+    x = b.add_input(f"x{name}", 1)
+    y = b.add_compartments(name, 1, threshold=1)
     b.connect(x, y, [[2]])
     b.read_out(y)
     b.build().save(tmp_path)

@@ -63,7 +63,8 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
     for core, proven in zip(program.cores, prove_range(program), strict=True):
         for piece in core.slices:
             here = slice(piece.offset, piece.offset + piece.size)
-            u, v = found.u[piece.group], found.potential[piece.group]
+            u = found.u[piece.group]
+            v = found.potential[piece.group]
             kept = proven.cannot_wrap[here]
             assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
             assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
@@ -112,7 +113,8 @@ def test_gains_are_sums_over_charges_without_end(decay_u, decay_v, period):
     for step in range(period * (8000 // period)):
         u = u * (4096 - decay_u) / 4096 + (step % period == 0)
         v = v * (4096 - decay_v) / 4096 + u
-        most_u, most_v = max(most_u, u), max(most_v, v)
+        most_u = max(most_u, u)
+        most_v = max(most_v, v)
     assert largest_answers(decay_u, decay_v, period) == pytest.approx((most_u, most_v), rel=2e-9)
 
 

@@ -92,7 +92,8 @@ def test_relays_make_a_delay(delay_max, delay):
 )
 def test_the_message_counts_relays(delay_max, delay, measured, fix):
     builder = hw.ProgramBuilder(chip(delay_max))
-    x, n = builder.add_input("x", 2), builder.add_compartments("n", 1, threshold=1)
+    x = builder.add_input("x", 2)
+    n = builder.add_compartments("n", 1, threshold=1)
     builder.connect(x, n, [[2, 2]], delay=[[0, delay]])
     with pytest.raises(hw.TargetError) as caught:
         builder.build()
@@ -101,7 +102,8 @@ def test_the_message_counts_relays(delay_max, delay, measured, fix):
 
 def test_the_message_names_the_longest_delay():
     builder = hw.ProgramBuilder(chip(2))
-    x, n = builder.add_input("x", 3), builder.add_compartments("n", 1, threshold=1)
+    x = builder.add_input("x", 3)
+    n = builder.add_compartments("n", 1, threshold=1)
     builder.connect(x, n, [[2, 2, 2]], delay=[[4, 9, 2]])
     with pytest.raises(hw.TargetError) as caught:
         builder.build()

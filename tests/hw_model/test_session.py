@@ -65,7 +65,8 @@ def test_the_largest_potentials_so_far(seed, first, rows):
 def test_any_split_of_the_rows_gives_the_same(seed, together, data):
     program, recording = random_hybrid(seed, together)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(recording)), max_size=6)))
-    at_once, in_parts = hw.Session(program), hw.Session(program)
+    at_once = hw.Session(program)
+    in_parts = hw.Session(program)
     whole = at_once.push(recording)
     parts = [in_parts.push(part) for part in np.split(recording, cuts)]
     assert np.array_equal(np.concatenate([part.scores for part in parts]), whole.scores)
@@ -83,10 +84,8 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
     graphs = []
     for name in "abc":
         b = hw.ProgramBuilder(CHIP)
-        x, y = (
-            b.add_input(f"{name}/x", 1),
-            b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=9),
-        )
+        x = b.add_input(f"{name}/x", 1)
+        y = b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=9)
         b.connect(x, y, [[20], [14]])
         graph = in_phase(b.graph(), "time", None)
         phase = replace(graph.phases[0], name=name)
@@ -96,7 +95,8 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
         graphs.append(replace(graph, phases=(phase,), inputs=tuple(inputs), groups=tuple(groups)))
     weights = {"a": 0.1, "b": 0.2, "c": 0.3}
     readout = Readout(names, tuple(weights[name] for name in names), first)
-    program, recording = assembled(CHIP, readout, *graphs), np.array([[1], [0]], dtype=np.uint8)
+    program = assembled(CHIP, readout, *graphs)
+    recording = np.array([[1], [0]], dtype=np.uint8)
     found = hw.simulate(program, recording, probe=("spikes", "potential"))
     batch = {
         kind: {n: array[None] for n, array in getattr(found, kind).items()}
@@ -146,7 +146,8 @@ def test_rows_of_any_kind_give_the_same(kind):
 @given(seed=SEEDS, psi=st.sampled_from([0.0, 2.0, 10.0, 15.0, 5000.0]))
 def test_time_weighted_scores(seed, psi):
     program, recording = random_hybrid(seed)
-    plain, weighted = hw.Session(program).push(recording), hw.Session(program, psi).push(recording)
+    plain = hw.Session(program).push(recording)
+    weighted = hw.Session(program, psi).push(recording)
     steps = len(recording)
     for t in range(1, steps + 1):
         w = 0.0 if psi * (1 - t / steps) > 700 else 1 / (1 + np.exp(-psi * (t / steps - 1)))

@@ -148,7 +148,8 @@ def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_vi
     program = assembled(
         CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4))
     )
-    recording, session = np.ones((rows, 4), dtype=np.uint8), hw.Session(program)
+    recording = np.ones((rows, 4), dtype=np.uint8)
+    session = hw.Session(program)
     assert session.push(recording).spikes["y"].tolist() == [[3]] * rows
     assert session.spikes("y").tolist() == [[0], [1], [1], [1]]
     assert CoreProgram(program, rows).phases[-1].steps == 4

@@ -97,7 +97,8 @@ def synapse_bits(program):
 
 @pytest.mark.parametrize("limit", [8, 3])
 def test_shared_formats_change_no_spike(limit):
-    apart, shared = many_formats(16), many_formats(limit)
+    apart = many_formats(16)
+    shared = many_formats(limit)
     assert len(apart.cores[0].axons.formats) == 9
     assert [len(core.axons.formats) for core in shared.cores] == [limit]
     assert synapse_bits(shared) > synapse_bits(apart)

@@ -72,7 +72,8 @@ def test_stops_at_a_margin(seed, margin, psi):
     assert np.array_equal(found.final, scores[:, -1].argmax(axis=1))
     wanted = dict.fromkeys(BY_CORE, 0)
     for b, recording in enumerate(recordings):
-        step, one = int(found.steps[b]), scores[b]
+        step = int(found.steps[b])
+        one = scores[b]
         leads = leads_of(one)
         assert (leads[: step - 1] < margin).all()
         assert step == len(one) or leads[step - 1] >= margin

@@ -169,10 +169,8 @@ def test_potentials_stay_0_after_the_end_of_a_recording():
 def test_a_buffer_that_is_empty_needs_no_step():
     """A program of a transposed phase alone: the whole recording is there before it begins."""
     builder = hw.ProgramBuilder(CHIP)
-    x, y = (
-        builder.add_input("x", 3),
-        builder.add_compartments("y", 2, decay_u=4096, decay_v=4096, threshold=10),
-    )
+    x = builder.add_input("x", 3)
+    y = builder.add_compartments("y", 2, decay_u=4096, decay_v=4096, threshold=10)
     builder.connect(x, y, [[20, 20, 20], [20, 20, 20]])
     program = assembled(
         CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", 4, np.arange(4))

@@ -34,7 +34,9 @@ def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
 def test_stops_in_silence(seed, silence, first):
     """The first step after so many silent rows whose registers are 0, and to which nothing more is under way."""
     program, _ = random_layer(seed)
-    program, rows, r = by_potentials(program, first), 90, np.random.default_rng(seed)
+    program = by_potentials(program, first)
+    rows = 90
+    r = np.random.default_rng(seed)
     recordings = (r.random((4, rows, program.inputs[0].channels)) < 0.1).astype(np.uint8)
     recordings &= (np.arange(rows) < r.integers(0, rows, (4, 1)))[:, :, None].astype(np.uint8)
     found = hw.stop_in_silence(program, recordings, silence)
@@ -87,10 +89,8 @@ def test_what_a_silence_saves():
 def test_silence_waits_for_what_is_under_way():
     """A spike that takes five steps to arrive: nothing is held meanwhile, and it would be too early to stop."""
     builder = hw.ProgramBuilder(CHIP)
-    x, y = (
-        builder.add_input("x", 1),
-        builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=30),
-    )
+    x = builder.add_input("x", 1)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=30)
     builder.connect(x, y, [[60]], delay=5)
     builder.read_out(y)
     recording = np.zeros((1, 20, 1), dtype=np.uint8)

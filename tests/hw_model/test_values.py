@@ -57,7 +57,8 @@ def test_one_that_is_shown_is_short():
 
 
 def test_sums_add_up_field_by_field():
-    one, other = Counted(1, {"a": 1, "b": 2}, (1,)), Counted(2, {"b": 3, "c": 4}, (2, 3))
+    one = Counted(1, {"a": 1, "b": 2}, (1,))
+    other = Counted(2, {"b": 3, "c": 4}, (2, 3))
     assert one + other == Counted(3, {"a": 1, "b": 5, "c": 4}, (1, 2, 3))
     assert one == Counted(1, {"a": 1, "b": 2}, (1,))
 

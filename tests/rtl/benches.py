@@ -198,7 +198,8 @@ def both_ways() -> tuple[hw.ChipProgram, np.ndarray]:
     r = np.random.default_rng(11)
     channels, rows = 3, 36
     b = hw.ProgramBuilder(CHIP, name="both ways")
-    x, turned = b.add_input("x", channels), b.add_input("turned", rows)
+    x = b.add_input("x", channels)
+    turned = b.add_input("turned", rows)
     y = b.add_compartments("both/y", 4, decay_u=390, decay_v=300, threshold=60)
     b.connect(x, y, 2 * r.integers(-30, 60, (4, channels)), delay=2)
     b.connect(turned, y, 2 * r.integers(-30, 60, (4, rows)))
@@ -212,7 +213,8 @@ def late_starts() -> tuple[hw.ChipProgram, np.ndarray]:
     """Phases that begin with the first row of two events, late, at once, never, and in the last row."""
     r = np.random.default_rng(12)
     channels, rows = 3, 40
-    at, short = {"positions": r.permutation(channels)}, 30
+    at = {"positions": r.permutation(channels)}
+    short = 30
 
     def branch(name, lines):
         return hybrids.random_branch(r, name, lines, 2, CHIP)

@@ -146,7 +146,8 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
 def until_greeted(port: SimulatedBoard, number: int, tokens: Iterable[int]) -> bytes:
     """Send what is given and a hello; return all that comes up to its answer, or to silence, or very much of it."""
     port.write([*tokens, *framed(HELLO, number, b"")])
-    ending, came = framed(0x81, number, b"")[:3], b""
+    ending = framed(0x81, number, b"")[:3]
+    came = b""
     while ending not in came and len(came) < 2000 and (more := port.read()):
         came += more
     return came + port.read()

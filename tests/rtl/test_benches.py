@@ -139,10 +139,8 @@ def test_events_wait_where_a_phase_has_one_place(places, later):
         for axis, at in (("time", None), ("location", np.arange(2)))
     ]
     program = assembled(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
-    spikes, sizes = (
-        np.ones((1, 8, 2), dtype=np.uint8),
-        replace(SIZES, compartments=4 * places, slots=8, later=2),
-    )
+    spikes = np.ones((1, 8, 2), dtype=np.uint8)
+    sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
     found = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)
     assert CoreProgram(program, 8, None, sizes).later is later
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
@@ -158,7 +156,8 @@ desk = cache(Desk)
 
 def axis_streams(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     """Yield answers and spikes of recordings with and without faults, however the neighbours wait."""
-    beats, core = desk().beats(), desk().core
+    beats = desk().beats()
+    core = desk().core
     faults = [
         *beats[:9],
         LAST | STOP,

@@ -310,7 +310,9 @@ class Noisy:
     """A line that damages a byte of every so many, to the board and from it."""
 
     def __init__(self, port, every: int, seed: int) -> None:
-        self.port, self.every, self.random = port, every, np.random.default_rng(seed)
+        self.port = port
+        self.every = every
+        self.random = np.random.default_rng(seed)
         self.damaged = 0
 
     def spoil(self, data: bytes) -> bytes:

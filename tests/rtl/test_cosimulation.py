@@ -155,10 +155,8 @@ def test_a_run_ends_with_its_last_answer(tmp_path, monkeypatch):
 def test_cosimulate_returns_what_simulate_does():
     program, spikes = hybrids.random_hybrid(3)
     probe = ("spikes", "u", "v", "potential", "activity")
-    ours, core = (
-        hw.simulate(program, spikes, probe=probe),
-        hw.cosimulate(program, spikes, simulator="icarus", probe=probe),
-    )
+    ours = hw.simulate(program, spikes, probe=probe)
+    core = hw.cosimulate(program, spikes, simulator="icarus", probe=probe)
     for kind in ("spikes", "u", "v", "potential"):
         assert getattr(ours, kind).keys() == getattr(core, kind).keys()
         assert all(

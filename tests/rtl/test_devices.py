@@ -61,7 +61,8 @@ NAMES = [
 @pytest.mark.parametrize("name", NAMES)
 def test_what_does_not_fit_is_refused_by_name(small, name):
     program, spikes, core = small
-    rows, needs = spikes.shape[1], core.needs
+    rows = spikes.shape[1]
+    needs = core.needs
     assert on_core(program, rows, device(needs)).needs == needs
     need = getattr(needs, name)
     with pytest.raises(hw.TargetError) as caught:
@@ -255,7 +256,8 @@ def test_a_report_has_cycles_and_no_energy(build):
     folder, _ = build
     report = json.loads((folder / "out/report.json").read_text())
     assert set(report["energy"].values()) == {None}
-    latency, program = report["latency"], hw.load_program(folder / "out")
+    latency = report["latency"]
+    program = hw.load_program(folder / "out")
     spikes = np.load(folder / "few.npy").transpose(0, 2, 1)
     cycles = [
         one.total_ns / 10 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)
@@ -387,10 +389,8 @@ def test_settings_are_ranked_by_cycles():
     [("containers", 325, 20, 3316), ("objects", 250, 36, 2568)],
 )
 def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, needs, tmp_path):
-    recordings, own = (
-        synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3),
-        tmp_path / "own.pt",
-    )
+    recordings = synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3)
+    own = tmp_path / "own.pt"
     config = config_from_mapping(
         read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT
     )

@@ -176,7 +176,8 @@ def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
 
 @pytest.mark.slow
 def test_the_folder_of_a_chip_has_the_plan(tmp_path):
-    model, events = str(model_file("objects-hybrid-loihi")), str(example_files("objects-hybrid")[0])
+    model = str(model_file("objects-hybrid-loihi"))
+    events = str(example_files("objects-hybrid")[0])
     given = [
         "--target",
         "locsnn-130nm",

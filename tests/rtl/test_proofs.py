@@ -30,11 +30,13 @@ FAULTS = yaml.safe_load((HERE / "proofs.yaml").read_text())
 
 def planted() -> list:
     """Return (proof, file, old, new) of every fault: the first of each quick proof is in every run, others are sampled."""
-    params, faults = [], {}
+    params = []
+    faults = {}
     for proof, rows in FAULTS.items():
         for at, row in enumerate(rows):
             its = MUTANTS[row] if isinstance(row, str) else row
-            name, given = f"{proof}: {its['id']}", (proof, its["file"], its["old"], its["new"])
+            name = f"{proof}: {its['id']}"
+            given = (proof, its["file"], its["old"], its["new"])
             if at == 0 and proof not in SLOW:
                 params.append(pytest.param(*given, id=name))
             else:

@@ -71,10 +71,8 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
 
     def branch(name: str, lines: int) -> hw.ProgramBuilder:
         b = hw.ProgramBuilder(chip)
-        x, y = (
-            b.add_input(f"{name}/x", lines),
-            b.add_compartments(f"{name}/y", 3, decay_v=400, threshold=20),
-        )
+        x = b.add_input(f"{name}/x", lines)
+        y = b.add_compartments(f"{name}/y", 3, decay_v=400, threshold=20)
         b.connect(x, y, np.full((3, lines), 20))
         return b.graph()
 
@@ -93,7 +91,8 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
 def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
     """Parents were numbered for the device's sums, and the simulated core had fewer: a false refusal."""
     b = hw.ProgramBuilder(hw.chip("locsnn-130nm"))
-    x, y = b.add_input("x", 4), b.add_compartments("y", somas, decay_v=400, threshold=20)
+    x = b.add_input("x", 4)
+    y = b.add_compartments("y", somas, decay_v=400, threshold=20)
     dendrites = b.add_compartments("y/d", somas, threshold=0, decay_u=400, decay_v=400, joined_to=y)
     b.connect(x, dendrites, np.full((somas, 4), 20))
     b.read_out(y)
@@ -105,7 +104,8 @@ def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
 def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
     """The report said that it fits, with exact cycles; the words of the core were made later, and refused."""
     b = hw.ProgramBuilder(hw.chip("ecp5-25f"), name="slow")
-    x, y = b.add_input("x", 2), b.add_compartments("y", 2, threshold=1, decay_v=400)
+    x = b.add_input("x", 2)
+    y = b.add_compartments("y", 2, threshold=1, decay_v=400)
     b.connect(x, y, [[20, 4], [6, 2]])
     b.read_out(y)
     program = b.build()
@@ -120,10 +120,8 @@ def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
 def test_what_does_not_fit_the_device_is_not_simulated():
     chip = hw.chip("ecp5-25f")
     b = hw.ProgramBuilder(chip)
-    x, y = (
-        b.add_input("location/x", 900),
-        b.add_compartments("location/y", 3, decay_v=400, threshold=20),
-    )
+    x = b.add_input("location/x", 900)
+    y = b.add_compartments("location/y", 3, decay_v=400, threshold=20)
     b.connect(x, y, np.full((3, 900), 20) * (np.arange(900) % 3 == 0))
     program = hybrids.assembled(
         chip,
@@ -205,7 +203,8 @@ def test_what_the_smallest_device_does_not_hold_is_refused_by_name(model, strate
 def joined() -> hw.ChipProgram:
     """A parent with a child."""
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="joined")
-    x, parent = b.add_input("x", 2), b.add_compartments("parent", 1, threshold=100)
+    x = b.add_input("x", 2)
+    parent = b.add_compartments("parent", 1, threshold=100)
     b.connect(x, b.add_compartments("child", 1, threshold=100, joined_to=parent), [[2, 2]])
     b.read_out(parent)
     return b.build()
@@ -247,10 +246,8 @@ def test_its_exact_configuration_plays_what_ships(model):
 @pytest.mark.minutes
 @NEEDS_VERILATOR
 def test_its_board_says_its_sizes_and_plays_a_recording():
-    program, recordings = (
-        program_of("objects-hybrid"),
-        read_recordings(str(EXAMPLES / "recordings/touches.npz")).spikes,
-    )
+    program = program_of("objects-hybrid")
+    recordings = read_recordings(str(EXAMPLES / "recordings/touches.npz")).spikes
     core = on_core(program, recordings.shape[1], DEVICE)
     expected = hw.simulate(program, recordings[:1], probe=())
     with closing(SimulatedBoard("verilator", DEVICE.open_core)) as port:

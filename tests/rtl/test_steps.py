@@ -18,10 +18,13 @@ PROGRAMS = benches.all_benches()
 
 def walked(core: CoreProgram) -> list[tuple[int, ...]]:
     """Return the synapses of lists of steps, as stepped.sv takes them apart: source, half, target, delay, exponent, mantissa."""
-    lists, words, found = core.tables["axons"], core.tables["synapses"], []
+    lists = core.tables["axons"]
+    words = core.tables["synapses"]
+    found = []
     for source, (start, length) in enumerate(zip(lists["start"], lists["length"], strict=True)):
         for half in (0, 1):
-            place, exponent = lists["place"][source], lists["exponent"][source]
+            place = lists["place"][source]
+            exponent = lists["exponent"][source]
             for at in range(start, start + length):
                 step, delay, mantissa = (
                     words[f"{name}{half}"][at] for name in ("step", "delay", "mantissa")
@@ -36,7 +39,9 @@ def walked(core: CoreProgram) -> list[tuple[int, ...]]:
 
 def told(core: CoreProgram) -> list[tuple[int, ...]]:
     """Return the same of lists whose targets are told in full."""
-    lists, words, found = core.tables["axons"], core.tables["synapses"], []
+    lists = core.tables["axons"]
+    words = core.tables["synapses"]
+    found = []
     for source, (start, length) in enumerate(zip(lists["start"], lists["length"], strict=True)):
         for half in (0, 1):
             for at in range(start, start + length):

@@ -66,7 +66,8 @@ def test_a_program_without_a_readout_gives_counts_and_spikes(
 ):
     monkeypatch.chdir(tmp_path)
     b = hw.ProgramBuilder(hw.chip("ecp5-25f"))
-    x, y = b.add_input("x", 3), b.add_compartments("y", 2, threshold=1, decay_u=4096, decay_v=100)
+    x = b.add_input("x", 3)
+    y = b.add_compartments("y", 2, threshold=1, decay_u=4096, decay_v=100)
     b.connect(x, y, [[20, -4, 4], [6, 2, 8]])
     b.build().save("program")
     np.save("spikes.npy", (np.random.default_rng(0).random((1, 3, 8)) < 0.4).astype(np.uint8))
@@ -136,7 +137,8 @@ def test_a_serial_device(desk, capsys, monkeypatch):
 
         def __init__(self, name, baud, timeout):
             devices.append((name, baud, timeout))
-            self.port, self.came = desk.port(), b""
+            self.port = desk.port()
+            self.came = b""
 
         def write(self, data):
             self.port.write(data)
@@ -144,7 +146,8 @@ def test_a_serial_device(desk, capsys, monkeypatch):
         def read(self, count):
             assert count == max(1, self.in_waiting)
             self.came = self.came or self.port.read()
-            found, self.came = self.came[:count], self.came[count:]
+            found = self.came[:count]
+            self.came = self.came[count:]
             self.in_waiting = min(len(self.came), 7)
             return found
 
