@@ -1,9 +1,12 @@
 """The kernels over the lanes of a chunk in one step: :mod:`hw_model.arithmetic.loihi` over vectors.
 
+A kernel is compiled into the loops that call it (:mod:`hw_model.engine.lanes`). Its decorator names what a loop calls it
+with: for each place an array and the indices of its first element, then plain numbers; the names only have to differ.
+
 Registers ``c`` and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` knows which one
-holds every sum. Charges are in units of the page; ``widths`` are
-:class:`hw_model.engine.layout.Widths`. Kernels return spikes as bits, how many lanes were busy, and as bits which
-of them do not rest.
+holds every sum. Charges are in units of the page, 64 of the registers each; ``widths`` are
+:class:`hw_model.engine.layout.Widths`. Kernels return spikes as bits, how many lanes were busy, and as bits which of
+them do not rest.
 """
 
 from functools import reduce
@@ -13,23 +16,23 @@ from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import kept_by_parts
 from hw_model.arithmetic.loihi import EVENTS, Parameters, Response, State, Step
 from hw_model.engine.lanes import (
-    Ends,
-    Given,
     Lanes,
+    LlvmValue,
+    LlvmValues,
     Place,
-    Returned,
-    before,
+    WrapHalves,
+    as_factor,
     bits,
     count,
     each_row,
-    halves,
-    held,
+    first_bits,
+    halves_of_ranges,
     mask_of,
-    put,
-    put_numbers,
+    put_lane_numbers,
+    put_side_by_side,
     seldom,
     select,
-    short,
+    variable,
     where,
 )
 from hw_model.engine.layout import (
@@ -61,7 +64,7 @@ FIELD_OF_EVENT = dict(zip(EVENTS, (CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS), 
 class OnLanes:
     """The operations of a step on vectors; without ``ends`` nothing can wrap."""
 
-    def __init__(self, ends: Ends = (None, None)) -> None:
+    def __init__(self, ends: WrapHalves = (None, None)) -> None:
         self._half_charge, self._half_current = ends
 
     def wrap_charge(self, q: Lanes) -> Lanes:
@@ -79,7 +82,7 @@ class OnLanes:
 
     def kept(self, x: Lanes, keep: Lanes) -> Lanes:
         """Return what is left of x; no product is wider than x, or than 24 bits."""
-        left: Lanes = kept_by_parts(x, keep, before, short)
+        left: Lanes = kept_by_parts(x, keep, first_bits, as_factor)
         return left
 
     def clip(self, v: Lanes, low: Lanes, high: Lanes) -> Lanes:
@@ -88,7 +91,7 @@ class OnLanes:
         return where(v > high, high, v)
 
     def select(self, condition: Lanes, chosen: Lanes | int, otherwise: Lanes | int) -> Lanes:
-        """Return one where the condition holds, and the other where not."""
+        """Return ``chosen`` where the condition holds, and ``otherwise`` where not."""
         return select(condition, chosen, otherwise)
 
 
@@ -127,7 +130,7 @@ def _finish(c: Place, step: Step) -> Lanes:
 
 
 @kernel("registers, at, charge, row, slot, widths", returns=3)
-def update(c: Place, charge: Place, widths: Given) -> Returned:
+def update(c: Place, charge: Place, widths: LlvmValue) -> LlvmValues:
     """Update a chunk. Its charges are taken and set to 0."""
     arrived = charge[0]
     joined = c[JOINED]
@@ -136,7 +139,7 @@ def update(c: Place, charge: Place, widths: Given) -> Returned:
     charge[0] = 0
     c[JOINED] = 0
     busy = (arrived | before.u | before.v | p.bias | joined) != 0
-    step = loihi.step(OnLanes(halves(c, widths)), p, before, arrived, joined)
+    step = loihi.step(OnLanes(halves_of_ranges(c, widths)), p, before, arrived, joined)
     c[U] = step.state.u
     state = _finish(c, step)
     _count(c, *loihi.events(step.response, step.live))
@@ -157,7 +160,7 @@ def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Response]:
 
 
 @kernel("registers, at, charge, row, slot", returns=3)
-def update_plain(c: Place, charge: Place) -> Returned:
+def update_plain(c: Place, charge: Place) -> LlvmValues:
     """Do the same for a chunk without bias, refractory steps and children, in which nothing can wrap."""
     busy, response = _respond_plainly(c, charge)
     fired = response.v > c[THRESHOLD]
@@ -172,7 +175,7 @@ def update_plain(c: Place, charge: Place) -> Returned:
 )
 def update_pair(
     c: Place, other: Place, soma: Place, charge: Place, other_charge: Place
-) -> Returned:
+) -> LlvmValues:
     """Do the same for two plain chunks of dendrites, and a third that is only their sum and is never refractory.
 
     Return its spikes, how many lanes of each were busy, and which of each do not rest. Potentials are not kept.
@@ -196,7 +199,7 @@ def update_pair(
 
 
 @kernel("registers, at, charge, row, slot, widths", returns=1)
-def advance(c: Place, charge: Place, widths: Given) -> Returned:
+def advance(c: Place, charge: Place, widths: LlvmValue) -> LlvmValues:
     """Do what :func:`update` does, but count nothing and leave the charge.
 
     What no one will ask for need not be counted, in steps that are run only for their spikes.
@@ -205,7 +208,7 @@ def advance(c: Place, charge: Place, widths: Given) -> Returned:
     p = _parameters(c)
     before = State(c[U], c[V], c[BLOCKED])
     c[JOINED] = 0
-    ends = halves(c, widths)
+    ends = halves_of_ranges(c, widths)
     if ends[1] is None:
         p = _plain(p)
     step = loihi.step(OnLanes(ends), p, before, charge[0], joined)
@@ -221,7 +224,7 @@ def advance(c: Place, charge: Place, widths: Given) -> Returned:
 )
 def advance_pair(
     c: Place, before: Place, after: Place, charge: Place, other_charge: Place, echo: Place, other_echo: Place,
-    masks: Place, flips: Place, numbers: Place, spikes: Given, many: Given, widths: Given,
+    masks: Place, flips: Place, numbers: Place, spikes: LlvmValue, many: LlvmValue, widths: LlvmValue,
 ) -> None:  # fmt: skip
     """Do the same in so ``many`` rows for two dendrites, whose registers follow each other, and a third, their sum.
 
@@ -230,40 +233,43 @@ def advance_pair(
     ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted. Without
     ``widths``, an empty tuple, both dendrites are plain.
     """
-    ends = halves(c, widths)
-    second = KEPT_FIELDS
+    ends = halves_of_ranges(c, widths)
+    second = KEPT_FIELDS  # where the state of the second dendrite begins, behind that of the first
     ops = OnLanes(ends)
-    one, other, soma = (_parameters(c.after(n * FIELDS)) for n in range(3))
+    alpha, refractory, soma = (_parameters(c.after(n * FIELDS)) for n in range(3))
     if ends[1] is None:
-        one = _plain(one)
-        other = _plain(other)
-    u, v, u_other, v_other = (held(before[field]) for field in (0, 1, second, second + 1))
-    fired = held(mask_of(c, spikes))
-    counted = held(numbers[0])
+        alpha = _plain(alpha)
+        refractory = _plain(refractory)
+    u, v, u_other, v_other = (variable(before[field]) for field in (0, 1, second, second + 1))
+    fired = variable(mask_of(c, spikes))
+    counted = variable(numbers[0])
     echoes = (echo[0], other_echo[0])
     # The sum is not kept, so it need not be clipped: where clipped ones never exceed the threshold, no sum exceeds
     # another. None is raised above it, for vmin is 0 at most and the threshold 0 at least.
-    threshold = where(soma.vmax > soma.threshold, soma.threshold, one.vmax + other.vmax)
+    threshold = where(soma.vmax > soma.threshold, soma.threshold, alpha.vmax + refractory.vmax)
     for row in each_row(c, many):
         arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
-        response = loihi.respond(ops, one, u[0], v[0], charge.row(row)[0] + arrived, NO_JOINED)
+        response = loihi.respond(ops, alpha, u[0], v[0], charge.row(row)[0] + arrived, NO_JOINED)
         other_response = loihi.respond(
-            ops, other, u_other[0], v_other[0], other_charge.row(row)[0] + also, NO_JOINED
+            ops, refractory, u_other[0], v_other[0], other_charge.row(row)[0] + also, NO_JOINED
         )
         u[0], v[0] = response.u, response.v
         u_other[0], v_other[0] = other_response.u, other_response.v
-        to = after.row(row)
-        was = masks.row(row).bits()
-        to[0], to[1], to[second], to[second + 1] = u[0], v[0], u_other[0], v_other[0]
+        state_after = after.row(row)
+        fired_before = masks.row(row).bits()
+        state_after[0] = u[0]
+        state_after[1] = v[0]
+        state_after[second] = u_other[0]
+        state_after[second + 1] = v_other[0]
         fired[0] = v[0] + v_other[0] > threshold
-        flips.row(row).put_bits(fired[0] != was)
+        flips.row(row).put_bits(fired[0] != fired_before)
         masks.row(row).put_bits(fired[0])
-        counted[0] = counted[0] + fired[0] - was
+        counted[0] = counted[0] + fired[0] - fired_before
     numbers[0] = counted[0]
 
 
 @kernel("charge, row, slot, weights, at, times", returns=0)
-def add_multiple(charge: Place, weights: Place, times: Given) -> None:
+def add_multiple(charge: Place, weights: Place, times: LlvmValue) -> None:
     """Add the weights of a spike to a chunk's charges, ``times`` times: -1 takes them back."""
     charge[0] += charge.each(times) * weights[0]
 
@@ -275,7 +281,7 @@ def add_weights(charge: Place, weights: Place) -> None:
 
 
 @kernel("charge, row, slot, echo, at, came, went", returns=0)
-def change_echo(charge: Place, echo: Place, came: Given, went: Given) -> None:
+def change_echo(charge: Place, echo: Place, came: LlvmValue, went: LlvmValue) -> None:
     """Add what the spikes that came pass on, and take back what those that went have."""
     nothing = echo[0] & 0
     added = where(mask_of(charge, came), echo[0], nothing)
@@ -283,36 +289,38 @@ def change_echo(charge: Place, echo: Place, came: Given, went: Given) -> None:
 
 
 @kernel("numbers, at, came, went", returns=0)
-def count_changes(numbers: Place, came: Given, went: Given) -> None:
+def count_changes(numbers: Place, came: LlvmValue, went: LlvmValue) -> None:
     """Count spikes that came, given as bits, and no longer those that went."""
     numbers[0] = numbers[0] + mask_of(numbers, came) - mask_of(numbers, went)
 
 
 @kernel("numbers, at, number", returns=0)
-def fill(numbers: Place, number: Given) -> None:
+def fill(numbers: Place, number: LlvmValue) -> None:
     """Put one number into all lanes."""
     numbers[0] = numbers.each(number)
 
 
 @kernel("event, at, first, spikes", returns=1)
-def list_lanes(event: Place, first: Given, spikes: Given) -> Returned:
+def list_lanes(event: Place, first: LlvmValue, spikes: LlvmValue) -> LlvmValues:
     """List a chunk's spikes, given as bits, counted from ``first``; return how many there are."""
-    return (put_numbers(event, mask_of(event, spikes), first),)
+    return (put_lane_numbers(event, mask_of(event, spikes), first),)
 
 
 @kernel("event, at, rows, same, row, first, flips, spikes", returns=1)
 def list_flips(
-    event: Place, rows: Place, row: Given, first: Given, flips: Given, spikes: Given
-) -> Returned:
+    event: Place, rows: Place, row: LlvmValue, first: LlvmValue, flips: LlvmValue, spikes: LlvmValue
+) -> LlvmValues:
     """List with their row the spikes that came or went; those that went, not among ``spikes``, as ``~number``."""
     numbers, rows[0] = event.each(first) + event.numbers(), rows.each(row)
     return (
-        put(event, mask_of(event, flips), where(mask_of(event, spikes), numbers, numbers ^ -1)),
+        put_side_by_side(
+            event, mask_of(event, flips), where(mask_of(event, spikes), numbers, numbers ^ -1)
+        ),
     )
 
 
 @kernel("spikes, row, column, fired", returns=0)
-def note(spikes: Place, fired: Given) -> None:
+def note(spikes: Place, fired: LlvmValue) -> None:
     """Write a chunk's spikes, given as bits, as 0 and 1."""
     spikes[0] |= mask_of(spikes, fired)
 

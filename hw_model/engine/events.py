@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.engine.compiled import absorbed, called, compiled
-from hw_model.engine.lanes import Given, Place, Returned, count, first_lanes, put_numbers
+from hw_model.engine.lanes import LlvmValue, LlvmValues, Place, count, first_lanes, put_lane_numbers
 from hw_model.engine.layout import CACHE_LINE
 from hw_model.engine.playing import not_binary
 from hw_model.engine.private_numba import kernel
@@ -74,13 +74,13 @@ def _visits(item: Input, steps: int) -> tuple[IntArray, IntArray, IntArray]:
 
 
 @kernel("given, at, channel, many, first, left", returns=2)
-def _list_line(given: Place, channel: Place, first: Given, left: Given) -> Returned:
+def _list_line(given: Place, channel: Place, first: LlvmValue, left: LlvmValue) -> LlvmValues:
     """List which of the next ``left`` bytes, of those in a line of the cache, are not 0: channels ``first`` on.
 
     Return how many are, and how many in the whole line are above 1.
     """
     line = given.of(CACHE_LINE)[0]
-    return put_numbers(channel, first_lanes(line != 0, left), first), count((line & 254) != 0)
+    return put_lane_numbers(channel, first_lanes(line != 0, left), first), count((line & 254) != 0)
 
 
 @absorbed

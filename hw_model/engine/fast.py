@@ -42,8 +42,8 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, Int32Array, IntArray
 
 _NO_STEP = np.int64(0)
-SMALL = 1 << 12
-"""Compartments up to which a phase keeps its memory, some MiB, for the next recording; making it takes time."""
+COMPARTMENTS_TO_KEEP = 1 << 12
+"""The most compartments of a phase whose memory, some MiB, is kept for the next recording: making it takes time."""
 
 
 def run_phase(
@@ -61,9 +61,16 @@ def run_phase(
         registers = [_kept(kind, layout, trace, windows) for kind in REGISTERS]
         kept = packed.pack(Kept(True, *registers))
     first, line = join_lists(played.events)
-    given = _Given(first, line, played.start, played.stop)
-    written = _Trace(trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept)
-    in_parts(partial(_run_part, layout, given, skip, written), len(trace.sent))
+    recordings = _Recordings(first=first, line=line, start=played.start, stop=played.stop)
+    written = _Trace(
+        spikes=trace.spikes,
+        sent=trace.sent,
+        active=trace.active,
+        events=trace.events,
+        totals=trace.totals,
+        kept=kept,
+    )
+    in_parts(partial(_run_part, layout, recordings, skip, written), len(trace.sent))
     return trace
 
 
@@ -73,8 +80,8 @@ def start_ahead_if_missing() -> None:
         start_ahead()
 
 
-class _Given(NamedTuple):
-    """Recordings: the lists of their input events, and the steps from which and to which each runs.
+class _Recordings(NamedTuple):
+    """A batch: the lists of its input events, and the steps from which and to which each recording runs.
 
     Those of recording b, row r and input m are ``line[first[b, r, m]:first[b, r + 1, m]]``.
     """
@@ -97,24 +104,24 @@ class _Trace(NamedTuple):
 
 
 def _run_part(
-    layout: FastLayout, given: _Given, skip: bool, written: _Trace, low: int, high: int
+    layout: FastLayout, recordings: _Recordings, skip: bool, written: _Trace, low: int, high: int
 ) -> None:
-    """Run recordings ``low..high`` of those given, in a memory of their own."""
-    memories, code = _made(layout)
+    """Run recordings ``low..high`` of a batch, in a memory of their own."""
+    memories, code = _memories_and_code(layout)
     try:
         memory = memories.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
         memory = packed.pack(Memory(first_state(layout), workspace(layout), paths_of(layout)))
     if not code:
-        code.append(_machine_code(given, layout.packed_tables, memory, skip, written))
+        code.append(_machine_code(recordings, layout.packed_tables, memory, skip, written))
     tile_at, loop = code[0]
-    loop(low, high, tile_at, given, layout.packed_tables, memory, skip, written)
-    if layout.columns <= SMALL:
+    loop(low, high, tile_at, recordings, layout.packed_tables, memory, skip, written)
+    if layout.columns <= COMPARTMENTS_TO_KEEP:
         memories.append(memory)
 
 
 def _machine_code(
-    given: _Given,
+    recordings: _Recordings,
     tables: Packed[Tables],
     memory: Packed[Memory],
     skip: bool,
@@ -124,70 +131,72 @@ def _machine_code(
     tile_at = address(
         run_tile,
         Tile(_NO_STEP, _NO_STEP, skip),
-        Arriving(given.first[0], given.line),
+        Arriving(recordings.first[0], recordings.line),
         tables,
         memory,
         Written(written.spikes[0], written.sent[0], written.active[0], _NO_STEP, written.kept),
     )
-    return tile_at, entry(_run, 0, 0, tile_at, given, tables, memory, skip, written)
+    return tile_at, entry(_run, 0, 0, tile_at, recordings, tables, memory, skip, written)
 
 
 @lru_cache(maxsize=8)
-def _made(
+def _memories_and_code(
     layout: FastLayout,
 ) -> tuple[list[Packed[Memory]], list[tuple[np.int64, Callable[..., Any]]]]:
-    """Return the memories of a layout that no thread is using, whoever takes one resets it, and its machine code."""
+    """Return two lists that callers fill: the memories of a layout that no thread is using, and its machine code.
+
+    Both are empty in the first call, and kept for the next ones. Whoever takes a memory resets it.
+    """
     return [], []
 
 
 def _kept(
     kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]
 ) -> KeptRegister:
+    """Return where the registers of a kind are written: into the trace, or nowhere without a window for them."""
     window = windows.get(kind, NOTHING)
     place = np.full(layout.columns, -1, dtype=np.int64)
     place[window.columns] = np.arange(len(window.columns))
-    return KeptRegister(
-        place, window.start, trace.registers.get(kind, window.empty(len(trace.sent)))
-    )
+    rows = trace.registers.get(kind, window.empty(len(trace.sent)))
+    return KeptRegister(place=place, start=window.start, rows=rows)
 
 
 def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
     """Return the lists of several inputs as one: where each recording, row and input begins, and lines; in C order."""
     if len(events) == 1:
         return np.ascontiguousarray(events[0].first)[:, :, None], events[0].channel
-    before = np.cumsum([0, *(len(lists.channel) for lists in events[:-1])])
-    first = np.empty(
-        (*events[0].first.shape, len(events)), dtype=np.int64
-    )  # numpy would keep the order of those given
+    events_before = np.cumsum([0, *(len(lists.channel) for lists in events[:-1])])
+    # An array of its own: a sum in numpy would lie in memory in the order of its operands.
+    first = np.empty((*events[0].first.shape, len(events)), dtype=np.int64)
     for m, lists in enumerate(events):
-        np.add(lists.first, before[m], out=first[:, :, m])
+        np.add(lists.first, events_before[m], out=first[:, :, m])
     return first, np.concatenate([lists.channel for lists in events])
 
 
 @compiled
-def _run(low, high, tile_at, given, tables, memory, skip, written):  # type: ignore[no-untyped-def]
+def _run(low, high, tile_at, recordings, tables, memory, skip, written):  # type: ignore[no-untyped-def]
     """Run recordings ``low..high`` one after the other, each tile by tile."""
-    first, line, start, stop = given
+    first, line, start, stop = recordings
     state = memory.state
     nodes = tables.nodes
     chunks = tables.chunks
     links = tables.links
     spikes, sent, active, events, totals, kept = written
-    most_rows = len(memory.work.masks)
+    rows_of_tile = len(memory.work.masks)
     for b in range(low, high):
         reset(state)
-        for step in range(start[b], stop[b], most_rows):
-            tile = Tile(step, min(most_rows, stop[b] - step), skip)
+        for step in range(start[b], stop[b], rows_of_tile):
+            tile = Tile(step, min(rows_of_tile, stop[b] - step), skip)
             arriving = Arriving(first[b, step:], line)
             of_tile = Written(spikes[b, step:], sent[b], active[b, step:], b, kept)
             totals[b, SKIPPED] += call_at(tile_at, (tile, arriving, tables, memory, of_tile))
         for k in range(len(chunks.first_column)):
             for i in range(chunks.width[k]):
-                at = k * FIELDS * LANES + i
-                for event in range(3):
-                    events[b, event, chunks.first_column[k] + i] = state.registers[
-                        at + (CHARGE_WRAPS + event) * LANES
-                    ]
+                column = chunks.first_column[k] + i
+                registers_of_lane = k * FIELDS * LANES + i
+                for event in range(events.shape[1]):
+                    counter = registers_of_lane + (CHARGE_WRAPS + event) * LANES
+                    events[b, event, column] = state.registers[counter]
         _add_up(
             start[b],
             stop[b],
@@ -204,7 +213,10 @@ def _run(low, high, tile_at, given, tables, memory, skip, written):  # type: ign
 
 @inner
 def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]
-    """Add up what :func:`hw_model.engine.trace.added_up` does, of one recording."""
+    """Add up what :func:`hw_model.engine.trace.added_up` does, of one recording: its ``totals``, in their order.
+
+    Synaptic operations are counted from what is sent, by delay: what would act after the last step is left out.
+    """
     due_late = links.due_late
     columns = spikes.shape[1]
     lines = due_late.shape[1] - columns

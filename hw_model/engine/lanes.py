@@ -17,31 +17,33 @@ from llvmlite.binding import get_host_cpu_features
 from hw_model.engine.layout import FACTOR_BITS, LANES, USUAL_WIDTHS
 
 BIT, BYTE, COUNT = ir.IntType(1), ir.IntType(8), ir.IntType(32)
-EIGHT = 8
+BITS_OF_BYTE = 8
 """Bits of a byte, each of which stands for a lane."""
-Given = Any
-"""What a loop gives to a kernel, a value of LLVM."""
-Returned = Sequence[Any]
+LlvmValue = Any
+"""What a loop gives to a kernel: a value of LLVM, which has no type of its own in Python."""
+LlvmValues = Sequence[Any]
 """What a kernel returns, values of LLVM."""
-Ends = Sequence[Any]
-"""Half the ranges of q and of u: lanes, or constants; None where nothing wraps."""
+WrapHalves = Sequence[Any]
+"""Half the ranges of q, in units, and of u, at which they wrap: lanes, or constants; None where nothing wraps."""
 
 
 def _operation(name: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
-    return lambda one, other: one.with_value(getattr(one.builder, name)(one.value, one.like(other)))
-
-
-def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
-    return lambda one, other: one.with_value(
-        one.builder.icmp_signed(sign, one.value, one.like(other))
+    return lambda left, right: left.with_value(
+        getattr(left.builder, name)(left.value, left.like(right))
     )
 
 
-def _of_a_lane(kind: ir.Type) -> ir.Type:
+def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
+    return lambda left, right: left.with_value(
+        left.builder.icmp_signed(sign, left.value, left.like(right))
+    )
+
+
+def _lane_type(kind: ir.Type) -> ir.Type:
     return kind.element if isinstance(kind, ir.VectorType) else kind
 
 
-def _everywhere(kind: ir.Type, number: int) -> ir.Value:
+def _in_every_lane(kind: ir.Type, number: int) -> ir.Value:
     """Return a constant of a type, the same in every lane."""
     return ir.Constant(kind, [number] * kind.count if isinstance(kind, ir.VectorType) else number)
 
@@ -59,14 +61,14 @@ class Lanes:
     def like(self, other: "Lanes | int") -> ir.Value:
         """Return what is combined with these lanes, in their type: an integer in every lane, a truth as 0 or 1."""
         if not isinstance(other, Lanes):
-            return _everywhere(self.value.type, other)
+            return _in_every_lane(self.value.type, other)
         wide = self.value.type
         narrow = other.value.type
         if narrow == wide:
             return other.value
-        return (self.builder.zext if _of_a_lane(narrow) == BIT else self.builder.sext)(
-            other.value, wide
-        )
+        if _lane_type(narrow) == BIT:
+            return self.builder.zext(other.value, wide)
+        return self.builder.sext(other.value, wide)
 
     __add__, __sub__, __mul__ = _operation("add"), _operation("sub"), _operation("mul")
     __and__, __or__, __xor__ = _operation("and_"), _operation("or_"), _operation("xor")
@@ -79,20 +81,22 @@ class Lanes:
         return self.with_value(self.builder.neg(self.value))
 
 
-def where(mask: Lanes, one: Lanes | int, other: Lanes) -> Lanes:
-    """Return lanes of one where the mask is set, else of the other."""
-    return other.with_value(other.builder.select(mask.value, other.like(one), other.value))
+def where(mask: Lanes, chosen: Lanes | int, otherwise: Lanes) -> Lanes:
+    """Return the lanes of ``chosen`` where the mask is set, else those of ``otherwise``."""
+    selected = otherwise.builder.select(mask.value, otherwise.like(chosen), otherwise.value)
+    return otherwise.with_value(selected)
 
 
-def select(mask: Lanes, one: Lanes | int, other: Lanes | int) -> Lanes:
-    """Do the same where at least one of both is lanes."""
-    if isinstance(other, int):
-        assert isinstance(one, Lanes)
-        return one.with_value(one.builder.select(mask.value, one.value, one.like(other)))
-    return where(mask, one, other)
+def select(mask: Lanes, chosen: Lanes | int, otherwise: Lanes | int) -> Lanes:
+    """Do the same where ``chosen`` or ``otherwise`` may be an integer, but not both."""
+    if isinstance(otherwise, int):
+        assert isinstance(chosen, Lanes)
+        selected = chosen.builder.select(mask.value, chosen.value, chosen.like(otherwise))
+        return chosen.with_value(selected)
+    return where(mask, chosen, otherwise)
 
 
-def short(lanes: Lanes) -> Lanes:
+def as_factor(lanes: Lanes) -> Lanes:
     """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster.
 
     A compartment alone may have wider registers, and is left as it is.
@@ -106,26 +110,27 @@ def short(lanes: Lanes) -> Lanes:
     )
 
 
-def before(lanes: Lanes, many: int) -> Lanes:
-    """Return the first ``many`` bits of each lane as a number."""
+def first_bits(lanes: Lanes, bits_kept: int) -> Lanes:
+    """Return the highest ``bits_kept`` bits of each lane as a number: all ones of what is negative and small."""
     kind = lanes.value.type
-    by = _everywhere(kind, _of_a_lane(kind).width - many)
-    return lanes.with_value(lanes.builder.lshr(lanes.value, by))
+    shift = _in_every_lane(kind, _lane_type(kind).width - bits_kept)
+    return lanes.with_value(lanes.builder.lshr(lanes.value, shift))
 
 
-def halves(place: "Place", widths: Given) -> Ends:
+def halves_of_ranges(place: "Place", widths: LlvmValue) -> WrapHalves:
     """Return the pair :class:`hw_model.engine.layout.Widths`; the usual one, in 32 bits, is known beforehand.
 
     Without widths, an empty tuple, nothing wraps.
     """
     if not widths.type.elements:
         return None, None
-    return (
-        USUAL_WIDTHS if place.width == 32 else [place.each(widths, number) for number in range(2)]
-    )
+    if place.width == COUNT.width:
+        return USUAL_WIDTHS
+    half_charge, half_current = (place.each(widths, number) for number in range(2))
+    return half_charge, half_current
 
 
-def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
+def put_side_by_side(place: "Place", mask: Lanes, numbers: Lanes) -> LlvmValue:
     """Put the numbers of the lanes that are set at a place, side by side; return how many there are.
 
     The place has room for all lanes.
@@ -134,42 +139,48 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
         place[0] = _side_by_side(mask, numbers)
         return count(mask)
     builder = place.builder
-    every = held(numbers)
-    left = _room(builder, COUNT)
-    builder.store(bits(mask), left)
+    numbers_of_lanes = variable(numbers)
+    bits_left = _on_stack(builder, COUNT)
+    builder.store(bits(mask), bits_left)
     # One number after the other: mostly there are few, and LLVM would move every lane.
     with _each_number(builder, count(mask)) as number:
-        now = builder.load(left)
-        place.put_one(number, every.one(builder.cttz(now, BIT(1))))
-        builder.store(builder.and_(now, builder.sub(now, COUNT(1))), left)
+        mask_left = builder.load(bits_left)
+        lowest_lane = builder.cttz(mask_left, BIT(1))
+        place.put_one(number, numbers_of_lanes.one(lowest_lane))
+        without_lowest = builder.and_(mask_left, builder.sub(mask_left, COUNT(1)))
+        builder.store(without_lowest, bits_left)
     return count(mask)
 
 
-def put_numbers(place: "Place", mask: Lanes, first: Given) -> Given:
+def put_lane_numbers(place: "Place", mask: Lanes, first: LlvmValue) -> LlvmValue:
     """Put which lanes are set at a place, side by side, counted from ``first``; return how many there are.
 
     The place has room for all lanes.
     """
     builder = place.builder
-    found = bits(mask)
     lanes = mask.value.type.count
     if can("avx512vbmi2"):
-        numbers = ir.Constant(ir.VectorType(BYTE, lanes), list(range(lanes)))
-        which = _side_by_side(mask, mask.with_value(numbers)).value
-        many = count(mask)
-        place.put_bytes(COUNT(0), _part(builder, which, 0, LANES), first)
+        lane_numbers = ir.Constant(ir.VectorType(BYTE, lanes), list(range(lanes)))
+        set_lanes = _side_by_side(mask, mask.with_value(lane_numbers)).value
+        set_count = count(mask)
+        place.put_bytes(COUNT(0), _some_lanes(builder, set_lanes, 0, LANES), first)
         if lanes > LANES:
-            with builder.if_then(builder.icmp_unsigned(">", many, COUNT(LANES)), likely=False):
+            # More than one vector of set lanes is rare.
+            overflows = builder.icmp_unsigned(">", set_count, COUNT(LANES))
+            with builder.if_then(overflows, likely=False):
                 for low in range(LANES, lanes, LANES):
-                    place.put_bytes(COUNT(low), _part(builder, which, low, LANES), first)
-        return many
-    many = COUNT(0)
-    for low in range(0, lanes, EIGHT):
-        byte = builder.and_(builder.lshr(found, found.type(low)), found.type(255))
+                    place.put_bytes(COUNT(low), _some_lanes(builder, set_lanes, low, LANES), first)
+        return set_count
+    # Eight lanes at a time, whose numbers a table tells.
+    mask_bits = bits(mask)
+    put_so_far = COUNT(0)
+    for low in range(0, lanes, BITS_OF_BYTE):
+        byte = builder.and_(builder.lshr(mask_bits, mask_bits.type(low)), mask_bits.type(255))
         eight = builder.load(builder.gep(_lanes_of_bytes(builder), [COUNT(0), byte]))
-        place.put_bytes(many, builder.bitcast(eight, ir.VectorType(BYTE, EIGHT)), first, low)
-        many = builder.add(many, _as_count(builder, builder.ctpop(byte)))
-    return many
+        lanes_of_byte = builder.bitcast(eight, ir.VectorType(BYTE, BITS_OF_BYTE))
+        place.put_bytes(put_so_far, lanes_of_byte, first, more=low)
+        put_so_far = builder.add(put_so_far, _as_count(builder, builder.ctpop(byte)))
+    return put_so_far
 
 
 @cache
@@ -198,7 +209,7 @@ def _side_by_side(mask: Lanes, numbers: Lanes) -> Lanes:
     )
 
 
-def _part(builder: ir.IRBuilder, vector: ir.Value, low: int, many: int) -> ir.Value:
+def _some_lanes(builder: ir.IRBuilder, vector: ir.Value, low: int, many: int) -> ir.Value:
     """Return ``many`` lanes of a vector from lane ``low`` on."""
     lanes = ir.Constant(ir.VectorType(COUNT, many), list(range(low, low + many)))
     return builder.shuffle_vector(vector, vector, lanes)
@@ -209,7 +220,9 @@ def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
     name = "lanes_of_bytes"
     module = builder.module
     if name not in module.globals:
-        of_bytes = (bytes(bit for bit in range(EIGHT) if byte >> bit & 1) for byte in range(256))
+        of_bytes = (
+            bytes(bit for bit in range(BITS_OF_BYTE) if byte >> bit & 1) for byte in range(256)
+        )
         numbers = [int.from_bytes(of_byte, "little") for of_byte in of_bytes]
         table = ir.Constant(ir.ArrayType(ir.IntType(64), 256), numbers)
         made = ir.GlobalVariable(module, table.type, name)
@@ -217,26 +230,26 @@ def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
     return module.globals[name]
 
 
-def held(lanes: Lanes) -> "Place":
+def variable(lanes: Lanes) -> "Place":
     """Return a place for lanes that change in a loop, which keeps them in registers of the processor."""
     kind = lanes.value.type
-    room = _room(lanes.builder, kind)
+    room = _on_stack(lanes.builder, kind)
     place = Place(lanes.builder, lanes.builder.bitcast(room, kind.element.as_pointer()))
     place[0] = lanes
     return place
 
 
-def each_row(place: "Place", many: Given) -> Iterator[Given]:
+def each_row(place: "Place", many: LlvmValue) -> Iterator[LlvmValue]:
     """Loop over the numbers of several rows: what is done with one, in a kernel, becomes a loop of the machine."""
     with _each_number(place.builder, many) as number:
         yield number
 
 
 @contextmanager
-def _each_number(builder: ir.IRBuilder, many: Given) -> Iterator[Given]:
+def _each_number(builder: ir.IRBuilder, many: LlvmValue) -> Iterator[LlvmValue]:
     """Write a loop of the machine over the numbers from 0 to before ``many``, of its type."""
     test, body, after = (builder.append_basic_block(name) for name in ("test", "body", "after"))
-    counter = _room(builder, many.type)
+    counter = _on_stack(builder, many.type)
     builder.store(many.type(0), counter)
     builder.branch(test)
     with builder.goto_block(test):
@@ -250,7 +263,7 @@ def _each_number(builder: ir.IRBuilder, many: Given) -> Iterator[Given]:
     builder.position_at_end(after)
 
 
-def _room(builder: ir.IRBuilder, kind: ir.Type) -> ir.Value:
+def _on_stack(builder: ir.IRBuilder, kind: ir.Type) -> ir.Value:
     """Return room on the stack, taken once where the function begins, not in each round of a loop."""
     with builder.goto_entry_block():
         return builder.alloca(kind)
@@ -258,8 +271,10 @@ def _room(builder: ir.IRBuilder, kind: ir.Type) -> ir.Value:
 
 def bits(mask: Lanes) -> ir.Value:
     """Return a mask as a number, of 32 bits or, if there are more lanes, as many: lane i is bit i."""
-    found = mask.builder.bitcast(mask.value, ir.IntType(mask.value.type.count))
-    return found if found.type.width >= COUNT.width else mask.builder.zext(found, COUNT)
+    mask_bits = mask.builder.bitcast(mask.value, ir.IntType(mask.value.type.count))
+    if mask_bits.type.width >= COUNT.width:
+        return mask_bits
+    return mask.builder.zext(mask_bits, COUNT)
 
 
 @contextmanager
@@ -269,20 +284,23 @@ def seldom(mask: Lanes) -> Iterator[None]:
         yield
 
 
-def first_lanes(mask: Lanes, many: Given) -> Lanes:
-    """Return a mask without the lanes from number ``many`` on, above 0, of which there may be none."""
+def first_lanes(mask: Lanes, many: LlvmValue) -> Lanes:
+    """Return a mask without the lanes from number ``many`` on, which is above 0 and may be more than there are."""
     builder = mask.builder
     lanes = mask.value.type.count
-    found = bits(mask)
-    beyond = builder.sub(COUNT(lanes), builder.trunc(many, COUNT))
-    beyond = builder.select(builder.icmp_signed(">", beyond, COUNT(0)), beyond, COUNT(0))
-    if found.type != COUNT:
-        beyond = builder.zext(beyond, found.type)
-    kept = builder.and_(found, builder.lshr(found.type((1 << lanes) - 1), beyond))
-    return mask.with_value(builder.bitcast(builder.trunc(kept, ir.IntType(lanes)), mask.value.type))
+    mask_bits = bits(mask)
+    lanes_beyond = builder.sub(COUNT(lanes), builder.trunc(many, COUNT))
+    some_beyond = builder.icmp_signed(">", lanes_beyond, COUNT(0))
+    lanes_beyond = builder.select(some_beyond, lanes_beyond, COUNT(0))
+    if mask_bits.type != COUNT:
+        lanes_beyond = builder.zext(lanes_beyond, mask_bits.type)
+    all_lanes = mask_bits.type((1 << lanes) - 1)
+    bits_left = builder.and_(mask_bits, builder.lshr(all_lanes, lanes_beyond))
+    as_mask = builder.bitcast(builder.trunc(bits_left, ir.IntType(lanes)), mask.value.type)
+    return mask.with_value(as_mask)
 
 
-def mask_of(place: "Place", number: Given) -> Lanes:
+def mask_of(place: "Place", number: LlvmValue) -> Lanes:
     """Return the mask that a number is."""
     builder = place.numbers().builder
     return Lanes(
@@ -333,25 +351,28 @@ class Place:
         )
         self.builder.store(value, self._at(field), align=max(1, self.width // 8))
 
-    def each(self, given: Given, number: int | None = None) -> Lanes:
+    def each(self, given: LlvmValue, number: int | None = None) -> Lanes:
         """Return a number, or one of a pair, in each lane."""
         vector = self._vector
         value = given if number is None else self.builder.extract_value(given, number)
         if value.type != vector.element:
             value = self.builder.trunc(value, vector.element)
-        one = self.builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
-        first = ir.Constant(ir.VectorType(COUNT, self._lanes), [0] * self._lanes)
-        return Lanes(self.builder, self.builder.shuffle_vector(one, one, first))
+        in_lane_0 = self.builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
+        lane_0_everywhere = ir.Constant(ir.VectorType(COUNT, self._lanes), [0] * self._lanes)
+        filled = self.builder.shuffle_vector(in_lane_0, in_lane_0, lane_0_everywhere)
+        return Lanes(self.builder, filled)
 
-    def one(self, lane: Given) -> ir.Value:
+    def one(self, lane: LlvmValue) -> ir.Value:
         """Return the number of one lane."""
         return self.builder.load(self.builder.gep(self._first, [lane]))
 
-    def put_one(self, lane: Given, number: ir.Value) -> None:
+    def put_one(self, lane: LlvmValue, number: ir.Value) -> None:
         """Put the number of one lane."""
         self.builder.store(number, self.builder.gep(self._first, [lane]))
 
-    def put_bytes(self, number: Given, given: ir.Value, first: Given, more: int = 0) -> None:
+    def put_bytes(
+        self, number: LlvmValue, given: ir.Value, first: LlvmValue, more: int = 0
+    ) -> None:
         """Put a vector of bytes as numbers from element ``number`` on, each with ``first`` and ``more`` added."""
         place = Place(self.builder, self.builder.gep(self._first, [number]), lanes=given.type.count)
         numbers = Lanes(self.builder, self.builder.zext(given, place._vector))
@@ -368,7 +389,7 @@ class Place:
             self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]),
         )
 
-    def row(self, number: Given) -> "Place":
+    def row(self, number: LlvmValue) -> "Place":
         """Return the place that many rows of the array on."""
         first = self.builder.bitcast(self._first, BYTE.as_pointer())
         first = self.builder.gep(first, [self.builder.mul(number, self._row_bytes)])

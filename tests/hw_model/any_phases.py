@@ -229,9 +229,9 @@ def drawn(seed: int, plain: bool = False) -> Case:
     readout = _readout(
         r, [f"{graph.phases[0].name}/{name}" for graph in graphs for name in "yz"], plain
     )
-    graph = replace(hybrids.side_by_side(*graphs), readout=readout)
+    graph = replace(hybrids.graphs_side_by_side(*graphs), readout=readout)
     check_graph(graph, chip)
-    program = hybrids.assembled(chip, readout, *graphs)
+    program = hybrids.program_of_graphs(chip, readout, *graphs)
     batch = int(r.choice([1, 1, 2, 3, 9]))
     density = r.choice([0, 0.02, 0.1, 0.5, 1], (batch, 1, 1))
     spikes = {

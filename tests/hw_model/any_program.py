@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import hybrids
 import numpy as np
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
@@ -114,7 +115,7 @@ def add_children(
     first = parameters(r, soma.size, chip)
     if shape == "many" and alike:
         end = (1 << chip.registers.bias_mantissa_bits) - 1 << chip.registers.bias_exponent_max
-        first |= {"decay_u": 4096, "decay_v": 0, "bias": end}
+        first |= {"decay_u": FORGETS_AT_ONCE, "decay_v": KEEPS_ALL, "bias": end}
     nodes = [soma]
     least, most = SHAPES[shape]
     for i in range(int(r.integers(least, most + 1))):
@@ -218,7 +219,7 @@ def programs(
     graph, seen = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
     graph = replace(graph, readout=Readout(("y",), (1.0,), draw(POTENTIALS_FROM)))
-    program = hybrids.assembled(chip, graph.readout, graph)
+    program = hybrids.program_of_graphs(chip, graph.readout, graph)
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
     shape = (2, draw(st.sampled_from([40, 20, 20, 5, 1]), label="steps"), lines)
     spikes = (r.random(shape) < r.choice([0.0, 0.05, 0.3, 1.0], (2, 1, 1))).astype(np.uint8)
@@ -239,11 +240,11 @@ def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = 
     silence = int(r.integers(0, 3))
     readout = Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0]))), draw(OF_EACH))
     branches = (
-        hybrids.in_phase(time, "time", steps),
-        hybrids.in_phase(location, "location", channels + silence, r.permutation(channels)),
+        hybrids.graph_in_phase(time, "time", steps),
+        hybrids.graph_in_phase(location, "location", channels + silence, r.permutation(channels)),
     )
-    graph = replace(hybrids.side_by_side(*branches), readout=readout)
-    program = hybrids.assembled(chip, readout, *branches)
+    graph = replace(hybrids.graphs_side_by_side(*branches), readout=readout)
+    program = hybrids.program_of_graphs(chip, readout, *branches)
     spikes = (r.random((1, steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
     return Drawn(program, graph, spikes, seen + more + _of_chip(program))
 

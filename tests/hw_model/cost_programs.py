@@ -7,11 +7,12 @@ the step of its charge and in the next, in which its current is taken off.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from hybrids import CHIP, assembled, in_phase
+from hybrids import CHIP, graph_in_phase, program_of_graphs
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 
-FORGETS = {"decay_u": 4096, "decay_v": 4096, "threshold": 10}
+FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "threshold": 10}
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,9 @@ def crossroads() -> Worked:
         + 3 * (600.0 + 3 / 5 * 1200.0)
     )
     return Worked(
-        assembled(chip, None, builder.graph()),  # cores in their order: first, then the others
+        program_of_graphs(
+            chip, None, builder.graph()
+        ),  # cores in their order: first, then the others
         np.array([[1], [0], [0]]),
         pj={
             # 1 + 3 synapses; first is active in two steps and the others in one: 5 of 12 updates; 3 hops east, 1 south
@@ -131,11 +134,11 @@ def hybrid() -> Worked:
         builder.connect(x, builder.add_compartments(f"{axis}/y", 1, **FORGETS), [[20] * lines])
         return builder
 
-    program = assembled(
+    program = program_of_graphs(
         CHIP,
         None,
-        in_phase(branch("time", 2).graph(), "time", 3),
-        in_phase(branch("location", 3).graph(), "location", 2, [1, 0]),
+        graph_in_phase(branch("time", 2).graph(), "time", 3),
+        graph_in_phase(branch("location", 3).graph(), "location", 2, [1, 0]),
     )
     davies = {
         "time": (5.3 + 3.5) + 8.4 + (8.4 + 2 * 3.5) + 3 * 113.0,

@@ -15,14 +15,14 @@ from hw_model.mapping.graph import Readout
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def in_streams(program: hw.ChipProgram) -> hw.ChipProgram:
+def with_stream_per_phase(program: hw.ChipProgram) -> hw.ChipProgram:
     """The same program with a recording of its own for each phase, so that they can be varied apart."""
     return replace(
         program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
     )
 
 
-def futures(
+def possible_futures(
     program: hw.ChipProgram,
     recording: np.ndarray,
     done: int,
@@ -102,11 +102,12 @@ def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
     return program, (r.random((steps, channels)) < 0.5).astype(np.uint8)
 
 
-def counted(counts: hw.Counts) -> dict[str, int]:
+def counts_by_core(counts: hw.Counts) -> dict[str, int]:
+    """The counts that belong to cores; those of the whole phase, as skipped steps, differ between ways to play."""
     return {name: counts[name] for name in BY_CORE}
 
 
-def batch_for(seed: int, batch: int = 4) -> tuple[hw.ChipProgram, np.ndarray]:
+def program_and_batch(seed: int, batch: int = 4) -> tuple[hw.ChipProgram, np.ndarray]:
     program, recording = random_hybrid(seed)
     r = np.random.default_rng(seed + 1)
     return program, (

@@ -22,7 +22,7 @@ SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=7))
 """Cores of seven compartments: the same programs spread over several cores."""
 
 
-def side_by_side(*graphs: CompartmentGraph) -> CompartmentGraph:
+def graphs_side_by_side(*graphs: CompartmentGraph) -> CompartmentGraph:
     """All phases, inputs, groups and synapses of several graphs."""
     return replace(
         graphs[0],
@@ -33,9 +33,13 @@ def side_by_side(*graphs: CompartmentGraph) -> CompartmentGraph:
     )
 
 
-def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph) -> ChipProgram:
+def program_of_graphs(
+    chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph
+) -> ChipProgram:
     """One program of several graphs, a phase each; cores are left where they come, which saves most of the time."""
-    return assemble(route_axons(place_cores(replace(side_by_side(*graphs), readout=readout), chip)))
+    return assemble(
+        route_axons(place_cores(replace(graphs_side_by_side(*graphs), readout=readout), chip))
+    )
 
 
 def moved(graph: CompartmentGraph, phase: Phase, *feeds: Mapping[str, Any]) -> CompartmentGraph:
@@ -43,19 +47,16 @@ def moved(graph: CompartmentGraph, phase: Phase, *feeds: Mapping[str, Any]) -> C
 
     The stream is "touch" where none is named.
     """
-    given = [*feeds, *[{}] * (len(graph.inputs) - len(feeds))]
-    inputs = zip(graph.inputs, given, strict=True)
-    return replace(
-        graph,
-        phases=(phase,),
-        inputs=tuple(
-            replace(item, phase=phase.name, **{"stream": "touch", **its}) for item, its in inputs
-        ),
-        groups=tuple(replace(group, phase=phase.name) for group in graph.groups),
-    )
+    feed_of_input = [*feeds, *[{}] * (len(graph.inputs) - len(feeds))]
+    inputs = []
+    for graph_input, feed in zip(graph.inputs, feed_of_input, strict=True):
+        fields = {"phase": phase.name, "stream": "touch", **feed}
+        inputs.append(replace(graph_input, **fields))
+    groups = [replace(group, phase=phase.name) for group in graph.groups]
+    return replace(graph, phases=(phase,), inputs=tuple(inputs), groups=tuple(groups))
 
 
-def in_phase(
+def graph_in_phase(
     graph: CompartmentGraph, axis: Axis, steps: int | None, positions=None, first_lines=None
 ) -> CompartmentGraph:
     """Move a graph of a builder into a phase of its own; with ``positions`` its inputs are transposed."""
@@ -66,7 +67,11 @@ def in_phase(
 def random_branch(
     r: np.random.Generator, axis: Axis, lines: int, classes: int, chip: hw.Chip
 ) -> CompartmentGraph:
-    """Two populations and joined dendrites, with recurrence, delays, biases, refractory periods, every link format."""
+    """Two populations and joined dendrites, with recurrence, delays, biases, refractory periods, every link format.
+
+    Constants are drawn from extremes (a decay that keeps all or nothing, a threshold of 0) and from values between them
+    that no network needs to have; ``big`` adds decays, exponents and vmin with which registers wrap and clip.
+    """
     big = bool(r.random() < 0.2)
     vmin = [None, 0, 1 - 2**15][r.integers(3)] if big else None
     builder = hw.ProgramBuilder(chip)
@@ -114,24 +119,26 @@ def random_branch(
     return builder.graph()
 
 
-def random_hybrid(seed: int, together: int = 1, silence: int = 0) -> tuple[ChipProgram, np.ndarray]:
+def random_hybrid(
+    seed: int, channels_per_step: int = 1, silence: int = 0
+) -> tuple[ChipProgram, np.ndarray]:
     """A random hybrid program and a recording (steps, channels) for it.
 
-    Its location phase visits ``together`` channels at a step, or all where there are fewer, and adds silent steps.
+    Its location phase visits ``channels_per_step`` channels at a step, or all where there are fewer, and adds silent steps.
     """
     r = np.random.default_rng(seed)
     steps, channels, classes = (int(r.integers(1, high)) for high in (30, 9, 5))
-    together = min(together, channels)
+    channels_per_step = min(channels_per_step, channels)
     chip = CHIP if r.random() < 0.5 else SMALL
     weights = [(1.0, 1.0), (0.5, -2.0)][int(r.random() < 0.3)]
-    program = assembled(
+    program = program_of_graphs(
         chip,
         Readout(("time/y", "location/y"), weights),
-        in_phase(random_branch(r, "time", channels, classes, chip), "time", steps),
+        graph_in_phase(random_branch(r, "time", channels, classes, chip), "time", steps),
         _location_phase(
-            random_branch(r, "location", together * steps, classes, chip),
+            random_branch(r, "location", channels_per_step * steps, classes, chip),
             r.permutation(channels),
-            together,
+            channels_per_step,
             silence,
         ),
     )
@@ -139,10 +146,18 @@ def random_hybrid(seed: int, together: int = 1, silence: int = 0) -> tuple[ChipP
 
 
 def _location_phase(
-    branch: CompartmentGraph, at: np.ndarray, together: int, silence: int
+    branch: CompartmentGraph, at: np.ndarray, channels_per_step: int, silence: int
 ) -> CompartmentGraph:
-    """Visit channel c as number ``at[c]``."""
-    first_lines = None if together == 1 else at % together * (branch.inputs[0].size // together)
-    return in_phase(
-        branch, "location", -(-len(at) // together) + silence, at // together, first_lines
+    """Move a branch into a location phase that visits channel c as number ``at[c]``, then is silent for some steps."""
+    first_lines = (
+        None
+        if channels_per_step == 1
+        else at % channels_per_step * (branch.inputs[0].size // channels_per_step)
+    )
+    return graph_in_phase(
+        branch,
+        "location",
+        -(-len(at) // channels_per_step) + silence,
+        at // channels_per_step,
+        first_lines,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hybrids import CHIP
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 
@@ -13,33 +14,36 @@ TOGETHER = st.integers(1, 3)
 """Channels that the location phase visits at one step."""
 
 
-def so_far(recording: np.ndarray) -> np.ndarray:
+def cut_after_every_step(recording: np.ndarray) -> np.ndarray:
     """The recording up to every step, followed by silence: (steps, steps, channels)."""
     until = np.tri(len(recording), dtype=np.uint8)
     return until[:, :, None] * recording
 
 
-def largest_so_far(potential: np.ndarray, first: int) -> np.ndarray:
+def largest_potential_so_far(potential: np.ndarray, first: int) -> np.ndarray:
     """The largest of each column up to every step (steps, n), from step ``first`` on, and 0 before that."""
     return np.stack([potential[first : t + 1].max(axis=0, initial=-(2**40)) if t >= first else 0 * potential[t]
                      for t in range(len(potential))])  # fmt: skip
 
 
-def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
-    """Time populations: their spikes up to the step. Location populations: a full run on the recording so far.
+def check_session_after_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
+    """Check what a session said after every step (:class:`hw.StepScores`) against whole runs of the reference.
 
-    Where potentials predict, the largest of those instead of spikes.
+    Populations of a time phase have the spikes up to the step; those of a location phase have what a run gives of the
+    recording up to the step, with silence after it. Where potentials predict, it is the largest of them.
     """
     whole = hw.simulate(program, recording, probe=("spikes", "potential"))
-    again = hw.simulate(program, so_far(recording), probe=("spikes", "potential"))
+    again = hw.simulate(program, cut_after_every_step(recording), probe=("spikes", "potential"))
     wanted = np.zeros_like(found.scores)
     axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
     for name, weight in program.readout.terms:
         first = program.readout.from_step.get(name)
         if first is not None:
-            counts = largest_so_far(whole.potential[name][: len(recording)], first)
+            counts = largest_potential_so_far(whole.potential[name][: len(recording)], first)
             if axis[name] == "location":
-                counts = np.stack([largest_so_far(one, first)[-1] for one in again.potential[name]])
+                counts = np.stack(
+                    [largest_potential_so_far(one, first)[-1] for one in again.potential[name]]
+                )
         elif axis[name] == "time":
             counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
         else:
@@ -63,7 +67,7 @@ def live_program() -> hw.ChipProgram:
     x = builder.add_input("touch", 6)
     h = builder.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=1000, refractory=3)
     y = builder.add_compartments(
-        "y", 3, decay_u=4096, decay_v=400, threshold=600, bias=[0, 64, 640]
+        "y", 3, decay_u=FORGETS_AT_ONCE, decay_v=400, threshold=600, bias=[0, 64, 640]
     )
     r = np.random.default_rng(4)
     builder.connect(x, h, 2 * r.integers(-60, 100, (20, 6)))

@@ -10,10 +10,10 @@ from dataclasses import replace
 import any_program
 import numpy as np
 import pytest
-from early_stops import futures, in_streams
+from early_stops import possible_futures, with_stream_per_phase
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from sessions import check_every_step, largest_so_far
+from sessions import check_session_after_every_step, largest_potential_so_far
 
 import hw_model as hw
 from hw_model.engine import lay_out, layout, links
@@ -81,7 +81,7 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
         if first is None:
             assert np.array_equal(pushed.spikes["y"], spikes.cumsum(axis=0, dtype=np.int64))
         else:
-            assert np.array_equal(pushed.potential["y"], largest_so_far(potential, first))
+            assert np.array_equal(pushed.potential["y"], largest_potential_so_far(potential, first))
     met = Counter({event: int(found.counts[event]) for event in EVENTS})
     met["predict by potentials"] += first is not None
     return (
@@ -96,12 +96,12 @@ def check_streams(drawn: any_program.Drawn) -> Counter[str]:
     program = drawn.program
     recording = drawn.spikes[0]
     session = hw.Session(program)
-    check_every_step(program, recording, session.push(recording))
-    apart = in_streams(program)
+    check_session_after_every_step(program, recording, session.push(recording))
+    apart = with_stream_per_phase(program)
     stops = hw.stop_when_proven(apart, {"time": drawn.spikes, "location": drawn.spikes})
     done = int(stops.steps[0])
     found = hw.simulate(
-        apart, futures(apart, recording, done, np.random.default_rng(done), batch=16)
+        apart, possible_futures(apart, recording, done, np.random.default_rng(done), batch=16)
     )
     assert (found.prediction == stops.prediction[0]).all()
     return drawn.drawn + Counter(

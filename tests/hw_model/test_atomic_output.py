@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.io import folders
@@ -141,7 +142,7 @@ def test_the_longest_name_can_be_written(tmp_path):
 def program(weight):
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 2)
-    h = builder.add_compartments("h", 2, decay_u=4096, decay_v=0, threshold=10)
+    h = builder.add_compartments("h", 2, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=10)
     builder.connect(x, h, np.full((2, 2), weight), weight_bits=8)
     return builder.build()
 

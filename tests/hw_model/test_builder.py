@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE
 from scipy import sparse
 
 import hw_model as hw
@@ -256,7 +257,7 @@ def test_scores_are_the_spikes_of_what_is_read_out():
     b = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = b.add_input("x", 2)
     read = [
-        b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=1)
+        b.add_compartments(name, 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1)
         for name in ("first", "second")
     ]
     for node, weights in zip(read, ([[20, 20], [0, 20]], [[0, 0], [20, 0]]), strict=True):

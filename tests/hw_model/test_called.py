@@ -75,7 +75,7 @@ def watched(monkeypatch):
 @pytest.mark.parametrize("kind", KINDS)
 def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
     for seed in range(6):
-        program, recording = random_hybrid(seed, together=1 + seed % 3)
+        program, recording = random_hybrid(seed, channels_per_step=1 + seed % 3)
         wanted = hw.simulate(program, recording, engine="reference")
         rows = KINDS[kind](recording)
         for found in (

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import MAX_LINES, MAX_STEPS, Phase, Readout
@@ -183,7 +184,7 @@ def test_an_entry_that_breaks_a_rule(case):
         axon_table(1, "mantissa", 0, -256),
         axon_table(1, "mantissa", 0, 255),
         axon_table(1, "delay", 0, 62),
-        profile(decay_u=4096, decay_v=0, refractory=63),
+        profile(decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, refractory=63),
         core(0, thresholds=(0, 6, (1 << 17) - 1)),
         core(0, vmin=1 - (1 << 23), vmax=(1 << 23) - 1),
         core(1, slot=127),

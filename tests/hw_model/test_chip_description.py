@@ -7,6 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 import yaml
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.description.chip import parse_chip
@@ -212,7 +213,7 @@ def use_everything(document):
     chip = parse_chip(yaml.safe_dump(document), "my.yaml")
     b = hw.ProgramBuilder(chip)
     x = b.add_input("x", 3)
-    h = b.add_compartments("h", 5, decay_u=4096, decay_v=100, threshold=1)
+    h = b.add_compartments("h", 5, decay_u=FORGETS_AT_ONCE, decay_v=100, threshold=1)
     b.connect(x, h, np.full((5, 3), 30))
     b.connect(h, h, np.eye(5, dtype=int) * 20, delay=min(3, chip.registers.delay_max))
     program = b.build()

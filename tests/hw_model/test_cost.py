@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cost_programs import FORGETS, chain, crossroads, hybrid
-from hybrids import assembled
+from hybrids import program_of_graphs
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
@@ -66,7 +67,7 @@ def test_a_wait_on_a_link_north_or_south_is_the_time_of_its_own_hop():
         )
         builder.connect(x, first, [[20]])
         builder.connect(first, others, [[20], [20], [20]])
-        program = assembled(chip, None, builder.graph())
+        program = program_of_graphs(chip, None, builder.graph())
         result = hw.simulate(program, np.array([[1], [0], [0]]), probe=("activity",))
         activity = {phase: found[0] for phase, found in result.activity.items()}
         return latency(program, activity, CHIP.profile("davies2018")).total_ns
@@ -142,10 +143,12 @@ def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
     builder = hw.ProgramBuilder(small)
     x = builder.add_input("x", 1)
     for name, many in zip("ab", synapses, strict=True):
-        y = builder.add_compartments(name, 1, decay_u=4096, decay_v=4096, threshold=131071)
+        y = builder.add_compartments(
+            name, 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+        )
         for _ in range(many):
             builder.connect(x, y, [[20]])
-    program = assembled(small, None, builder.graph())
+    program = program_of_graphs(small, None, builder.graph())
     result = hw.simulate(program, np.ones((9, 1), dtype=np.uint8), probe=("activity",))
     activity = {phase: found[0] for phase, found in result.activity.items()}
     assert latency(program, activity, CHIP.profile("davies2018")).critical_core == core
@@ -238,8 +241,12 @@ def test_hops_are_counted_from_tile_to_tile():
     small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1))
     builder = hw.ProgramBuilder(small)
     x = builder.add_input("x", 1)
-    first = builder.add_compartments("first", 1, decay_u=4096, decay_v=4096, threshold=10)
-    rest = builder.add_compartments("rest", 40, decay_u=4096, decay_v=4096, threshold=10)
+    first = builder.add_compartments(
+        "first", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
+    rest = builder.add_compartments(
+        "rest", 40, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
     builder.connect(x, first, [[20]])
     builder.connect(first, rest, np.full((40, 1), 20))
     program = builder.build()

@@ -9,7 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from early_stops import SEEDS, batch_for, by_potentials, counted, futures, in_streams, random_layer
+from early_stops import (
+    SEEDS,
+    by_potentials,
+    counts_by_core,
+    possible_futures,
+    program_and_batch,
+    random_layer,
+    with_stream_per_phase,
+)
 from hybrids import CHIP, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -24,16 +32,18 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.slow
 @settings(max_examples=30, deadline=None)
-@given(seed=SEEDS, together=st.integers(1, 2))
-def test_no_future_changes_a_proven_winner(seed, together):
-    program, recording = random_hybrid(seed, together)
+@given(seed=SEEDS, channels_per_step=st.integers(1, 2))
+def test_no_future_changes_a_proven_winner(seed, channels_per_step):
+    program, recording = random_hybrid(seed, channels_per_step)
     program = by_potentials(
-        in_streams(program), (None, 0, 3, (None, 2), (4, None), (3, 1))[seed % 6]
+        with_stream_per_phase(program), (None, 0, 3, (None, 2), (4, None), (3, 1))[seed % 6]
     )
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
     done = int(stops.steps[0])
     assert 0 <= done <= stops.all_steps == sum(phase.steps for phase in program.phases)
-    found = hw.simulate(program, futures(program, recording, done, np.random.default_rng(seed)))
+    found = hw.simulate(
+        program, possible_futures(program, recording, done, np.random.default_rng(seed))
+    )
     assert (found.prediction == stops.prediction[0]).all()
 
 
@@ -158,7 +168,9 @@ def test_the_stop_is_the_first_step_that_the_bound_proves(seed, first):
 def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
     program, recording = random_hybrid(seed)
     found = hw.stop_when_proven(program, recording[None])
-    assert counted(found.all_counts) == counted(hw.simulate(program, recording).counts)
+    assert counts_by_core(found.all_counts) == counts_by_core(
+        hw.simulate(program, recording).counts
+    )
     left = int(found.steps[0])
     wanted = dict.fromkeys(BY_CORE, 0)
     result = hw.simulate(program, recording, probe=("activity",))
@@ -170,12 +182,12 @@ def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
                 program,
                 phases=tuple(replace(p, steps=steps) if p is phase else p for p in program.phases),
             )
-            counts = counted(hw.simulate(short, recording).counts_by_phase["time"])
+            counts = counts_by_core(hw.simulate(short, recording).counts_by_phase["time"])
         else:
             activity = result.activity[phase.name][0]
             counts = {name: int(activity.count(name)[:steps].sum()) for name in BY_CORE}
         wanted = {name: n + counts[name] for name, n in wanted.items()}
-    assert counted(found.counts) == wanted
+    assert counts_by_core(found.counts) == wanted
 
 
 def test_phases_that_do_not_vote_are_run_nevertheless():
@@ -211,10 +223,10 @@ def test_a_shorter_recording_is_followed_by_silence():
     for stop in (hw.stop_when_proven, lambda p, x: hw.stop_at_margin(p, x, 2.0)):
         a = stop(program, short[None])
         b = stop(program, padded[None])
-        assert (a.steps.tolist(), a.all_steps, counted(a.counts)) == (
+        assert (a.steps.tolist(), a.all_steps, counts_by_core(a.counts)) == (
             b.steps.tolist(),
             b.all_steps,
-            counted(b.counts),
+            counts_by_core(b.counts),
         )
 
 
@@ -234,7 +246,7 @@ def test_a_shorter_recording_is_followed_by_silence():
     ids=["no readout", "no recordings", "no steps", "no margin", "margin that is no number", "silence", "agreement", "not a number", "psi"],
 )  # fmt: skip
 def test_messages(use, line):
-    program, recordings = batch_for(4)
+    program, recordings = program_and_batch(4)
     with pytest.raises(hw.InputError) as caught:
         use(program, recordings)
     assert str(caught.value) == line
@@ -248,11 +260,13 @@ def test_no_future_changes_the_winner_of_a_real_recording(name):
     from locsnn_compile.frontends import load
     from locsnn_compile.pipeline import lower
 
-    program = in_streams(lower(load(ROOT / f"examples/models/{name}-hybrid.pt"), CHIP, 8).program)
+    program = with_stream_per_phase(
+        lower(load(ROOT / f"examples/models/{name}-hybrid.pt"), CHIP, 8).program
+    )
     recordings = read_recordings(REAL / f"Ev-{name.title()}.zip").spikes
     stops = hw.stop_when_proven(program, {"time": recordings, "location": recordings})
     assert stops.steps.mean() < stops.all_steps
     r = np.random.default_rng(0)
     for recording, done, prediction in zip(recordings, stops.steps, stops.prediction, strict=True):
-        found = hw.simulate(program, futures(program, recording, int(done), r, batch=16))
+        found = hw.simulate(program, possible_futures(program, recording, int(done), r, batch=16))
         assert (found.prediction == prediction).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model import simulation
@@ -17,9 +18,11 @@ def biased() -> hw.ChipProgram:
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 3)
     y = builder.add_compartments(
-        "y", 20, threshold=90, bias=640 * np.arange(20), decay_u=4096, decay_v=100
+        "y", 20, threshold=90, bias=640 * np.arange(20), decay_u=FORGETS_AT_ONCE, decay_v=100
     )
-    low = builder.add_compartments("low", 2, threshold=90, bias=-64_000, decay_v=0, vmin=1 - 2**13)
+    low = builder.add_compartments(
+        "low", 2, threshold=90, bias=-64_000, decay_v=KEEPS_ALL, vmin=1 - 2**13
+    )
     builder.connect(x, y, np.full((20, 3), 100))
     builder.connect(y, low, np.full((2, 20), 4))
     builder.read_out(y)
@@ -86,7 +89,7 @@ def test_nothing_is_remembered_of_another_question():
 
 def test_events_of_one_stream_are_played_beside_an_empty_one():
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
-    y = builder.add_compartments("y", 1, threshold=1, decay_u=4096)
+    y = builder.add_compartments("y", 1, threshold=1, decay_u=FORGETS_AT_ONCE)
     for name in ("silent", "heard"):
         builder.connect(builder.add_input(name, 2), y, [[20, 20]])
     program = builder.build()

@@ -10,6 +10,7 @@ import pytest
 from against_oracle import check_oracle
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.accounting.activity import count_totals
@@ -156,14 +157,16 @@ def test_engines_agree_on_a_chip_of_other_registers():
 
 def joined_children(builder: hw.ProgramBuilder, parents: int = 1, chain: bool = False) -> None:
     """Compartment ``soma`` and 300 children at the end of their range, joined to it or each to the next."""
-    node = builder.add_compartments("soma", parents, decay_u=4096, decay_v=4096, threshold=100)
+    node = builder.add_compartments(
+        "soma", parents, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=100
+    )
     soma = node
     for i in range(300):
         child = builder.add_compartments(
             f"child{i}",
             parents,
-            decay_u=4096,
-            decay_v=0,
+            decay_u=FORGETS_AT_ONCE,
+            decay_v=KEEPS_ALL,
             bias=4095 << 7,
             threshold=0,
             joined_to=node,
@@ -220,10 +223,18 @@ def test_a_chain_as_long_as_a_core():
     """Each adds its v to the next; nothing that walks along it calls itself."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    last = node = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=1021)
+    last = node = builder.add_compartments(
+        "soma", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1021
+    )
     for i in range(1023):
         node = builder.add_compartments(
-            f"child{i}", 1, decay_u=4096, decay_v=4096, bias=64, threshold=0, joined_to=node
+            f"child{i}",
+            1,
+            decay_u=FORGETS_AT_ONCE,
+            decay_v=FORGETS_AT_ONCE,
+            bias=64,
+            threshold=0,
+            joined_to=node,
         )
     builder.connect(x, last, [[2]])
     builder.read_out(last)
@@ -242,7 +253,12 @@ def test_a_bias_wider_than_32_bits():
     )
     builder.add_input("x", 1)
     builder.add_compartments(
-        "n", 4, decay_u=4096, decay_v=0, threshold=100, bias=[1 << 47, 1 << 32, -(1 << 48), 0]
+        "n",
+        4,
+        decay_u=FORGETS_AT_ONCE,
+        decay_v=KEEPS_ALL,
+        threshold=100,
+        bias=[1 << 47, 1 << 32, -(1 << 48), 0],
     )
     program = builder.build()
     silence = np.zeros((800, 1), dtype=np.uint8)
@@ -267,7 +283,11 @@ def test_widths_by_hand(registers, bound):
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 1)
     n = builder.add_compartments(
-        "n", 1, decay_u=0, decay_v=0, threshold=chip.registers.threshold_mantissa_max
+        "n",
+        1,
+        decay_u=KEEPS_ALL,
+        decay_v=KEEPS_ALL,
+        threshold=chip.registers.threshold_mantissa_max,
     )
     builder.connect(x, n, [[254]], exponent=3)
     spikes = np.ones((60, 1), dtype=np.uint8)
@@ -296,7 +316,7 @@ def test_a_voltage_wider_than_a_factor():
     """Products of 32-bit lanes take 15 bits of it, and 12 more: it falls by 64 * 8 * 254 more in every step."""
     builder = hw.ProgramBuilder(replace(CHIP, registers=replace(CHIP.registers, voltage_bits=28)))
     x = builder.add_input("x", 1)
-    n = builder.add_compartments("n", 1, decay_u=0, decay_v=0, threshold=100)
+    n = builder.add_compartments("n", 1, decay_u=KEEPS_ALL, decay_v=KEEPS_ALL, threshold=100)
     builder.connect(x, n, [[-254]], exponent=3)
     for engine in ENGINES:
         found = hw.simulate(
@@ -395,7 +415,7 @@ def test_silence_is_skipped_and_counted():
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     soma = builder.add_compartments(
-        "soma", 2, decay_u=4096, decay_v=4096, threshold=90, refractory=5
+        "soma", 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=90, refractory=5
     )
     dendrite = builder.add_compartments(
         "soma/dendrite", 2, decay_u=2048, decay_v=2048, threshold=0, joined_to=soma
@@ -420,10 +440,10 @@ def test_a_refractory_sum_counts_on_while_its_dendrites_rest():
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     soma = builder.add_compartments(
-        "soma", 1, decay_u=4096, decay_v=4096, threshold=90, refractory=5
+        "soma", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=90, refractory=5
     )
     dendrite = builder.add_compartments(
-        "dendrite", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=soma
+        "dendrite", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=0, joined_to=soma
     )
     builder.connect(x, dendrite, [[100]])
     spikes = np.zeros((40, 1), dtype=np.uint8)
@@ -439,7 +459,9 @@ def test_a_charge_beyond_32_bits_is_counted_as_a_wrap():
     limits = replace(CHIP.limits, input_axons_per_core=20_000, synapse_words_per_core=10**9)
     builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
     x = builder.add_input("x", sources)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    y = builder.add_compartments(
+        "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
     for _ in range(8):
         builder.connect(x, y, np.full((1, sources), 254), exponent=7)
     program = builder.build()
@@ -453,7 +475,9 @@ def test_a_charge_beyond_32_bits_is_counted_as_a_wrap():
 def test_a_bias_is_never_skipped():
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
-    builder.add_compartments("n", 1, decay_u=4096, decay_v=0, threshold=100, bias=640)
+    builder.add_compartments(
+        "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=100, bias=640
+    )
     program = builder.build()
     result = hw.simulate(program, np.zeros((100, 1), dtype=np.uint8))
     assert (result.counts.skipped_steps, result.counts.spikes) == (0, 9)

@@ -54,14 +54,23 @@ def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
 
 
 def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
-    """A transposed input whose channels are visited in any order, some together, some perhaps after the last step."""
+    """A transposed input whose channels are visited in any order, some in the same step, some perhaps after the last step."""
     r = np.random.default_rng(seed)
-    together = int(r.integers(1, channels + 1))
+    channels_per_step = int(r.integers(1, channels + 1))
     at = r.permutation(channels)
-    first_lines = None if together == 1 and r.random() < 0.5 else read_only(at % together * lines)
-    steps = max(1, -(-channels // together) + int(r.integers(-1, 3)))
+    first_lines = (
+        None
+        if channels_per_step == 1 and r.random() < 0.5
+        else read_only(at % channels_per_step * lines)
+    )
+    steps = max(1, -(-channels // channels_per_step) + int(r.integers(-1, 3)))
     return Input(
-        "x", together * lines, "location", "touch", read_only(at // together), first_lines
+        "x",
+        channels_per_step * lines,
+        "location",
+        "touch",
+        read_only(at // channels_per_step),
+        first_lines,
     ), steps
 
 
@@ -197,7 +206,7 @@ for channels in (*range(1, 70), 127, 128, 129, 200):
         assert np.array_equal(found.first, [ends[:6], ends[5:]]), channels
 from hybrids import random_hybrid
 for seed in range(12):
-    program, recording = random_hybrid(seed, together=1 + seed % 3)
+    program, recording = random_hybrid(seed, channels_per_step=1 + seed % 3)
     pushed = hw.Session(program).push(recording)
     wanted = hw.simulate(program, recording, engine="reference")
     assert np.array_equal(pushed.scores[-1], wanted.scores), seed

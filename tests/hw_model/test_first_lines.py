@@ -25,12 +25,12 @@ from hw_model.program.write import program_files
 @settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
-    together=st.integers(1, 4),
+    channels_per_step=st.integers(1, 4),
     silence=st.integers(0, 3),
     extra=st.integers(0, 3),
 )
-def test_both_engines_give_the_same(seed, together, silence, extra):
-    program, recording = random_hybrid(seed, together, silence)
+def test_both_engines_give_the_same(seed, channels_per_step, silence, extra):
+    program, recording = random_hybrid(seed, channels_per_step, silence)
     # Rows after those that the lines are for, in a batch of which one is silent.
     rows = np.pad(recording, ((0, extra), (0, 0)), constant_values=1)
     batch = np.stack((rows, np.zeros_like(rows), rows[::-1]))
@@ -55,7 +55,7 @@ def test_both_engines_give_the_same(seed, together, silence, extra):
 
 
 def test_events_of_visits_after_the_last_step_are_dropped():
-    program, recording = random_hybrid(4, together=2)
+    program, recording = random_hybrid(4, channels_per_step=2)
     recording = np.ones_like(recording)
     shorter = replace(program, phases=(program.phases[0], replace(program.phases[1], steps=2)))
     counts = hw.simulate(shorter, recording).counts_by_phase["location"]
@@ -70,10 +70,10 @@ def test_events_of_visits_after_the_last_step_are_dropped():
 
 @pytest.mark.slow
 @settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), together=st.integers(2, 4))
-def test_a_loaded_program_plays_what_the_saved_one_does(seed, together, tmp_path_factory):
+@given(seed=st.integers(0, 2**32 - 1), channels_per_step=st.integers(2, 4))
+def test_a_loaded_program_plays_what_the_saved_one_does(seed, channels_per_step, tmp_path_factory):
     folder = tmp_path_factory.mktemp("program")
-    program, recording = random_hybrid(seed, together, silence=1)
+    program, recording = random_hybrid(seed, channels_per_step, silence=1)
     program.save(folder)
     loaded = hw.load_program(folder)
     assert program_files(loaded) == program_files(program)
@@ -84,7 +84,7 @@ def test_a_loaded_program_plays_what_the_saved_one_does(seed, together, tmp_path
 
 @pytest.fixture
 def saved(tmp_path):
-    program, _ = random_hybrid(4, together=2)
+    program, _ = random_hybrid(4, channels_per_step=2)
     program.save(tmp_path)
     return tmp_path
 
@@ -102,7 +102,7 @@ def test_a_reader_that_knows_only_the_page_plays_the_lines(saved):
     """The files alone tell how many events each input axon of a core gets in every step of the location phase."""
     page = (Path(__file__).parents[2] / "docs/reference/program-format.md").read_text()
     assert {"positions", "first_lines"} <= set(re.findall(r"`([a-z_0-9]+)`", page))
-    program, recording = random_hybrid(4, together=2)
+    program, recording = random_hybrid(4, channels_per_step=2)
     document = yaml.safe_load((saved / "program.yaml").read_text())
     arrays = dict(np.load(saved / "program.npz"))
     steps = {phase["name"]: phase["steps"] for phase in document["phases"]}

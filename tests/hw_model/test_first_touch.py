@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from early_stops import futures, in_streams
-from hybrids import CHIP, assembled, in_phase, random_hybrid
+from early_stops import possible_futures, with_stream_per_phase
+from hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sessions import check_every_step, largest_so_far
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL, UNIT
+from sessions import check_session_after_every_step, largest_potential_so_far
 
 import hw_model as hw
 from hw_model.accounting.cost import step_times
@@ -19,88 +20,125 @@ from hw_model.mapping.graph import Readout
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
+"""Events of a row from which a phase starts; None: the phase starts at once. 1 is what networks use, so it is drawn more."""
 KINDS = ["as drawn", "late", "at the last step", "empty", "longer"]
-PROBE = ("spikes", "u", "v", "potential", "activity")
+"""Kinds of recordings, which :func:`recording_of_kind` makes."""
+REGISTERS = ("spikes", "u", "v", "potential")
+"""What both engines give of every compartment and step."""
+PROBE = (*REGISTERS, "activity")
+DAVIES = hw.chip("loihi-sim").profile("davies2018")
+"""Any profile that has times: the test compares two latencies of one profile, and so takes no number from it."""
 
 
-def aligned(program: hw.ChipProgram, time: int | None, location: int | None) -> hw.ChipProgram:
-    """The program with phases that start at so many events."""
+def starting_at_touch(
+    program: hw.ChipProgram, time: int | None, location: int | None
+) -> hw.ChipProgram:
+    """The program whose time and location phase start with the first row of so many events; None: at once."""
     events = {"time": time, "location": location}
-    return replace(
-        program, phases=tuple(replace(p, align_events=events[p.name]) for p in program.phases)
-    )
+    phases = [replace(phase, align_events=events[phase.name]) for phase in program.phases]
+    return replace(program, phases=tuple(phases))
 
 
-def of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) -> np.ndarray:
-    """A recording that starts late, with its last step or never, or goes on for longer than its program."""
+def recording_of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) -> np.ndarray:
+    """A recording whose events before some step are gone, or that goes on for longer than its program.
+
+    ``as drawn``: none are gone; ``late``: those before a random step; ``at the last step``: all but
+    those of the last step; ``empty``: all. ``longer``: silence, and then the recording twice.
+    """
+    steps, channels = recording.shape
     if kind == "longer":
-        silent = np.zeros((int(r.integers(0, 60)), recording.shape[1]), dtype=np.uint8)
+        silent = np.zeros((int(r.integers(0, 60)), channels), dtype=np.uint8)
         return np.concatenate((silent, recording, recording))
-    first = {"as drawn": 0, "late": int(r.integers(len(recording))), "empty": len(recording)}
-    return recording * (np.arange(len(recording)) >= first.get(kind, len(recording) - 1))[
-        :, None
-    ].astype(np.uint8)
+    first_steps = {
+        "as drawn": 0,
+        "late": int(r.integers(steps)),
+        "at the last step": steps - 1,
+        "empty": steps,
+    }
+    is_left = np.arange(steps) >= first_steps[kind]
+    return recording * is_left[:, None].astype(np.uint8)
 
 
-def start_of(recording: np.ndarray, events: int | None) -> int:
-    """The first step with so many events; the number of steps where there is none."""
-    return (
-        0
-        if events is None
-        else next((t for t, row in enumerate(recording) if row.sum() >= events), len(recording))
-    )
+def first_step_of(recording: np.ndarray, events: int | None) -> int:
+    """The step from which a phase runs that waits for ``events`` events in a row; all steps if none has so many."""
+    if events is None:
+        return 0
+    enough = np.flatnonzero(recording.sum(axis=1, dtype=np.int64) >= events)
+    return int(enough[0]) if len(enough) else len(recording)
 
 
 def check_phase(
-    program: hw.ChipProgram, found: hw.SimulationResult, recording: np.ndarray, name: str
+    program: hw.ChipProgram, result: hw.SimulationResult, recording: np.ndarray, name: str
 ) -> None:
-    """A phase against the phase that starts at once, played the recording from its start on."""
-    (phase,) = (p for p in program.phases if p.name == name)
-    start = start_of(recording, phase.align_events)
-    cut = recording[start:]
-    counts = found.counts_by_phase[name]
-    rows = slice(None)
-    assert counts.aligned_steps == (start if phase.align_events else 0)
-    if phase.align_events and name == "time":
-        cut = cut[: phase.steps]
-        whole = max(phase.steps, len(recording))
-        ran = 0 if start == len(recording) else min(phase.steps, whole - start)
-        rows = slice(start, start + ran)
-        assert counts.neuron_updates == ran * sum(
-            core.compartments for core in program.cores_of(name)
-        )
-        for kind in PROBE[:-1]:
-            for group in getattr(found, kind).keys() & program.columns_of(name).keys():
-                array = getattr(found, kind)[group]
-                assert len(array) == whole
-                assert not array[:start].any()
-                assert not array[start + ran :].any()
-        if ran == 0:
-            assert hw.latency(program, {name: found.activity[name][0]}, DAVIES).total_ns == 0
-            assert counts == hw.Counts(aligned_steps=start, events_dropped=int(recording.sum()))
+    """Compare a phase with the same phase that starts at once, played the recording from the touch on."""
+    (phase,) = (phase for phase in program.phases if phase.name == name)
+    start = first_step_of(recording, phase.align_events)
+    waits = phase.align_events is not None
+    counts = result.counts_by_phase[name]
+    assert counts.aligned_steps == (start if waits else 0)
+
+    from_touch = recording[start:]
+    compared_steps = slice(None)
+    if waits and name == "time":
+        # A time phase runs in the steps of the recording; it is silent before the touch and after its own steps.
+        from_touch = from_touch[: phase.steps]
+        steps_of_result = max(phase.steps, len(recording))
+        never_starts = start == len(recording)
+        steps_run = 0 if never_starts else min(phase.steps, steps_of_result - start)
+        compared_steps = slice(start, start + steps_run)
+        check_steps_run(program, result, name, compared_steps, steps_of_result)
+        if steps_run == 0:
+            activity = {name: result.activity[name][0]}
+            assert hw.latency(program, activity, DAVIES).total_ns == 0
+            dropped = int(recording.sum())
+            assert counts == hw.Counts(aligned_steps=start, events_dropped=dropped)
             return
-        phase = replace(phase, steps=ran)
-    at_once = replace(program, phases=(replace(phase, align_events=None),), readout=None)
-    padded = cut if len(cut) else np.zeros_like(recording[:1])
-    wanted = hw.simulate(at_once, padded, engine="reference", probe=PROBE)
-    for kind in PROBE[:-1]:
-        for group, array in getattr(wanted, kind).items():
-            assert np.array_equal(getattr(found, kind)[group][rows], array), (kind, group)
-    given = wanted.counts_by_phase[name]
-    dropped = int(recording.sum()) - given.input_events - given.transpose_events
-    skipped = {
-        "aligned_steps": counts.aligned_steps,
-        "events_dropped": dropped,
-        "skipped_steps": counts.skipped_steps,
-    }
-    assert counts == replace(given, **skipped)
-    if phase.align_events:
-        price = {phase.name: wanted.activity[name][0]}
-        ours = hw.latency(program, {phase.name: found.activity[name][0]}, DAVIES).by_phase_ns
-        assert ours == pytest.approx(hw.latency(at_once, price, DAVIES).by_phase_ns)
+        phase = replace(phase, steps=steps_run)
+
+    starts_at_once = replace(phase, align_events=None)
+    program_at_once = replace(program, phases=(starts_at_once,), readout=None)
+    played = from_touch if len(from_touch) else np.zeros_like(recording[:1])
+    expected = hw.simulate(program_at_once, played, engine="reference", probe=PROBE)
+    for register in REGISTERS:
+        for group, array in getattr(expected, register).items():
+            compared = getattr(result, register)[group][compared_steps]
+            assert np.array_equal(compared, array), (register, group)
+
+    # All counts are equal, but those of what is left out: steps and events before the touch, and skipped steps.
+    expected_counts = expected.counts_by_phase[name]
+    heard = expected_counts.input_events + expected_counts.transpose_events
+    assert counts == replace(
+        expected_counts,
+        aligned_steps=counts.aligned_steps,
+        events_dropped=int(recording.sum()) - heard,
+        skipped_steps=counts.skipped_steps,
+    )
+    if waits:
+        activity = {name: result.activity[name][0]}
+        activity_at_once = {name: expected.activity[name][0]}
+        latency = hw.latency(program, activity, DAVIES)
+        latency_at_once = hw.latency(program_at_once, activity_at_once, DAVIES)
+        assert latency.by_phase_ns == pytest.approx(latency_at_once.by_phase_ns)
 
 
-DAVIES = hw.chip("loihi-sim").profile("davies2018")
+def check_steps_run(
+    program: hw.ChipProgram,
+    result: hw.SimulationResult,
+    name: str,
+    steps_run: slice,
+    steps_of_result: int,
+) -> None:
+    """Check that a phase updates its compartments in ``steps_run``, and that its registers are 0 in all other steps."""
+    compartments = sum(core.compartments for core in program.cores_of(name))
+    updates = (steps_run.stop - steps_run.start) * compartments
+    assert result.counts_by_phase[name].neuron_updates == updates
+    for register in REGISTERS:
+        by_group = getattr(result, register)
+        for group in by_group.keys() & program.columns_of(name).keys():
+            array = by_group[group]
+            assert len(array) == steps_of_result
+            assert not array[: steps_run.start].any()
+            assert not array[steps_run.stop :].any()
 
 
 @pytest.mark.slow
@@ -110,23 +148,25 @@ DAVIES = hw.chip("loihi-sim").profile("davies2018")
     time=EVENTS,
     location=EVENTS,
     kind=st.sampled_from(KINDS),
-    together=st.sampled_from([1, 2]),
+    channels_per_step=st.sampled_from([1, 2]),
 )
-def test_both_engines_play_a_recording_from_its_start_on(seed, time, location, kind, together):
-    program, recording = random_hybrid(seed, together)
-    program = aligned(program, time, location)
-    recording = of_kind(kind, recording, np.random.default_rng(seed))
+def test_both_engines_play_a_recording_from_its_start_on(
+    seed, time, location, kind, channels_per_step
+):
+    program, recording = random_hybrid(seed, channels_per_step)
+    program = starting_at_touch(program, time, location)
+    recording = recording_of_kind(kind, recording, np.random.default_rng(seed))
     slow = hw.simulate(program, recording, engine="reference", probe=PROBE)
     for skip in (True, False):
         fast = hw.simulate(program, recording, probe=PROBE, skip=skip)
-        for which in PROBE[:-1]:
-            for name, array in getattr(slow, which).items():
-                assert np.array_equal(getattr(fast, which)[name], array), (which, name)
+        for register in REGISTERS:
+            for name, array in getattr(slow, register).items():
+                assert np.array_equal(getattr(fast, register)[name], array), (register, name)
         assert replace(fast.counts, skipped_steps=0) == slow.counts
         assert fast.events == slow.events
         assert np.array_equal(fast.scores, slow.scores)
-        for phase, items in slow.activity.items():
-            for name, by_piece in items[0].by_piece.items():
+        for phase, of_recordings in slow.activity.items():
+            for name, by_piece in of_recordings[0].by_piece.items():
                 assert np.array_equal(fast.activity[phase][0].by_piece[name], by_piece), name
     for phase in program.phases:
         check_phase(program, slow, recording, phase.name)
@@ -142,26 +182,31 @@ def test_both_engines_play_a_recording_from_its_start_on(seed, time, location, k
     rows=st.sampled_from([1, 3, 80]),
 )
 def test_sessions_know_the_same_after_every_step(seed, time, location, kind, rows):
-    """The first events decide the start, whatever parts they come in; and once more after a reset."""
+    """The first events decide the start, however many rows are pushed at a time; and once more after a reset."""
     program, recording = random_hybrid(seed)
-    first = [None, 0, 3, (None, 1), (2, None)][seed % 5]
-    program = replace(
-        aligned(program, time, location), readout=replace(program.readout, potentials_from=first)
-    )
-    recording = of_kind(kind, recording, np.random.default_rng(seed))
+    # Read out are spikes, potentials from a step on, or potentials of one of the two populations.
+    potentials_from = [None, 0, 3, (None, 1), (2, None)][seed % 5]
+    readout = replace(program.readout, potentials_from=potentials_from)
+    program = replace(starting_at_touch(program, time, location), readout=readout)
+    recording = recording_of_kind(kind, recording, np.random.default_rng(seed))
     session = hw.Session(program)
     for _ in range(2):
-        parts = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
-        spikes, potential = (
-            {
-                name: np.concatenate([getattr(p, kept)[name] for p in parts])
-                for name in getattr(parts[0], kept)
-            }
-            for kept in ("spikes", "potential")
-        )
-        scores = np.concatenate([part.scores for part in parts])
-        check_every_step(program, recording, hw.StepScores(spikes, potential, scores))
+        pushed = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
+        check_session_after_every_step(program, recording, joined_in_time(pushed))
         session.reset()
+
+
+def joined_in_time(pushed: list[hw.StepScores]) -> hw.StepScores:
+    """What a session said after each push, as if all rows had been pushed at once."""
+    spikes = {
+        name: np.concatenate([scores.spikes[name] for scores in pushed])
+        for name in pushed[0].spikes
+    }
+    potential = {
+        name: np.concatenate([scores.potential[name] for scores in pushed])
+        for name in pushed[0].potential
+    }
+    return hw.StepScores(spikes, potential, np.concatenate([scores.scores for scores in pushed]))
 
 
 @pytest.mark.parametrize("first", [0, 1, 2, 3, 4, 9], ids=lambda first: f"from step {first}")
@@ -170,27 +215,30 @@ def test_a_session_of_a_late_phase_that_ends_before_its_recording_or_with_it(ste
     """Potentials are below 0 while it runs, and 0 before and after."""
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 1)
-    y = b.add_compartments("y", 2, threshold=9, bias=[-640, -64], decay_u=4096, decay_v=4096)
+    y = b.add_compartments(
+        "y", 2, threshold=9, bias=[-640, -64], decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE
+    )
     b.connect(x, y, [[2], [-2]])
     graph = b.graph()
     late = replace(graph, phases=(replace(graph.phases[0], steps=steps, align_events=1),))
-    program = assembled(CHIP, Readout(("y",), (1.0,), first), late)
+    program = program_of_graphs(CHIP, Readout(("y",), (1.0,), first), late)
     recording = np.array([[0], [0], [1], [0], [1], [0], [0]], dtype=np.uint8)
     for rows in (1, 3, 7):
         session = hw.Session(program)
-        pushed = [session.push(recording[at : at + rows]).scores for at in range(0, 7, rows)]
-        whole = hw.simulate(program, recording, engine="reference", probe=("potential",)).potential[
-            "y"
-        ][:7]
-        assert np.concatenate(pushed).tolist() == largest_so_far(whole, first).tolist()
+        starts = range(0, len(recording), rows)
+        pushed = [session.push(recording[at : at + rows]).scores for at in starts]
+        whole = hw.simulate(program, recording, engine="reference", probe=("potential",))
+        potential = whole.potential["y"][: len(recording)]
+        expected = largest_potential_so_far(potential, first)
+        assert np.concatenate(pushed).tolist() == expected.tolist()
 
 
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS, time=EVENTS, location=EVENTS)
 def test_a_session_waits_for_the_touch_as_long_as_it_takes(seed, time, location):
     program, recording = random_hybrid(seed)
-    program = aligned(program, time, location)
-    longer = of_kind("longer", recording, np.random.default_rng(seed))
+    program = starting_at_touch(program, time, location)
+    longer = recording_of_kind("longer", recording, np.random.default_rng(seed))
     assert np.array_equal(
         hw.Session(program).push(longer).scores[-1], hw.simulate(program, longer).scores
     )
@@ -200,23 +248,24 @@ def test_a_session_waits_for_the_touch_as_long_as_it_takes(seed, time, location)
 @given(seed=SEEDS, time=EVENTS, location=EVENTS, kind=st.sampled_from(KINDS[:4]))
 def test_no_future_changes_a_proven_winner(seed, time, location, kind):
     program, recording = random_hybrid(seed)
-    program = in_streams(aligned(program, time, location))
+    program = with_stream_per_phase(starting_at_touch(program, time, location))
     program = replace(
         program, readout=replace(program.readout, potentials_from=(None, 0, 3)[seed % 3])
     )
-    recording = of_kind(kind, recording, np.random.default_rng(seed))
+    recording = recording_of_kind(kind, recording, np.random.default_rng(seed))
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
     found = hw.simulate(
-        program, futures(program, recording, int(stops.steps[0]), np.random.default_rng(seed))
+        program,
+        possible_futures(program, recording, int(stops.steps[0]), np.random.default_rng(seed)),
     )
     assert (found.prediction == stops.prediction[0]).all()
 
 
 def test_a_batch_equals_its_recordings_one_by_one():
     program, recording = random_hybrid(4)
-    program = aligned(program, 1, 2)
+    program = starting_at_touch(program, 1, 2)
     r = np.random.default_rng(0)
-    batch = np.stack([of_kind(kind, recording, r) for kind in KINDS[:4]])
+    batch = np.stack([recording_of_kind(kind, recording, r) for kind in KINDS[:4]])
     together = hw.simulate(program, batch)
     for i, one in enumerate(batch):
         alone = hw.simulate(program, one)
@@ -226,18 +275,18 @@ def test_a_batch_equals_its_recordings_one_by_one():
 
 def test_files_keep_the_start_and_say_nothing_without_one(tmp_path):
     program, recording = random_hybrid(4)
-    for name, its in (("at once", program), ("late", aligned(program, 1, 3))):
-        its.save(tmp_path / name)
+    for name, saved in (("at once", program), ("late", starting_at_touch(program, 1, 3))):
+        saved.save(tmp_path / name)
         phases = yaml.safe_load((tmp_path / name / "program.yaml").read_text())["phases"]
         assert ["align_events" in phase for phase in phases] == [name == "late"] * 2
         loaded = hw.load_program(tmp_path / name)
-        assert loaded.phases == its.phases
-        assert hw.simulate(loaded, recording).counts == hw.simulate(its, recording).counts
+        assert loaded.phases == saved.phases
+        assert hw.simulate(loaded, recording).counts == hw.simulate(saved, recording).counts
 
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, True, "first", [1]])
 def test_files_with_another_start_are_refused(tmp_path, wrong):
-    aligned(random_hybrid(4)[0], 1, 1).save(tmp_path)
+    starting_at_touch(random_hybrid(4)[0], 1, 1).save(tmp_path)
     path = tmp_path / "program.yaml"
     document = yaml.safe_load(path.read_text())
     document["phases"][0]["align_events"] = wrong
@@ -258,7 +307,7 @@ def test_a_late_phase_is_transposed_as_a_whole_or_not_at_all(tmp_path):
 
 def test_steps_before_the_touch_take_no_time():
     program, recording = random_hybrid(4)
-    program = aligned(program, 1, None)
+    program = starting_at_touch(program, 1, None)
     late = recording * (np.arange(len(recording)) >= 7)[:, None].astype(np.uint8)
     activity = hw.simulate(program, late, probe=("activity",)).activity["time"][0]
     step_ns = step_times(program, "time", activity, DAVIES).step_ns
@@ -267,14 +316,18 @@ def test_steps_before_the_touch_take_no_time():
 
 
 def spikes_and_late_potentials(builder: hw.ProgramBuilder) -> hw.ChipProgram:
-    """Class 0 spikes in each of eight steps but the first; potentials of ``b`` in hundredths, from step 10 on, come on top.
+    """A program of two classes that adds the spikes of ``a`` and a hundredth of the largest potential of ``b``.
 
-    Their phase starts with the first event of its own.
+    ``a`` is in a phase of 8 steps, which starts at once: its class 0 spikes in each step after an event of channel
+    ``x``. ``b`` is what ``builder`` has, in a phase of 16 steps that starts with the first event of its own stream
+    ``late``; its potentials count from step 10 on.
     """
     spiking = hw.ProgramBuilder(CHIP)
-    a = spiking.add_compartments("a", 2, decay_u=4096, decay_v=4096, threshold=10)
+    a = spiking.add_compartments(
+        "a", 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
     spiking.connect(spiking.add_input("x", 1), a, [[20], [0]])
-    late = in_phase(builder.graph(), "time", 16)
+    late = graph_in_phase(builder.graph(), "time", 16)
     late = replace(
         late,
         phases=(replace(late.phases[0], name="late", align_events=1),),
@@ -282,39 +335,66 @@ def spikes_and_late_potentials(builder: hw.ProgramBuilder) -> hw.ChipProgram:
         groups=tuple(replace(group, phase="late") for group in late.groups),
     )
     readout = Readout(("a", "b"), (1.0, 0.01), (None, 10))
-    return assembled(CHIP, readout, in_phase(spiking.graph(), "time", 8), late)
+    return program_of_graphs(CHIP, readout, graph_in_phase(spiking.graph(), "time", 8), late)
 
 
-def stop_before_a_touch(builder: hw.ProgramBuilder) -> list[int]:
+def steps_until_class_0_is_proven(builder: hw.ProgramBuilder) -> list[int]:
+    """After how many steps class 0 of :func:`spikes_and_late_potentials` has won, with an event in every step of ``x``.
+
+    The stream ``late`` is silent for these eight steps, so the phase of ``b`` has not started; its future is open.
+    Class 0 has t - 1 spikes after t steps.
+    """
     silence = np.zeros((1, 8, 1), dtype=np.uint8)
-    return hw.stop_when_proven(
-        spikes_and_late_potentials(builder), {"touch": silence + 1, "late": silence}
-    ).steps.tolist()
+    recordings = {"touch": silence + 1, "late": silence}
+    return hw.stop_when_proven(spikes_and_late_potentials(builder), recordings).steps.tolist()
 
 
 def test_a_dendrite_that_has_not_started_has_not_fallen():
-    """It falls from the touch on: until then class 1 may still reach 6 * 64 in hundredths, which seven spikes exceed not."""
+    """The dendrite of class 1 falls by 64 in each step, but only from the touch on.
+
+    Until the touch it takes nothing from what class 1 may reach with one event: 6 * 64, a score of 3.84. Class 0 may
+    fall to vmin, -511, and so lose 5.11 of its score: of seven spikes 1.89 are left, less than 3.84. Nothing is proven
+    before the last step.
+    """
     builder = hw.ProgramBuilder(CHIP)
-    b = builder.add_compartments("b", 2, decay_u=4096, decay_v=4096, threshold=100_000, vmin=-511)
-    builder.add_compartments("d", 2, decay_v=0, threshold=0, bias=[0, -64], vmin=-511, joined_to=b)
+    b = builder.add_compartments(
+        "b", 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=100_000, vmin=-511
+    )
+    builder.add_compartments(
+        "d", 2, decay_v=KEEPS_ALL, threshold=0, bias=[0, -64], vmin=-511, joined_to=b
+    )
     builder.connect(builder.add_input("z", 1), b, [[0], [6]])
-    assert stop_before_a_touch(builder) == [8]
+    assert steps_until_class_0_is_proven(builder) == [8]
 
 
 def test_a_potential_is_0_until_the_touch():
-    """Class 1 falls to -511 once it has started. The sixth spike exceeds what class 0 may still lose, 5.11."""
+    """Class 1 only falls, once it has started, so it reaches no more than the 0 from before.
+
+    Class 0 may fall to vmin, -511, and so lose 5.11 of its score. Its sixth spike, in the seventh step, exceeds that.
+    """
     builder = hw.ProgramBuilder(CHIP)
     b = builder.add_compartments(
-        "b", 2, decay_u=4096, decay_v=0, threshold=100_000, bias=[0, -64], vmin=-511
+        "b",
+        2,
+        decay_u=FORGETS_AT_ONCE,
+        decay_v=KEEPS_ALL,
+        threshold=100_000,
+        bias=[0, -64],
+        vmin=-511,
     )
     builder.connect(builder.add_input("z", 1), b, [[-2], [-2]])
-    assert stop_before_a_touch(builder) == [7]
+    assert steps_until_class_0_is_proven(builder) == [7]
 
 
 def test_a_session_plays_two_phases_in_time():
-    """Seven spikes of class 0; the potential of class 1 rises by 6 * 64 with each of the last two events, after step 10."""
+    """Class 0 has seven spikes; class 1 gains 6 * 64 with each of two events, which come in steps 11 and 13 of ``late``.
+
+    The first of them starts the phase. The potential takes part in the next step, and from step 10 of the program on.
+    """
     builder = hw.ProgramBuilder(CHIP)
-    b = builder.add_compartments("b", 2, decay_u=4096, decay_v=0, threshold=100_000)
+    b = builder.add_compartments(
+        "b", 2, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=100_000
+    )
     builder.connect(builder.add_input("z", 1), b, [[0], [6]])
     program = spikes_and_late_potentials(builder)
     rows = {"touch": np.ones((16, 1), dtype=np.uint8), "late": np.eye(16, 1, -11, dtype=np.uint8)}
@@ -325,44 +405,47 @@ def test_a_session_plays_two_phases_in_time():
     assert found.potential["b"][[0, 11, 12, 13, 14, 15]].tolist() == [
         [0, 0],
         [0, 0],
-        [0, 384],
-        [0, 384],
-        [0, 768],
-        [0, 768],
+        [0, 6 * UNIT],
+        [0, 6 * UNIT],
+        [0, 2 * 6 * UNIT],
+        [0, 2 * 6 * UNIT],
     ]
-    assert found.scores[-1].tolist() == whole.scores.tolist() == [7, 7.68]
+    after_two_events = 2 * 6 * UNIT
+    assert found.scores[-1].tolist() == whole.scores.tolist() == [7, 0.01 * after_two_events]
 
 
 def test_a_reset_forgets_the_largest_potential():
     """Before the touch of the second recording the potential is 0, more than what follows, and not that of the first."""
     builder = hw.ProgramBuilder(CHIP)
-    b = builder.add_compartments("b", 1, decay_u=4096, decay_v=4096, threshold=100_000, vmin=-511)
+    b = builder.add_compartments(
+        "b", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=100_000, vmin=-511
+    )
     builder.connect(builder.add_input("z", 2), b, [[6, -6]])
-    phase = in_phase(builder.graph(), "time", 8)
+    phase = graph_in_phase(builder.graph(), "time", 8)
     phase = replace(phase, phases=(replace(phase.phases[0], align_events=1),))
-    session = hw.Session(assembled(CHIP, Readout(("b",), (1.0,), 0), phase))
+    session = hw.Session(program_of_graphs(CHIP, Readout(("b",), (1.0,), 0), phase))
     played = []
     for row, channel in ((0, 0), (2, 1)):
         rows = np.zeros((4, 2), dtype=np.uint8)
         rows[row, channel] = 1
-        played.append(
-            (
-                session.push(rows).potential["b"][:, 0].tolist(),
-                int(hw.simulate(session.program, rows).scores[0]),
-            )
-        )
+        largest_potentials = session.push(rows).potential["b"][:, 0].tolist()
+        score = int(hw.simulate(session.program, rows).scores[0])
+        played.append((largest_potentials, score))
         session.reset()
-    assert played == [([0, 384, 384, 384], 384), ([0, 0, 0, 0], 0)]
+    largest = 6 * UNIT
+    assert played == [([0, largest, largest, largest], largest), ([0, 0, 0, 0], 0)]
 
 
 def test_events_before_the_touch_are_not_played():
     """One event, in a channel of its own, comes before the row with two that starts the recording."""
     builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    y = builder.add_compartments(
+        "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
     builder.connect(builder.add_input("x", 2), y, [[20, 20]])
-    phase = in_phase(builder.graph(), "location", 4, np.arange(4))
+    phase = graph_in_phase(builder.graph(), "location", 4, np.arange(4))
     phase = replace(phase, phases=(replace(phase.phases[0], align_events=2),))
-    program = assembled(CHIP, Readout(("y",), (1.0,)), phase)
+    program = program_of_graphs(CHIP, Readout(("y",), (1.0,)), phase)
     rows = np.array([[1, 0, 0, 0], [0, 1, 1, 0], [0, 0, 0, 0]], dtype=np.uint8)
     session = hw.Session(program)
     assert session.push(rows).spikes["y"].tolist() == [[0], [2], [2]]

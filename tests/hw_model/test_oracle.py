@@ -14,6 +14,7 @@ import pytest
 from against_oracle import check_oracle, check_played, play_all
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
+from register_units import FORGETS_AT_ONCE
 from test_any_program import SETTINGS
 
 import hw_model as hw
@@ -89,7 +90,9 @@ def test_the_oracle_plays_a_step_by_hand():
     """One compartment of known numbers: charge 640, half of it left a step later, a reset, and a blocked step."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 1)
-    n = builder.add_compartments("n", 1, decay_u=2048, decay_v=4096, threshold=4, refractory=2)
+    n = builder.add_compartments(
+        "n", 1, decay_u=2048, decay_v=FORGETS_AT_ONCE, threshold=4, refractory=2
+    )
     builder.connect(x, n, [[10]])
     graph = replace(builder.graph(), readout=Readout(("n",), (1.0,)))
     wanted = oracle.play(graph, hw.chip("loihi-sim"), {"x": np.array([[1], [0], [0], [0], [0]])})

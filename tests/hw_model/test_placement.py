@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE
 from test_engines import random_program
 
 import hw_model as hw
@@ -213,7 +214,9 @@ def test_only_those_who_send_too_much_give_way():
     b = hw.ProgramBuilder(replace(CHIP, limits=limits))
     x = b.add_input("touch", 1)
     wide, narrow = (
-        b.add_compartments(name, size, decay_u=4096, decay_v=4096, threshold=1)
+        b.add_compartments(
+            name, size, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1
+        )
         for name, size in (("wide", 70), ("narrow", 24))
     )
     b.connect(x, wide, np.full((70, 1), 4))

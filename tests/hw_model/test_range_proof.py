@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 from test_engines import random_program
 
 import hw_model as hw
@@ -19,7 +20,14 @@ def one(weights, exponent=0, chip=CHIP, **parameters):
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", len(weights))
     n = builder.add_compartments(
-        "n", 1, **{"threshold": 131071, "decay_u": 4096, "decay_v": 4096, **parameters}
+        "n",
+        1,
+        **{
+            "threshold": 131071,
+            "decay_u": FORGETS_AT_ONCE,
+            "decay_v": FORGETS_AT_ONCE,
+            **parameters,
+        },
     )
     builder.connect(x, n, [weights], exponent=exponent)
     return builder.build()
@@ -46,7 +54,7 @@ def test_all_inputs_in_every_step_reach_the_bound(decay_u, decay_v, steps, sign)
 
 @pytest.mark.parametrize("bias", [1, -1, 64], ids=["the least", "the least, down", "more"])
 def test_what_does_not_decay_has_no_bound(bias):
-    proven = prove_range(one([0], decay_v=0, bias=bias))[0]
+    proven = prove_range(one([0], decay_v=KEEPS_ALL, bias=bias))[0]
     assert (proven.v.low[0], proven.v.high[0]) == ((0, np.inf) if bias > 0 else (-np.inf, 0))
     assert not proven.cannot_clip[0]
 
@@ -184,7 +192,7 @@ def test_what_a_child_may_do_its_parent_may_suffer():
     """Two children without positive weights, which wrap above 0 nevertheless, and are cut off at vmax."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
-    common = {"decay_u": 4096, "decay_v": 4096, "vmin": 0, "vmax": 2**15 - 1}
+    common = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "vmin": 0, "vmax": 2**15 - 1}
     soma = builder.add_compartments("soma", 1, threshold=131071, **common)
     for name in ("a", "b"):
         child = builder.add_compartments(name, 1, threshold=0, joined_to=soma, **common)
@@ -199,7 +207,7 @@ def test_a_charge_that_wraps_is_passed_on():
     """Of no child can u or v leave its register, but the charge of one wraps, to what makes their parent clip."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
-    forgets = {"decay_u": 4096, "decay_v": 4096}
+    forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
     soma = builder.add_compartments("soma", 1, threshold=131071, **forgets)
     for k, weights in enumerate([[-254, -4], *4 * [[254, 0]]]):
         child = builder.add_compartments(f"child{k}", 1, threshold=0, joined_to=soma, **forgets)
@@ -212,18 +220,23 @@ def test_a_charge_that_wraps_is_passed_on():
 
 
 def test_nothing_kept_for_ever_is_safe():
-    proven = prove_range(one([2], decay_u=0, decay_v=0))[0]
+    proven = prove_range(one([2], decay_u=KEEPS_ALL, decay_v=KEEPS_ALL))[0]
     assert (proven.u.high[0], proven.safe_period[0]) == (np.inf, 0)
     assert not proven.cannot_wrap[0]
     assert not proven.cannot_clip[0]
-    assert prove_range(one([2], decay_v=0, bias=1))[0].v.high[0] == np.inf
-    assert prove_range(one([-2], decay_v=0, bias=1))[0].v.low[0] == -np.inf
+    assert prove_range(one([2], decay_v=KEEPS_ALL, bias=1))[0].v.high[0] == np.inf
+    assert prove_range(one([-2], decay_v=KEEPS_ALL, bias=1))[0].v.low[0] == -np.inf
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 def test_children_pass_on_what_their_limits_leave(sign):
     """One child beyond vmax is passed on as vmax; three that stay below it are more than their parent holds."""
-    limits = {"vmin": 1 - 2**15, "vmax": 2**15 - 1, "decay_u": 4096, "decay_v": 4096}
+    limits = {
+        "vmin": 1 - 2**15,
+        "vmax": 2**15 - 1,
+        "decay_u": FORGETS_AT_ONCE,
+        "decay_v": FORGETS_AT_ONCE,
+    }
     ends = []
     for children, exponent in ((1, 2), (3, 0)):
         builder = hw.ProgramBuilder(CHIP)
@@ -245,10 +258,12 @@ def test_children_pass_on_what_their_limits_leave(sign):
 def test_joined_voltages_are_in_the_bound():
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=131071)
+    soma = builder.add_compartments(
+        "soma", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+    )
     for name in ("a", "b"):
         child = builder.add_compartments(
-            name, 1, decay_u=4096, decay_v=2048, threshold=0, joined_to=soma
+            name, 1, decay_u=FORGETS_AT_ONCE, decay_v=2048, threshold=0, joined_to=soma
         )
         builder.connect(x, child, [[100]])
     program = builder.build()
@@ -262,9 +277,18 @@ def test_what_truncation_takes_of_parts_a_sum_may_keep():
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     ends = {"vmin": -511, "vmax": 511}
-    n = builder.add_compartments("n", 1, decay_u=4096, decay_v=94, threshold=131071, **ends)
+    n = builder.add_compartments(
+        "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=94, threshold=131071, **ends
+    )
     builder.add_compartments(
-        "one", 1, decay_u=4096, decay_v=4096, threshold=0, bias=1, joined_to=n, **ends
+        "one",
+        1,
+        decay_u=FORGETS_AT_ONCE,
+        decay_v=FORGETS_AT_ONCE,
+        threshold=0,
+        bias=1,
+        joined_to=n,
+        **ends,
     )
     builder.connect(x, n, [[1]], sign_mode="excitatory")
     program = builder.build()

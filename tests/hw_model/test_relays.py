@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 
@@ -22,7 +23,11 @@ def relayed(builder, source, target, weights, delay, relays):
     at = source
     for i, steps in enumerate(links[:-1]):
         relay = builder.add_compartments(
-            f"{source.name}{i}", at.size, decay_u=4096, decay_v=4096, threshold=1
+            f"{source.name}{i}",
+            at.size,
+            decay_u=FORGETS_AT_ONCE,
+            decay_v=FORGETS_AT_ONCE,
+            threshold=1,
         )
         builder.connect(at, relay, 2 * np.eye(at.size, dtype=int), delay=steps)
         at = relay

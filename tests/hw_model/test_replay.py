@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hybrids import CHIP, assembled, in_phase
+from hybrids import CHIP, graph_in_phase, program_of_graphs
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
 
-FORGETS = {"decay_u": 4096, "decay_v": 4096}
+FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
 STEPS = 12
 
 
@@ -67,7 +68,7 @@ def relay(builder, x):
     builder.connect(many, y, 200 * np.eye(1, 16, dtype=np.int64))
 
 
-def side_by_side(builder, x):
+def graphs_side_by_side(builder, x):
     """Two chunks of one population, each with a row of its own: one is refractory while the other runs again."""
     h = builder.add_compartments("h", 20, threshold=90, refractory=3, **FORGETS)
     y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
@@ -119,17 +120,17 @@ def delay_line(to=lambda neuron: neuron, onto=("h",)):
     return build
 
 
-LARGE = {"decay_u": 0, "bias": 4095 * 128}
+LARGE = {"decay_u": KEEPS_ALL, "bias": 4095 * 128}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
     "a spike that is taken back": relay,
     "a pair that forgets, the second alone": dendrites(
         2, [100, -60], {"threshold": 6000}, times=(0, 1)
     ),
-    "two chunks, refractory": side_by_side,
-    "pulled to vmin": neuron([100, -200], decay_v=0, vmin=0, threshold=300),
+    "two chunks, refractory": graphs_side_by_side,
+    "pulled to vmin": neuron([100, -200], decay_v=KEEPS_ALL, vmin=0, threshold=300),
     "a dendrite, pushed to vmax": dendrites(
-        1, [200, -100], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1
+        1, [200, -100], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=KEEPS_ALL, vmax=2**21 - 1
     ),
     "u + bias wraps": neuron([252, -252], **LARGE, threshold=20_000),
     "a current that outlasts a spike": neuron([20, -10], decay_u=600, threshold=2000),
@@ -148,7 +149,7 @@ PHASES = {
     ),
     "a pair at its threshold": dendrites(2, [100, 60], {"threshold": 200 * 128}),
     "a pair, pulled to vmin": dendrites(
-        2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0
+        2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=KEEPS_ALL, vmin=0
     ),
     "a pair, its sum cut off": dendrites(
         2, [250, -60], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=2048, vmax=2**21 - 1
@@ -162,10 +163,10 @@ PHASES = {
     ),
     "a dendrite of a dendrite": chain([100, -60], {"threshold": 900}, decay_u=900, decay_v=2000),
     "a pair, the first biased": dendrites(
-        2, [10, 20], {"threshold": 100}, times=(1, 0), biases=(-40_960, 0), decay_v=0
+        2, [10, 20], {"threshold": 100}, times=(1, 0), biases=(-40_960, 0), decay_v=KEEPS_ALL
     ),
     "a pair, the second biased": dendrites(
-        2, [10, 20], {"threshold": 100}, times=(0, 1), biases=(0, -40_960), decay_v=0
+        2, [10, 20], {"threshold": 100}, times=(0, 1), biases=(0, -40_960), decay_v=KEEPS_ALL
     ),
     "spikes that come back": echoing(2, decay_u=2000, decay_v=1000),
     "spikes that come back to the first": echoing(2, onto=0, decay_u=2000, decay_v=1000),
@@ -186,8 +187,8 @@ def location_program(build) -> hw.ChipProgram:
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     build(builder, x)
-    graph = in_phase(builder.graph(), "location", STEPS, np.arange(STEPS))
-    return assembled(CHIP, Readout(("y",), (1.0,)), graph)
+    graph = graph_in_phase(builder.graph(), "location", STEPS, np.arange(STEPS))
+    return program_of_graphs(CHIP, Readout(("y",), (1.0,)), graph)
 
 
 @pytest.mark.parametrize("name", PHASES)
@@ -228,7 +229,7 @@ def test_the_largest_potential_after_every_row(name):
 
 def test_a_bias_pulls_down_after_the_last_refractory_step():
     """Blocked in step 2 with nothing left: from then on -64000 a step, so that 20 * 2^13 in step 6 are not enough."""
-    program = location_program(neuron([40, 20], bias=-64_000, refractory=2, decay_v=0))
+    program = location_program(neuron([40, 20], bias=-64_000, refractory=2, decay_v=KEEPS_ALL))
     recording = np.zeros((2, STEPS), dtype=np.uint8)
     recording[0, 0] = recording[1, 5] = 1
     assert hw.Session(program).push(recording).spikes["y"].tolist() == [[1], [1]]
@@ -252,7 +253,7 @@ def test_what_has_run_does_not_run_again():
 def test_a_sum_cut_off_below_its_threshold_never_spikes():
     """Two dendrites together would exceed it, but the register of the soma ends before."""
     build = dendrites(
-        2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1
+        2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=KEEPS_ALL, vmax=2**21 - 1
     )
     program = location_program(build)
     session = hw.Session(program)

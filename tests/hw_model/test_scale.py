@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE
 from scipy import sparse
 
 import hw_model as hw
@@ -22,7 +23,9 @@ def relays(chip, delay=0):
     """A compartment for each of 20,000 lines, each with one synapse."""
     builder = hw.ProgramBuilder(chip)
     lines = builder.add_input("x", SIZE)
-    out = builder.add_compartments("n", SIZE, decay_u=4096, decay_v=4096, threshold=1)
+    out = builder.add_compartments(
+        "n", SIZE, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1
+    )
     builder.connect(lines, out, sparse.eye_array(SIZE, dtype=np.int64) * 20, delay=delay)
     return builder
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.simulation import ENGINES
@@ -12,7 +13,7 @@ CHIP = hw.chip("loihi-sim")
 def one_compartment(weight=100, delay=0, exponent=0, sign_mode="mixed", **parameters):
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    defaults = {"decay_u": 4096, "decay_v": 0, "threshold": 131071}
+    defaults = {"decay_u": FORGETS_AT_ONCE, "decay_v": KEEPS_ALL, "threshold": 131071}
     n = builder.add_compartments("n", 1, **{**defaults, **parameters})
     builder.connect(x, n, [[weight]], delay=delay, exponent=exponent, sign_mode=sign_mode)
     return builder.build()
@@ -36,7 +37,9 @@ class TestStep:
         assert result.v["n"].ravel().tolist() == [0, 6400, 4800 + 3200, 6000 + 1600]
 
     def test_negative_values_decay_toward_zero(self, engine):
-        result = played(one_compartment(weight=-2, decay_u=1, decay_v=4096), [0], 3, engine)
+        result = played(
+            one_compartment(weight=-2, decay_u=1, decay_v=FORGETS_AT_ONCE), [0], 3, engine
+        )
         assert result.u["n"].ravel().tolist() == [0, -128, -127]
 
     @pytest.mark.parametrize(
@@ -44,19 +47,23 @@ class TestStep:
     )
     def test_threshold_is_strict(self, engine, threshold, spikes):
         assert (
-            played(one_compartment(threshold=threshold, decay_v=4096), [0], 3, engine).counts.spikes
+            played(
+                one_compartment(threshold=threshold, decay_v=FORGETS_AT_ONCE), [0], 3, engine
+            ).counts.spikes
             == spikes
         )
 
     def test_a_spike_resets_v_but_not_u(self, engine):
-        result = played(one_compartment(threshold=99, decay_u=0), [0], 4, engine)
+        result = played(one_compartment(threshold=99, decay_u=KEEPS_ALL), [0], 4, engine)
         assert result.u["n"].ravel().tolist() == [0, 6400, 6400, 6400]
         assert result.v["n"].ravel().tolist() == [0, 0, 0, 0]
         assert result.potential["n"].ravel().tolist() == [0, 6400, 6400, 6400]
         assert result.spikes["n"].ravel().tolist() == [0, 1, 1, 1]
 
     def test_refractory_k_blocks_k_minus_1_steps_with_v_at_0(self, engine):
-        result = played(one_compartment(threshold=1, decay_u=0, refractory=3), [0], 8, engine)
+        result = played(
+            one_compartment(threshold=1, decay_u=KEEPS_ALL, refractory=3), [0], 8, engine
+        )
         assert result.spikes["n"].ravel().tolist() == [0, 1, 0, 0, 1, 0, 0, 1]
         assert result.v["n"].ravel().tolist() == [0] * 8
         assert result.potential["n"].ravel().tolist() == [0, 6400, 0, 0, 6400, 0, 0, 6400]
@@ -71,7 +78,9 @@ class TestStep:
         # 254 * 2^7 * 64 = 2080768 fits; two of them, from one input twice connected, do not.
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
-        n = builder.add_compartments("n", 1, decay_u=4096, decay_v=4096, threshold=131071)
+        n = builder.add_compartments(
+            "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+        )
         builder.connect(x, n, [[sign * 254]], exponent=7)
         builder.connect(x, n, [[sign * 254]], exponent=7)
         result = played(builder.build(), [0], 3, engine)
@@ -85,7 +94,7 @@ class TestStep:
 
     def test_current_wraps_at_23_bits(self, engine):
         result = played(
-            one_compartment(weight=254, exponent=7, decay_u=0, decay_v=4096),
+            one_compartment(weight=254, exponent=7, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE),
             [0, 1, 2, 3, 4],
             7,
             engine,
@@ -99,7 +108,9 @@ class TestStep:
         assert result.counts.current_wraps == 1
 
     def test_current_and_bias_wrap_together(self, engine):
-        program = one_compartment(weight=252, exponent=7, decay_u=0, decay_v=4096, bias=4095 * 128)
+        program = one_compartment(
+            weight=252, exponent=7, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE, bias=4095 * 128
+        )
         result = played(program, [0, 1, 2, 3], 6, engine)
         drives = [2064384 * k + 524160 for k in (0, 1, 2, 3)]
         assert result.v["n"].ravel().tolist() == [*drives, *2 * [2064384 * 4 + 524160 - 2**24]]
@@ -115,10 +126,10 @@ class TestStep:
     @pytest.mark.parametrize(
         ("parameters", "active"),
         [
-            ({"decay_u": 4096, "decay_v": 4096}, 2),
-            ({"decay_u": 4096, "decay_v": 0}, 4),
-            ({"decay_u": 0, "decay_v": 4096, "threshold": 99}, 4),
-            ({"decay_u": 4096, "decay_v": 4096, "bias": 1}, 5),
+            ({"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}, 2),
+            ({"decay_u": FORGETS_AT_ONCE, "decay_v": KEEPS_ALL}, 4),
+            ({"decay_u": KEEPS_ALL, "decay_v": FORGETS_AT_ONCE, "threshold": 99}, 4),
+            ({"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "bias": 1}, 5),
         ],
         ids=["a charge, and what it left", "a voltage", "a current alone", "a bias"],
     )
@@ -131,7 +142,7 @@ class TestStep:
     def test_a_joined_voltage_is_work(self, engine, reached):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 2)
-        forgets = {"decay_u": 4096, "decay_v": 4096}
+        forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
         soma = builder.add_compartments("soma", 1, threshold=10, **forgets)
         child = builder.add_compartments("child", 1, threshold=0, joined_to=soma, **forgets)
         builder.connect(x, child, [[100, 0]])
@@ -143,7 +154,9 @@ class TestStep:
     def test_compartments_of_a_chunk_by_themselves(self, engine):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 20)
-        n = builder.add_compartments("n", 20, decay_u=4096, decay_v=4096, threshold=[10, 200] * 10)
+        n = builder.add_compartments(
+            "n", 20, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=[10, 200] * 10
+        )
         builder.connect(x, n, 100 * np.eye(20))
         rows = np.concatenate((np.tri(20, dtype=np.uint8), np.zeros((2, 20), dtype=np.uint8)))
         result = hw.simulate(builder.build(), rows, engine=engine)
@@ -156,8 +169,8 @@ class TestStep:
         wide = {
             "weight": 252,
             "exponent": 7,
-            "decay_u": 0,
-            "decay_v": 4096,
+            "decay_u": KEEPS_ALL,
+            "decay_v": FORGETS_AT_ONCE,
             "bias": 4095 * 128,
             "vmax": 2**19 - 1,
         }
@@ -170,7 +183,7 @@ class TestStep:
     def test_what_is_cut_off_in_a_refractory_sum_is_not_counted(self, engine):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
-        common = {"decay_u": 4096, "decay_v": 4096, "vmax": 2**13 - 1}
+        common = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "vmax": 2**13 - 1}
         soma = builder.add_compartments("soma", 1, threshold=100, refractory=5, **common)
         for name in ("one", "two"):
             builder.connect(
@@ -182,7 +195,10 @@ class TestStep:
 
     def test_voltage_clips_to_the_register(self, engine):
         result = played(
-            one_compartment(weight=254, exponent=7, decay_u=4096), [0, 1, 2, 3, 4], 7, engine
+            one_compartment(weight=254, exponent=7, decay_u=FORGETS_AT_ONCE),
+            [0, 1, 2, 3, 4],
+            7,
+            engine,
         )
         assert result.potential["n"].ravel().tolist() == [
             0,
@@ -210,12 +226,19 @@ class TestStep:
     def test_a_joined_child_adds_its_v_in_the_same_step(self, engine):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
-        soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=150)
+        soma = builder.add_compartments(
+            "soma", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=150
+        )
         one = builder.add_compartments(
-            "soma/one", 1, decay_u=4096, decay_v=0, threshold=0, joined_to=soma
+            "soma/one", 1, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=0, joined_to=soma
         )
         two = builder.add_compartments(
-            "soma/two", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=one
+            "soma/two",
+            1,
+            decay_u=FORGETS_AT_ONCE,
+            decay_v=FORGETS_AT_ONCE,
+            threshold=0,
+            joined_to=one,
         )
         builder.connect(x, one, [[100]])
         builder.connect(x, two, [[100]])
@@ -229,7 +252,7 @@ class TestStep:
         """A child that has a child of its own, and one that has none, and comes after it."""
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
-        forgets = {"decay_u": 4096, "decay_v": 4096}
+        forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
         soma = builder.add_compartments("soma", 1, threshold=250, **forgets)
         one = builder.add_compartments("one", 1, threshold=0, joined_to=soma, **forgets)
         two = builder.add_compartments("two", 1, threshold=0, joined_to=soma, **forgets)
@@ -255,7 +278,9 @@ class TestStep:
 def test_an_exponent_below_0_floors_weight_by_weight():
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
-    n = builder.add_compartments("n", 1, decay_u=4096, decay_v=4096, threshold=131071)
+    n = builder.add_compartments(
+        "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+    )
     builder.connect(x, n, [[6, -6]], exponent=-2)
     result = hw.simulate(builder.build(), [[1, 1], [0, 0]], probe=("u",))
     assert result.u["n"].ravel().tolist() == [0, 64 * (1 - 2)]

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hybrids import CHIP, assembled, in_phase, random_branch, random_hybrid
+from hybrids import CHIP, graph_in_phase, program_of_graphs, random_branch, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sessions import SEEDS, TOGETHER, check_every_step, live_program
+from register_units import FORGETS_AT_ONCE
+from sessions import SEEDS, TOGETHER, check_session_after_every_step, live_program
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout, decided
@@ -23,11 +24,11 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.slow
 @settings(max_examples=40, deadline=None)
-@given(seed=SEEDS, together=TOGETHER, silence=st.integers(0, 2))
-def test_every_step_equals_a_run_of_the_recording_so_far(seed, together, silence):
-    program, recording = random_hybrid(seed, together, silence)
+@given(seed=SEEDS, channels_per_step=TOGETHER, silence=st.integers(0, 2))
+def test_every_step_equals_a_run_of_the_recording_so_far(seed, channels_per_step, silence):
+    program, recording = random_hybrid(seed, channels_per_step, silence)
     session = hw.Session(program)
-    check_every_step(program, recording, session.push(recording))
+    check_session_after_every_step(program, recording, session.push(recording))
     whole = hw.simulate(program, recording)
     for name in program.spiking & program.columns_of("location").keys():
         assert np.array_equal(session.spikes(name), whole.spikes[name]), name
@@ -55,15 +56,15 @@ def test_the_largest_potentials_so_far(seed, first, rows):
             key: np.concatenate([part.spikes[key] for part in parts]) for key in parts[0].spikes
         }
         scores = np.concatenate([part.scores for part in parts])
-        check_every_step(program, recording, StepScores(counted, joined, scores))
+        check_session_after_every_step(program, recording, StepScores(counted, joined, scores))
         session.reset()
 
 
 @pytest.mark.slow
 @settings(max_examples=25, deadline=None)
-@given(seed=SEEDS, together=TOGETHER, data=st.data())
-def test_any_split_of_the_rows_gives_the_same(seed, together, data):
-    program, recording = random_hybrid(seed, together)
+@given(seed=SEEDS, channels_per_step=TOGETHER, data=st.data())
+def test_any_split_of_the_rows_gives_the_same(seed, channels_per_step, data):
+    program, recording = random_hybrid(seed, channels_per_step)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(recording)), max_size=6)))
     at_once = hw.Session(program)
     in_parts = hw.Session(program)
@@ -85,9 +86,11 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
     for name in "abc":
         b = hw.ProgramBuilder(CHIP)
         x = b.add_input(f"{name}/x", 1)
-        y = b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=9)
+        y = b.add_compartments(
+            name, 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=9
+        )
         b.connect(x, y, [[20], [14]])
-        graph = in_phase(b.graph(), "time", None)
+        graph = graph_in_phase(b.graph(), "time", None)
         phase = replace(graph.phases[0], name=name)
         inputs, groups = (
             [replace(one, phase=name) for one in both] for both in (graph.inputs, graph.groups)
@@ -95,7 +98,7 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
         graphs.append(replace(graph, phases=(phase,), inputs=tuple(inputs), groups=tuple(groups)))
     weights = {"a": 0.1, "b": 0.2, "c": 0.3}
     readout = Readout(names, tuple(weights[name] for name in names), first)
-    program = assembled(CHIP, readout, *graphs)
+    program = program_of_graphs(CHIP, readout, *graphs)
     recording = np.array([[1], [0]], dtype=np.uint8)
     found = hw.simulate(program, recording, probe=("spikes", "potential"))
     batch = {
@@ -214,7 +217,7 @@ def test_a_readout_of_one_branch():
     program, recording = random_hybrid(6)
     for name in ("time/y", "location/y"):
         alone = replace(program, readout=Readout((name,), (1.0,)))
-        check_every_step(alone, recording, hw.Session(alone).push(recording))
+        check_session_after_every_step(alone, recording, hw.Session(alone).push(recording))
 
 
 def test_streams_by_name():
@@ -234,12 +237,16 @@ def test_streams_by_name():
 
 def _location_only() -> hw.ChipProgram:
     branch = random_branch(np.random.default_rng(0), "location", 8, 2, CHIP)
-    return assembled(CHIP, Readout(("location/y",), (1.0,)), in_phase(branch, "location", 8))
+    return program_of_graphs(
+        CHIP, Readout(("location/y",), (1.0,)), graph_in_phase(branch, "location", 8)
+    )
 
 
 def _time_only() -> hw.ChipProgram:
     branch = random_branch(np.random.default_rng(0), "time", 8, 2, CHIP)
-    return assembled(CHIP, Readout(("time/y",), (1.0,)), replace(in_phase(branch, "time", 8)))
+    return program_of_graphs(
+        CHIP, Readout(("time/y",), (1.0,)), replace(graph_in_phase(branch, "time", 8))
+    )
 
 
 def _mixed() -> hw.ChipProgram:
@@ -297,7 +304,7 @@ def test_real_recordings(example):
     session = hw.Session(program)
     for recording in recordings[:: len(recordings) // 2]:
         session.reset()
-        check_every_step(program, recording, session.push(recording))
+        check_session_after_every_step(program, recording, session.push(recording))
 
 
 @pytest.mark.minutes
@@ -307,4 +314,4 @@ def test_all_real_recordings(example):
     session = hw.Session(program)
     for recording in recordings:
         session.reset()
-        check_every_step(program, recording, session.push(recording))
+        check_session_after_every_step(program, recording, session.push(recording))

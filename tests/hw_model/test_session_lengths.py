@@ -8,9 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hybrids import CHIP, assembled, in_phase, random_hybrid
+from hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
 from hypothesis import given, settings
-from sessions import SEEDS, TOGETHER, check_every_step, largest_so_far, live_program
+from register_units import FORGETS_AT_ONCE
+from sessions import (
+    SEEDS,
+    TOGETHER,
+    check_session_after_every_step,
+    largest_potential_so_far,
+    live_program,
+)
 
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
@@ -44,9 +51,9 @@ def test_a_recording_is_as_long_as_the_longest_phase_over_time():
 @pytest.mark.slow
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 @settings(max_examples=10, deadline=None)
-@given(seed=SEEDS, together=TOGETHER)
-def test_rows_past_the_end_change_nothing(psi, seed, together):
-    program, recording = random_hybrid(seed, together)
+@given(seed=SEEDS, channels_per_step=TOGETHER)
+def test_rows_past_the_end_change_nothing(psi, seed, channels_per_step):
+    program, recording = random_hybrid(seed, channels_per_step)
     session = hw.Session(program, psi)
     last = session.push(recording)
     after = session.push(np.ones((5, recording.shape[1]), dtype=np.uint8))
@@ -59,7 +66,7 @@ def test_no_rows():
     session = hw.Session(program)
     assert session.push(recording[:0]).scores.shape == (0, program.populations["time/y"])
     assert session.push(recording[:0]).prediction.shape == (0,)
-    check_every_step(program, recording, session.push(recording))
+    check_session_after_every_step(program, recording, session.push(recording))
 
 
 @pytest.mark.usefixtures("unchecked")  # the check takes memory of its own
@@ -97,7 +104,7 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
     """Tiles have 64 rows: two inputs, rests in between, and potentials that are largest in the first tile or the last."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(
-        "y", 2, decay_u=4096, decay_v=[1000, 2000], threshold=threshold, refractory=2
+        "y", 2, decay_u=FORGETS_AT_ONCE, decay_v=[1000, 2000], threshold=threshold, refractory=2
     )
     for name, weights in (("x", [[100], [60]]), ("z", [[-20, 100], [140, -80]])):
         builder.connect(builder.add_input(name, len(weights[0])), y, weights)
@@ -112,7 +119,7 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
     if first is None:
         wanted = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
     else:
-        wanted = largest_so_far(whole.potential["y"], first)
+        wanted = largest_potential_so_far(whole.potential["y"], first)
     session = hw.Session(program)
     for _ in range(2):
         session.reset()
@@ -131,7 +138,9 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
 def test_recordings_next_to_the_length_of_their_program(rows, engine):
     """A spike acts in the step after its row, so that the last row of five does not count."""
     builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    y = builder.add_compartments(
+        "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
     builder.connect(builder.add_input("x", 1), y, [[20]])
     program = builder.build()
     program = replace(program, phases=(replace(program.phases[0], steps=5),))
@@ -143,10 +152,14 @@ def test_recordings_next_to_the_length_of_their_program(rows, engine):
 def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits(rows):
     """In a session and in both engines, however many rows the recording has; the last visit acts in no step."""
     builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    y = builder.add_compartments(
+        "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
+    )
     builder.connect(builder.add_input("x", 2), y, [[20, 20]])
-    program = assembled(
-        CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4))
+    program = program_of_graphs(
+        CHIP,
+        Readout(("y",), (1.0,)),
+        graph_in_phase(builder.graph(), "location", None, np.arange(4)),
     )
     recording = np.ones((rows, 4), dtype=np.uint8)
     session = hw.Session(program)

@@ -41,7 +41,7 @@ def is_tuple(kind: object) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("loop", [fast._run, time_phase._run], ids=["simulations", "sessions"])
 def test_a_tile_is_given_what_it_is_compiled_for(loop):
-    program, recording = random_hybrid(0, together=1)
+    program, recording = random_hybrid(0, channels_per_step=1)
     hw.simulate(program, recording)
     hw.Session(program).push(recording)
     found = kinds_given(loop)
@@ -52,7 +52,7 @@ def test_a_tile_is_given_what_it_is_compiled_for(loop):
 @pytest.mark.slow
 def test_what_a_tile_calls_is_given_what_it_is_compiled_for():
     for seed in range(6):
-        program, recording = random_hybrid(seed, together=1)
+        program, recording = random_hybrid(seed, channels_per_step=1)
         hw.simulate(program, recording)
     kinds_given(tiles.run_tile)  # compiles what a tile takes in, of which a cache knows nothing
     given = set(kinds_given(delivery.deliver))
@@ -65,7 +65,7 @@ def test_what_a_tile_calls_is_given_what_it_is_compiled_for():
 @pytest.mark.slow
 def test_pairs_are_given_what_they_are_compiled_for():
     for seed in range(12):
-        program, recording = random_hybrid(seed, together=1)
+        program, recording = random_hybrid(seed, channels_per_step=1)
         hw.Session(program).push(recording)
     kinds_given(location_phase._push)
     given = set(kinds_given(location_phase._run_again))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from early_stops import SEEDS, batch_for, counted
+from early_stops import SEEDS, counts_by_core, program_and_batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -39,14 +39,14 @@ def plain_margin(scores: np.ndarray, agreement: float) -> float:
     seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0])
 )
 def test_the_smallest_margin(seed, agreement, psi):
-    program, recordings = batch_for(seed)
+    program, recordings = program_and_batch(seed)
     wanted = plain_margin(hw.timestep_scores(program, recordings, psi), agreement)
     assert hw.calibrate_margin(program, recordings, agreement, psi) == wanted
 
 
 @pytest.mark.parametrize("psi", [None, 10.0])
 def test_margins_are_in_the_integers_of_the_readout(psi):
-    program, recordings = batch_for(5)
+    program, recordings = program_and_batch(5)
     readout = program.readout
     tripled = replace(
         program, readout=replace(readout, weights=tuple(3 * weight for weight in readout.weights))
@@ -65,7 +65,7 @@ def test_margins_are_in_the_integers_of_the_readout(psi):
 )
 def test_stops_at_a_margin(seed, margin, psi):
     """The first step with the lead; the counts of a time phase that ends there, and of what follows it."""
-    program, recordings = batch_for(seed)
+    program, recordings = program_and_batch(seed)
     found = hw.stop_at_margin(program, recordings, margin, psi)
     scores = hw.timestep_scores(program, recordings, psi)
     assert found.all_steps == recordings.shape[1]
@@ -81,12 +81,14 @@ def test_stops_at_a_margin(seed, margin, psi):
         short = replace(program, phases=(replace(program.phases[0], steps=step), program.phases[1]))
         until = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
         wanted = {name: n + hw.simulate(short, until).counts[name] for name, n in wanted.items()}
-    assert counted(found.counts) == wanted
-    assert counted(found.all_counts) == counted(hw.simulate(program, recordings).counts)
+    assert counts_by_core(found.counts) == wanted
+    assert counts_by_core(found.all_counts) == counts_by_core(
+        hw.simulate(program, recordings).counts
+    )
 
 
 def test_agreement_on_the_recordings_it_was_calibrated_on():
-    program, recordings = batch_for(4, batch=40)
+    program, recordings = program_and_batch(4, batch=40)
     margin = hw.calibrate_margin(program, recordings, 0.9)
     found = hw.stop_at_margin(program, recordings, margin)
     assert (found.prediction == found.final).mean() >= 0.9

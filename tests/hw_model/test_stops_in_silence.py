@@ -8,6 +8,7 @@ from early_stops import SEEDS, by_potentials, one_layer, random_layer
 from hybrids import CHIP
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 
@@ -62,7 +63,7 @@ def test_stops_in_silence(seed, silence, first):
 
 def test_what_a_silence_saves():
     """Class 0 spikes once, and rests from step 2 on: with three silent steps the end is after step 4."""
-    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=4096, decay_v=4096)
+    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE)
     program = builder.build()
     recording = np.zeros((2, 12, 2), dtype=np.uint8)
     recording[:, 0, 0] = recording[1, 10, 1] = 1
@@ -90,7 +91,9 @@ def test_silence_waits_for_what_is_under_way():
     """A spike that takes five steps to arrive: nothing is held meanwhile, and it would be too early to stop."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=30)
+    y = builder.add_compartments(
+        "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=30
+    )
     builder.connect(x, y, [[60]], delay=5)
     builder.read_out(y)
     recording = np.zeros((1, 20, 1), dtype=np.uint8)

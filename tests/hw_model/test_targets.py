@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.targets import TARGETS, target_of
@@ -22,8 +23,8 @@ def program_on(chip):
     limits = replace(chip.limits, compartments_per_core=3)
     b = hw.ProgramBuilder(replace(chip, limits=limits))
     x = b.add_input("x", 1)
-    h = b.add_compartments("h", 3, decay_u=4096, decay_v=0, threshold=10)
-    y = b.add_compartments("y", 1, decay_u=4096, decay_v=0, threshold=10)
+    h = b.add_compartments("h", 3, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=10)
+    y = b.add_compartments("y", 1, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=10)
     b.connect(x, h, [[20]] * 3)
     b.connect(h, y, [[2, 4, 6]])
     b.read_out(y)
@@ -84,7 +85,7 @@ def test_a_program_takes_the_one_open_core_whatever_it_calls_cores():
 
 def test_a_program_too_large_for_an_open_core_is_refused_and_a_larger_one_named():
     b = hw.ProgramBuilder(hw.chip("ecp5-85f"))
-    h = b.add_compartments("h", 400, decay_u=4096, decay_v=0, threshold=10)
+    h = b.add_compartments("h", 400, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=10)
     b.connect(b.add_input("x", 1), h, [[20]] * 400)
     b.read_out(h)
     program = b.build()

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 from scipy import sparse
 
 import hw_model as hw
@@ -18,7 +19,7 @@ from hw_model.engine.state import MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
 
 CHIP = hw.chip("loihi-sim")
-FORGETS = {"decay_u": 4096, "decay_v": 4096}
+FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
 STEPS = 200
 
 
@@ -66,7 +67,7 @@ def slow_decay() -> hw.ProgramBuilder:
     """What is left of a tile decays in the next."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
-    n = builder.add_compartments("n", 20, decay_u=4096, decay_v=40, threshold=160)
+    n = builder.add_compartments("n", 20, decay_u=FORGETS_AT_ONCE, decay_v=40, threshold=160)
     builder.connect(x, n, np.full((20, 2), 100))
     return builder
 
@@ -76,7 +77,7 @@ def recurrence_ahead_of_another() -> hw.ProgramBuilder:
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
-    y = builder.add_compartments("y", 20, threshold=90, decay_u=4096, decay_v=300)
+    y = builder.add_compartments("y", 20, threshold=90, decay_u=FORGETS_AT_ONCE, decay_v=300)
     builder.connect(x, h, np.full((20, 3), 100))
     builder.connect(h, h, 100 * np.roll(np.eye(20), 1, axis=0) - 30 * np.eye(20), delay=4)
     builder.connect(h, y, 40 * np.eye(20))
@@ -101,7 +102,7 @@ def sums(bias: int, decays: tuple[int, int] = (2000, 4096)) -> hw.ProgramBuilder
     soma = builder.add_compartments("soma", 20, threshold=150, bias=bias, **FORGETS)
     for name, decay in zip("ab", decays, strict=True):
         child = builder.add_compartments(
-            name, 20, decay_u=4096, decay_v=decay, threshold=0, joined_to=soma
+            name, 20, decay_u=FORGETS_AT_ONCE, decay_v=decay, threshold=0, joined_to=soma
         )
         builder.connect(x, child, np.full((20, 3), 100))
     return builder
@@ -136,7 +137,7 @@ def echoes(children: int, delays: tuple[int, ...] = (0,), shift: int = 0) -> hw.
         for late in delays:
             own = np.diag(2 * k - 120 + 4 * np.arange(20) + 10 * late)
             builder.connect(soma, child, np.roll(own, shift, axis=0), delay=late)
-    y = builder.add_compartments("y", 20, threshold=90, decay_u=4096, decay_v=300)
+    y = builder.add_compartments("y", 20, threshold=90, decay_u=FORGETS_AT_ONCE, decay_v=300)
     builder.connect(soma, y, 40 * np.eye(20))
     return builder
 
@@ -161,7 +162,7 @@ def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, refractory=refractory, **FORGETS)
     first = builder.add_compartments(
-        "a", 20, decay_u=4096, decay_v=300, threshold=0, joined_to=soma
+        "a", 20, decay_u=FORGETS_AT_ONCE, decay_v=300, threshold=0, joined_to=soma
     )
     second = builder.add_compartments(
         "b", 20, decay_u=2000, decay_v=40, threshold=0, joined_to=first if chain else soma
@@ -389,8 +390,8 @@ def many_children(count: int, **limits) -> hw.ChipProgram:
         builder.add_compartments(
             f"c{i}",
             1,
-            decay_u=4096,
-            decay_v=0,
+            decay_u=FORGETS_AT_ONCE,
+            decay_v=KEEPS_ALL,
             bias=-4095 << 7,
             threshold=0,
             joined_to=soma,

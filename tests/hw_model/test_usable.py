@@ -17,7 +17,7 @@ PLAYS = """\
 import numpy as np, hw_model as hw
 builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
 x = builder.add_input("x", 1)
-y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=1)
+y = builder.add_compartments("y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1)
 builder.connect(x, y, np.full((1, 1), 2))
 builder.read_out(y)
 program = builder.build()

@@ -6,7 +6,8 @@ import any_phases
 import cost_programs
 import numpy as np
 import pytest
-from hybrids import CHIP, assembled, in_phase
+from hybrids import CHIP, graph_in_phase, program_of_graphs
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.accounting.usage import measure
@@ -38,7 +39,7 @@ def test_a_chain_takes_at_most_what_it_takes_by_hand(events: int, step_ns: float
 def test_what_cannot_reach_its_threshold_sends_nothing() -> None:
     builder = hw.ProgramBuilder(CHIP)
     touch = builder.add_input("touch", 1)
-    forgets = {"decay_u": 4096, "decay_v": 4096}
+    forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
     first = builder.add_compartments("first", 1, threshold=20, **forgets)
     second = builder.add_compartments("second", 1, threshold=10, **forgets)
     builder.connect(touch, first, [[20]])
@@ -63,7 +64,9 @@ def rows_of_many(channels: int) -> hw.ChipProgram:
     """Channel k has k + 1 synapses."""
     builder = hw.ProgramBuilder(CHIP)
     touch = builder.add_input("touch", channels)
-    neuron = builder.add_compartments("neuron", channels, decay_u=0, decay_v=0, threshold=10)
+    neuron = builder.add_compartments(
+        "neuron", channels, decay_u=KEEPS_ALL, decay_v=KEEPS_ALL, threshold=10
+    )
     builder.connect(touch, neuron, np.triu(np.full((channels, channels), 2)))
     return builder.build()
 
@@ -81,8 +84,8 @@ def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:
     neuron = builder.add_compartments("neuron", 1, threshold=1000)
     for name in ("left", "right"):
         builder.connect(builder.add_input(name, 2), neuron, [[20, 20]])
-    graph = in_phase(builder.graph(), "location", 1, np.array([0]))
-    program = assembled(CHIP, Readout(("neuron",), (1.0,)), graph)
+    graph = graph_in_phase(builder.graph(), "location", 1, np.array([0]))
+    program = program_of_graphs(CHIP, Readout(("neuron",), (1.0,)), graph)
     silent = hw.worst_case(program, 2, 0)
     touched = hw.worst_case(program, 2, 1)
     read_ns = 1.0

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import hybrids
 import numpy as np
+from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import CompartmentGraph, Phase, Readout
@@ -45,7 +46,7 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
     x = b.add_input("x", 4)
     kept = {"vmin": 1 - (1 << 15), "vmax": (1 << 17) - 1}
     one = b.add_compartments(
-        "one", 1, decay_u=0, decay_v=1, threshold=900, bias=-4096 * 128, refractory=2
+        "one", 1, decay_u=KEEPS_ALL, decay_v=1, threshold=900, bias=-4096 * 128, refractory=2
     )
     two = b.add_compartments(
         "two",
@@ -61,7 +62,9 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
         "y", 3, decay_u=390, decay_v=128, threshold=[0, 100, 131071], refractory=[1, 63, 5]
     )
     # After four spikes its current is -2^23, the only value whose magnitude needs all 24 bits.
-    edge = b.add_compartments("edge", 1, decay_u=0, decay_v=4096, threshold=131071)
+    edge = b.add_compartments(
+        "edge", 1, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE, threshold=131071
+    )
     b.connect(x, edge, [[-256, 0, 0, 0]], exponent=7)
     for target in (one, two, one, two, y):
         for exponent, delay in ((7, 0), (7, 0), (-2, 3)):
@@ -100,11 +103,19 @@ def blocked() -> tuple[hw.ChipProgram, np.ndarray]:
     """Compartments that wait out their refractory time with no current and no voltage, and then hear more."""
     b = hw.ProgramBuilder(CHIP, name="blocked")
     x = b.add_input("x", 2)
-    h = b.add_compartments("h", 2, decay_u=4096, decay_v=4096, threshold=1, refractory=[4, 9])
+    h = b.add_compartments(
+        "h", 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1, refractory=[4, 9]
+    )
     b.connect(x, h, [[200, 0], [0, 200]])
     # Its bias makes it fire at once, and wraps what drives it after four spikes, while it is blocked.
     full = b.add_compartments(
-        "full", 1, decay_u=0, decay_v=4096, threshold=1, bias=4095 * 128, refractory=63
+        "full",
+        1,
+        decay_u=KEEPS_ALL,
+        decay_v=FORGETS_AT_ONCE,
+        threshold=1,
+        bias=4095 * 128,
+        refractory=63,
     )
     b.connect(x, full, [[254, 0]], exponent=7)
     b.read_out(h)
@@ -121,11 +132,11 @@ def hybrid(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
 def _hybrid_of(seed: int, rows: int, told: int, shape: tuple[int, int], density: float):
     """Phases over time and over channels, of which the second hears ``told`` rows; ``shape``: recordings, channels."""
     r, (batch, channels) = np.random.default_rng(seed), shape
-    program = hybrids.assembled(
+    program = hybrids.program_of_graphs(
         CHIP,
         Readout(("time/y", "location/y"), (1.0, 1.0)),
-        hybrids.in_phase(hybrids.random_branch(r, "time", channels, 2, CHIP), "time", rows),
-        hybrids.in_phase(
+        hybrids.graph_in_phase(hybrids.random_branch(r, "time", channels, 2, CHIP), "time", rows),
+        hybrids.graph_in_phase(
             hybrids.random_branch(r, "location", told, 2, CHIP),
             "location",
             4,
@@ -151,19 +162,19 @@ def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
     b = hw.ProgramBuilder(CHIP, name="potentials")
     x = b.add_input("x", 2)
     y = b.add_compartments(
-        "y", 4, decay_u=4096, decay_v=[0, 100, 100, 2000], threshold=131071, bias=-99
+        "y", 4, decay_u=FORGETS_AT_ONCE, decay_v=[0, 100, 100, 2000], threshold=131071, bias=-99
     )
     weights = 2 * r.integers(-60, 60, (4, 2))
     weights[2] = weights[1]
     b.connect(x, y, weights)
-    program = hybrids.assembled(CHIP, Readout(("y",), (-1.5,), 5), b.graph())
+    program = hybrids.program_of_graphs(CHIP, Readout(("y",), (-1.5,), 5), b.graph())
     return program, (r.random((3, 30, 2)) < 0.4).astype(np.uint8)
 
 
 def together(*branches: CompartmentGraph) -> hw.ChipProgram:
     """Phases of all branches, and a readout of their last groups with weights of both signs."""
     groups = tuple(f"{branch.phases[0].name}/y" for branch in branches)
-    return hybrids.assembled(
+    return hybrids.program_of_graphs(
         CHIP, Readout(groups, (1.0, -2.0, 0.5, 3.0, 1.5)[: len(groups)]), *branches
     )
 

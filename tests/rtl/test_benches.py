@@ -17,7 +17,7 @@ import pytest
 import yaml
 from benches import CHIP, LATER, SIZES, all_benches, windows
 from desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
-from hybrids import assembled, in_phase
+from hybrids import graph_in_phase, program_of_graphs
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
@@ -135,10 +135,10 @@ def test_faults_of_slices_are_found(old, new):
 def test_events_wait_where_a_phase_has_one_place(places, later):
     """The lowest bit of a place chooses a bank, so slots cannot take it."""
     single = [
-        in_phase(one_compartment(axis), axis, 8, at)
+        graph_in_phase(one_compartment(axis), axis, 8, at)
         for axis, at in (("time", None), ("location", np.arange(2)))
     ]
-    program = assembled(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
+    program = program_of_graphs(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
     spikes = np.ones((1, 8, 2), dtype=np.uint8)
     sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
     found = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)

@@ -8,6 +8,7 @@ import benches
 import hybrids
 import numpy as np
 import pytest
+from register_units import KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
@@ -25,7 +26,9 @@ def other_widths() -> hw.ChipProgram:
     chip = replace(benches.CHIP, registers=replace(benches.CHIP.registers, current_bits=20))
     b = hw.ProgramBuilder(chip, name="program")
     b.connect(
-        b.add_input("x", 1), b.add_compartments("y", 1, decay_u=0, decay_v=0, threshold=1), [[2]]
+        b.add_input("x", 1),
+        b.add_compartments("y", 1, decay_u=KEEPS_ALL, decay_v=KEEPS_ALL, threshold=1),
+        [[2]],
     )
     return b.build()
 

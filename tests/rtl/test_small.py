@@ -76,11 +76,13 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
         b.connect(x, y, np.full((3, lines), 20))
         return b.graph()
 
-    time = hybrids.in_phase(branch("time", 4), "time", 10)
-    location = hybrids.in_phase(branch("location", 10), "location", 4, np.arange(4))
+    time = hybrids.graph_in_phase(branch("time", 4), "time", 10)
+    location = hybrids.graph_in_phase(branch("location", 10), "location", 4, np.arange(4))
     readout = Readout(("time/y", "location/y"), (1.0, 1.0))
     spikes = (np.random.default_rng(0).random((2, 10, 4)) < 0.3).astype(np.uint8)
-    found = compare(hybrids.assembled(chip, readout, time, location), spikes, sources(), "icarus")
+    found = compare(
+        hybrids.program_of_graphs(chip, readout, time, location), spikes, sources(), "icarus"
+    )
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
     assert min(found["cycles"]) > chip.open_core.places * 2
 
@@ -123,10 +125,10 @@ def test_what_does_not_fit_the_device_is_not_simulated():
     x = b.add_input("location/x", 900)
     y = b.add_compartments("location/y", 3, decay_v=400, threshold=20)
     b.connect(x, y, np.full((3, 900), 20) * (np.arange(900) % 3 == 0))
-    program = hybrids.assembled(
+    program = hybrids.program_of_graphs(
         chip,
         Readout(("location/y",), (1.0,)),
-        hybrids.in_phase(b.graph(), "location", 40, np.arange(40)),
+        hybrids.graph_in_phase(b.graph(), "location", 40, np.arange(40)),
     )
     spikes = np.ones((1, 900, 40), np.uint8)
     for play in (

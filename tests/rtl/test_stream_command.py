@@ -12,6 +12,7 @@ import benches
 import numpy as np
 import pytest
 from desk import Desk
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.rtl import ports, streaming
@@ -67,7 +68,7 @@ def test_a_program_without_a_readout_gives_counts_and_spikes(
     monkeypatch.chdir(tmp_path)
     b = hw.ProgramBuilder(hw.chip("ecp5-25f"))
     x = b.add_input("x", 3)
-    y = b.add_compartments("y", 2, threshold=1, decay_u=4096, decay_v=100)
+    y = b.add_compartments("y", 2, threshold=1, decay_u=FORGETS_AT_ONCE, decay_v=100)
     b.connect(x, y, [[20, -4, 4], [6, 2, 8]])
     b.build().save("program")
     np.save("spikes.npy", (np.random.default_rng(0).random((1, 3, 8)) < 0.4).astype(np.uint8))
