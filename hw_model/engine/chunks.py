@@ -1,7 +1,7 @@
 """The kernels over the lanes of a chunk in one step: :mod:`hw_model.arithmetic.loihi` over vectors.
 
-A kernel is compiled into the loops that call it (:mod:`hw_model.engine.lanes`). Its decorator names what a loop calls it
-with: for each place an array and the indices of its first element, then plain numbers; the names only have to differ.
+A kernel is compiled into the loops that call it (:mod:`hw_model.engine.lanes`). Its decorator names what a loop calls
+it with: for each place an array and the indices of its first element, then plain numbers; names only have to differ.
 
 Registers ``c`` and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` knows which one
 holds every sum. Charges are in units of the page, 64 of the registers each; ``widths`` are
