@@ -125,7 +125,7 @@ def blocked() -> tuple[hw.ChipProgram, np.ndarray]:
 
 
 def hybrid(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
-    program, spikes = hybrids.random_hybrid(seed, together=2, silence=1)
+    program, spikes = hybrids.random_hybrid(seed, channels_per_step=2, silence=1)
     return program, spikes[None]
 
 

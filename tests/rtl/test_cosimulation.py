@@ -120,7 +120,7 @@ def test_random_programs(strategy, many):
 @pytest.mark.parametrize("seed", range(8))
 def test_random_hybrids(seed):
     """Several channels in a step, silent steps, weighted readouts, cores of seven compartments."""
-    program, spikes = hybrids.random_hybrid(seed, together=1 + seed % 3, silence=seed % 2)
+    program, spikes = hybrids.random_hybrid(seed, channels_per_step=1 + seed % 3, silence=seed % 2)
     check(program, spikes[None])
 
 
