@@ -6,6 +6,7 @@ import logging
 import re
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from hw_model.rtl.folder import board_files
 from hw_model.rtl.simulators import kept, said
 from hw_model.values import Frozen
 
-CELLS = {
+CELLS: dict[str, tuple[str, ...]] = {
     "luts": ("TRELLIS_COMB", "ICESTORM_LC"),
     "flip_flops": ("TRELLIS_FF", "SB_DFF"),
     "block_rams": ("DP16KD", "ICESTORM_RAM"),
@@ -31,6 +32,36 @@ CELLS = {
 _NO_SUCH_PIN = re.compile("does not exist for package|not have a pin named")
 """What nextpnr says of a site that the package of a board lacks, for both families."""
 _log = logging.getLogger("locsnn")
+
+
+class Placement(Frozen):
+    """The core of a device on a board, as the fastest of several placements has it, and its bitstream.
+
+    - ``used``, ``available``: cells by kind, as in :data:`CELLS`
+    - ``clocks_mhz``: the clock that each placement reaches, by seed from 1 on
+    - ``seed``: of the placement that the bitstream is of
+    - ``tools``: version of each tool
+    - ``file_name``: of the bitstream
+    """
+
+    device: str
+    board: str
+    used: Mapping[str, int]
+    available: Mapping[str, int]
+    clocks_mhz: tuple[float, ...]
+    seed: int
+    tools: Mapping[str, str]
+    file_name: str
+    bitstream: bytes
+
+    @property
+    def fmax_mhz(self) -> float:
+        """The clock that the bitstream reaches."""
+        return self.clocks_mhz[self.seed - 1]
+
+
+class NoRoomError(TargetError):
+    """A device without room for the core; ``measured`` says what it has too little of."""
 
 
 class _Build(Frozen):
@@ -47,8 +78,8 @@ class _Build(Frozen):
 
     def make(self, *targets: str) -> str:
         """Run make, and return what it says."""
-        given = (f"BOARD={self.board}", f"SEEDS={self.placements}")
-        return said(["make", "-s", *targets, *given], self.folder, self.where)
+        variables = (f"BOARD={self.board}", f"SEEDS={self.placements}")
+        return said(["make", "-s", *targets, *variables], self.folder, self.where)
 
     def is_made(self, target: str) -> bool:
         """Return whether a target is there: what it is made of never changes in this folder."""
@@ -58,16 +89,23 @@ class _Build(Frozen):
         """Return the name of the report on a placement."""
         return f"{self.board}-{seed}.json"
 
+    @property
+    def fastest(self) -> str:
+        """The name of the file that holds the seed of the fastest placement."""
+        return f"{self.board}.fastest"
 
-def fit(
-    program: ChipProgram, board: Board, seeds: int, target: str = ""
-) -> tuple[dict[str, Any], bytes]:
-    """Return what a board's bitstream takes, with the slowest clock of ``seeds`` placements, and the bitstream.
+    def bitstreams(self) -> list[Path]:
+        """Return the bitstream, if it was made: its ending depends on the family."""
+        return list(self.folder.glob(f"{self.board}.bi[tn]"))
+
+
+def fit(program: ChipProgram, board: Board, seeds: int, target: str = "") -> Placement:
+    """Return the fastest of ``seeds`` placements of the core on a board, with its bitstream.
 
     ``target`` names the core, by default the usual one of the board's device. What does not fit it is refused before
     anything is made. All programs share the bitstream of a device, which is kept in the user's cache folder and placed
     by one process at a time. The log names each step that takes seconds, with what remains. A missing tool is an
-    ``InputError``, a device without room for the core a ``TargetError``.
+    ``InputError``, a device without room for the core a :class:`NoRoomError`.
     """
     device = chip(target or board.target)
     assert device.open_core is not None
@@ -89,17 +127,25 @@ def _say_if_busy(lock: Path) -> None:
             _log.info("waiting for another process, which places the same core")
 
 
-def _placed(build: _Build, device: str) -> tuple[dict[str, Any], bytes]:
-    """Make what is missing in the folder; return what is found there, and the bitstream."""
+def _placed(build: _Build, device: str) -> Placement:
+    """Make what is missing in the folder, and return what is there then."""
     versions = _versions(build)
     _synthesise(build)
     _place(build)
-    if not [*build.folder.glob(f"{build.board}.bi[tn]")]:
-        _log.info("packing the bitstream, the last step")
-    build.make("fit")
-    (bitstream,) = build.folder.glob(f"{build.board}.bi[tn]")
-    found = {"device": device, "fits": True, **_resources(build)}
-    return found | {"bitstream": bitstream.name, "tools": versions}, bitstream.read_bytes()
+    _pack(build)
+    seed = int((build.folder / build.fastest).read_text())
+    (bitstream,) = build.bitstreams()
+    return Placement(
+        device=device,
+        board=build.board,
+        used=_used(build, seed),
+        available=_available(build, seed),
+        clocks_mhz=tuple(_clock_mhz(build, each) for each in range(1, build.placements + 1)),
+        seed=seed,
+        tools=versions,
+        file_name=bitstream.name,
+        bitstream=bitstream.read_bytes(),
+    )
 
 
 def _versions(build: _Build) -> dict[str, str]:
@@ -143,42 +189,66 @@ def _place(build: _Build) -> None:
                 raise InputError(
                     build.where, "a pin does not exist", measured=error.measured, fix=fix
                 ) from error
-            measured = _too_much(build.folder / f"{build.board}-{seed}.log") or error.measured
-            what = "the core cannot be placed"
-            fix = "Choose a larger device."
-            raise TargetError(build.where, what, measured=measured, fix=fix) from error
+            raise _no_room(build, seed, error) from error
 
 
-def _resources(build: _Build) -> dict[str, Any]:
-    """Return the cells that the first placement takes, by kind, and the slowest clock of all placements."""
-    reports = [
-        json.loads((build.folder / build.placement(seed)).read_text())
-        for seed in range(1, build.placements + 1)
-    ]
+def _pack(build: _Build) -> None:
+    """Make the bitstream of the fastest placement."""
+    packed_before = build.bitstreams() and (build.folder / build.fastest).read_text()
+    build.make(build.fastest)
+    fastest = (build.folder / build.fastest).read_text()
+    if fastest != packed_before:
+        _log.info("packing the bitstream of placement %s, the last step", fastest.strip())
+    build.make("fit")
+
+
+def _report(build: _Build, seed: int) -> Any:
+    """Return what nextpnr reports on a placement."""
+    return json.loads((build.folder / build.placement(seed)).read_text())
+
+
+def _clock_mhz(build: _Build, seed: int) -> float:
+    """Return the slowest of the clocks of a placement."""
+    return float(min(clock["achieved"] for clock in _report(build, seed)["fmax"].values()))
+
+
+def _used(build: _Build, seed: int) -> dict[str, int]:
+    """Return the cells that a placement takes, by kind; yosys counts those that nextpnr does not."""
     cells = json.loads((build.folder / f"{build.board}.cells").read_text())
     used = dict(cells["design"]["num_cells_by_type"])
-    used |= {name: entry["used"] for name, entry in reports[0]["utilization"].items()}
-    by_kind = {
-        kind: sum(number for name, number in used.items() if name.startswith(beginnings))
+    used |= {name: entry["used"] for name, entry in _report(build, seed)["utilization"].items()}
+    return _by_kind(used)
+
+
+def _available(build: _Build, seed: int) -> dict[str, int]:
+    """Return the cells that the device has, by kind."""
+    utilization = _report(build, seed)["utilization"]
+    return _by_kind({name: entry.get("available", 0) for name, entry in utilization.items()})
+
+
+def _by_kind(cells: Mapping[str, int]) -> dict[str, int]:
+    """Return the sums of cells, from the names of the tools to the kinds of both families."""
+    return {
+        kind: sum(number for name, number in cells.items() if name.startswith(beginnings))
         for kind, beginnings in CELLS.items()
     }
-    available = {
-        kind: sum(
-            entry.get("available", 0)
-            for name, entry in reports[0]["utilization"].items()
-            if name.startswith(beginnings)
-        )
-        for kind, beginnings in CELLS.items()
-    }
-    slowest = min(clock["achieved"] for report in reports for clock in report["fmax"].values())
-    return by_kind | {"available": available, "fmax_mhz": slowest}
+
+
+def _no_room(build: _Build, seed: int, error: InputError) -> NoRoomError:
+    """Return the error of a core that a device has no room for, from that of a placement."""
+    measured = _too_much(build.folder / f"{build.board}-{seed}.log") or error.measured
+    what = "the core cannot be placed"
+    return NoRoomError(build.where, what, measured=measured, fix="Choose a larger device.")
 
 
 def _too_much(log: Path) -> str:
     """Return what a placement takes more of than there is, as its log says: ``39 of 30 block RAMs``."""
-    lines = re.findall(r"(\w+): +(\d+)/ *(\d+) ", log.read_text("utf-8")) if log.exists() else []
+    text = log.read_text("utf-8") if log.exists() else ""
     kinds = {
         name: kind.replace("_rams", " RAMs") for kind, names in CELLS.items() for name in names
     }
-    over = ((kinds.get(name, name), int(used), int(held)) for name, used, held in lines)
-    return ", ".join(f"{used:,} of {held:,} {kind}" for kind, used, held in over if used > held)
+    lacking = []
+    for name, used, available in re.findall(r"(\w+): +(\d+)/ *(\d+) ", text):
+        if int(used) > int(available):
+            lacking.append(f"{int(used):,} of {int(available):,} {kinds.get(name, name)}")
+    return ", ".join(lacking)

@@ -9,6 +9,7 @@ from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
 from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
+from locsnn_compile.report.sections.placed import placed_section, with_board
 from locsnn_compile.report.sections.recording import potential, spikes
 from locsnn_compile.report.sections.registers import overflows, registers
 from locsnn_compile.report.sections.unknowns import unknowns
@@ -43,6 +44,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
     sections = (
         behaviour.agreement(report.match),
         build.resources(report),
+        placed_section(report.placed),
         *_costs(report),
         build.settings_chosen_from(report.strategy_choice),
         spikes(report.match, excerpt),
@@ -68,7 +70,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
         verdicts=(
             matches(report),
             registers(report, report.overflows, report.range),
-            fits(report),
+            with_board(fits(report), report),
             worst_time(report),
             cost.cycles(report) if energy is None else costs(report, energy),
             unknowns(report),

@@ -16,7 +16,7 @@ import locsnn_compile as lc
 from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.report.figures.document import ReportFigures
-from tests.typed_documents import typed
+from locsnn_compile.report.figures.typed import typed
 
 PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}
 NEURON = {"decay_v": 0.1, "threshold": 1.0}

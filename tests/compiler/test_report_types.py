@@ -11,7 +11,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.entries import plain
-from tests.typed_documents import typed
+from locsnn_compile.report.figures.typed import typed
 
 
 @pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f", "locsnn-130nm"])

@@ -14,8 +14,8 @@ from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.typed import typed
 from locsnn_compile.settings import DIALS, Setting
-from tests.typed_documents import typed
 
 STEPS = 40
 

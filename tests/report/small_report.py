@@ -6,8 +6,8 @@ from typing import Any
 
 from locsnn_compile.report.content import Verdict
 from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.typed import typed
 from locsnn_compile.report.sections.verdict import costs
-from tests.typed_documents import typed
 
 
 def figures(document: dict[str, Any]) -> ReportFigures:

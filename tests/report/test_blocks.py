@@ -27,10 +27,10 @@ from locsnn_compile.report.content import (
     Table,
 )
 from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.typed import typed
 from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
-from tests.typed_documents import typed
 
 ENDS = Axis(0.0, 4.0, (0.0, 2.0, 4.0), "{:g}".format)
 X_AXIS = (

