@@ -77,6 +77,7 @@ def compile(
     profile: str | Path | None = None,
     scheduler: str | None = None,
     weights: Sequence[float] | None = None,
+    events_per_step: int | None = None,
     **dials: Value | None,
 ) -> CompiledModel: ...
 
@@ -98,6 +99,7 @@ def compile(
     profile: str | Path | None = None,
     scheduler: str | None = None,
     weights: Sequence[float] | None = None,
+    events_per_step: int | None = None,
     **dials: Value | None,
 ) -> Compiled:
     """Compile a network, or what ``train`` returned, for a chip, and check it against the float reference.
@@ -122,6 +124,8 @@ def compile(
     - ``psi``: of the time-weighted prediction, by default the model's own or 10; the program keeps it
     - ``weights``: those of the class scores of several networks; by default as :func:`join` finds them
     - ``scheduler``: the address of a Dask cluster that plays the recordings, with the same results
+    - ``events_per_step``: bound the time of any recording with at most so many events in a step; by default, of those
+      no busier than the busiest step of ``events``
     - ``dials``: further rows of :data:`locsnn_compile.settings.DIALS`, by name
     - ``progress``: a function that is called with how much is done, and of how much
 
@@ -133,7 +137,7 @@ def compile(
     whole = _one_network(network, weights, calibration)
     setting = setting_of(chip, whole, dials)
     asked = SettingRequest.of(setting, dials, budget, calibration)
-    check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress)
+    check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress, events_per_step)
     return fulfil(CompileRequest(whole, chip, asked, check, PricingRequest(profile)))
 
 

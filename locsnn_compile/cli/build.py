@@ -68,7 +68,13 @@ def build(args: Namespace) -> int:
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
-        check = CheckRequest(recordings, psi=args.psi, scheduler=args.scheduler, progress=progress)
+        check = CheckRequest(
+            recordings,
+            psi=args.psi,
+            scheduler=args.scheduler,
+            progress=progress,
+            events_per_step=args.events_per_step,
+        )
         asked = _setting_request(args, target, network, calibration)
         pricing = PricingRequest(args.profile)
         compiled = fulfil(CompileRequest(network, target, asked, check, pricing))

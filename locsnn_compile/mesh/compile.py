@@ -7,6 +7,7 @@ from typing import NamedTuple
 import hw_model as hw
 from hw_model.engine.ahead import compile_ahead
 from hw_model.simulation import start_compiling
+from hw_model.targets import target_of
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -17,7 +18,7 @@ from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.document import Findings, report_figures
 from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
-from locsnn_compile.request.compile_request import CompileRequest, SettingRequest
+from locsnn_compile.request.compile_request import CheckRequest, CompileRequest, SettingRequest
 from locsnn_compile.request.recordings import calibration_for, recordings_for, with_psi
 from locsnn_compile.request.without_overflows import search_without_overflows, spread_of
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting
@@ -57,6 +58,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     network = network.with_steps_of(recordings)
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
+    _check_bounded(fitted.spikes.shape[2], chip, check)
     calibration = calibration_for(network, recordings, request.setting.calibration)
     fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
     compile_ahead(*AHEAD_OF_TILES)
@@ -84,7 +86,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
                 lowered.known,
             )
         diagnosis = find_diagnosis(observed, match.first_divergence)
-        peaks = event_peaks(levels.program, fitted.spikes)
+        peaks = event_peaks(levels.program, fitted.spikes, check.events_per_step)
         followed = over_time(observed, PSI if network.psi is None else network.psi)
         excerpt = take_excerpt(observed, match.first_divergence)
     grounds = grounds_of(
@@ -98,6 +100,24 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     findings = Findings(diagnosis, followed, choice, wide, search, peaks)
     figures = report_figures(levels, match, grounds, findings)
     return CompiledModel(observed, match, figures, choice, excerpt)
+
+
+def _check_bounded(channels: int, chip: hw.Chip, check: CheckRequest) -> None:
+    """Refuse a rate of events for which nothing is bounded."""
+    events = check.events_per_step
+    if events is None:
+        return
+    where = f"events_per_step {events}"
+    if not 0 <= events <= channels:
+        what = f"it is out of range for a network of {channels} channels"
+        fix = f"Give 0 to {channels}."
+        raise InputError(where, what, fix=fix)
+    if not target_of(chip).timed:
+        what = "no operation of the profile of costs has a time, so no time is bounded"
+        raise InputError(where, what, fix="Leave it out.")
+    if not check.diagnosis:
+        what = "bounds are part of the diagnosis, which is left out"
+        raise InputError(where, what, fix="Leave it out.")
 
 
 def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:

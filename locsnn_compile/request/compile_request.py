@@ -70,6 +70,8 @@ class CheckRequest(Frozen, eq=False):
     - ``diagnosis``: also break the error down, follow predictions over time, and keep an excerpt
     - ``scheduler``: the address of a Dask cluster that plays the recordings; None to play them here
     - ``progress``: is called with how many recordings are done, and of how many
+    - ``events_per_step``: bounds on time are also stated for recordings with at most so many
+      events in a step; None for those at the rate of ``events`` alone
     """
 
     events: Events | None = None
@@ -78,6 +80,7 @@ class CheckRequest(Frozen, eq=False):
     diagnosis: bool = True
     scheduler: str | None = None
     progress: Progress | None = None
+    events_per_step: int | None = None
 
 
 class PricingRequest(Frozen):
@@ -116,3 +119,6 @@ def check_only_setting(request: CompileRequest[AnyChip], unpriced: str) -> None:
     if request.check.scheduler is not None:
         what = f"recordings are played to {name} in this process"
         raise InputError("scheduler", what, fix="Leave it out.")
+    if request.check.events_per_step is not None:
+        what = f"the time of a recording on {name} is not bounded"
+        raise InputError("events_per_step", what, fix="Leave it out.")

@@ -61,6 +61,8 @@ REFUSED = [
     ("compile, the worth of spikes of a strategy", f"locsnn-compile {FLOAT} --strategy reset --spike-worth 2", WORTH),
     ("compile, the worth of spikes within bounds", f"locsnn-compile {FLOAT} --max-spike-error 0.1 --spike-worth 2", WORTH),
     ("compile, the worth of spikes of integers", f"locsnn-compile {GRID} --spike-worth 2", WORTH),
+    ("compile, a rate above all channels", f"locsnn-compile {FLOAT} --events d.npz --events-per-step 79 --quiet", "events_per_step 79: it is out of range for a network of 78 channels. Give 0 to 78."),
+    ("compile, a rate below none", f"locsnn-compile {FLOAT} --events-per-step -1", "--events-per-step -1: it is out of range. Give a number from 0 up."),
     ("compile, junit of nothing", f"locsnn-compile {FLOAT} --junit g.xml", "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-score-error, --max-energy-nj, --max-latency-us, --max-cores."),
     ("compile, a description of a checkpoint", f"locsnn-compile {FLOAT} --config bits.yaml", f"model '{FLOAT}': config was given, but a checkpoint contains this itself. Leave config out."),
     ("compile, a step of a checkpoint", f"locsnn-compile {FLOAT} --dt 1e-3", f"model '{FLOAT}': dt was given, but a checkpoint contains this itself. Leave dt out."),

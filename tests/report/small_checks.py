@@ -150,27 +150,28 @@ def overflows() -> dict[str, Any]:
     }
 
 
-def bounds() -> dict[str, Any]:
-    """Bounds at three events a step, and with all five channels; no link carries a packet."""
+def bounds_at(events: int, step_ns: float) -> dict[str, Any]:
+    """Bounds at a rate of events; no link carries a packet."""
 
-    def bounded(bound: float, measured: float | None) -> dict[str, float | None]:
-        share = measured / bound if measured is not None and bound else None
-        return {"bound": bound, "measured": measured, "share": share}
-
-    def at_rate(events: int, step_ns: float) -> dict[str, Any]:
-        return {
-            "events_per_step": events,
-            "slowest_step_ns": bounded(step_ns, 4000.0),
-            "answer_ns": bounded(step_ns + 1e6, 900_000.0),
-            "recording_ns": bounded(100 * step_ns + 1e6, 2_800_000.0),
-            "queued_packets": bounded(0, 0),
-            "buffered_events": bounded(100 * events, 80),
-        }
+    def bounded(bound: float, measured: float) -> dict[str, float | None]:
+        return {"bound": bound, "measured": measured, "share": measured / bound if bound else None}
 
     return {
+        "events_per_step": events,
+        "slowest_step_ns": bounded(step_ns, 4000.0),
+        "answer_ns": bounded(step_ns + 1e6, 900_000.0),
+        "recording_ns": bounded(100 * step_ns + 1e6, 2_800_000.0),
+        "queued_packets": bounded(0, 0),
+        "buffered_events": bounded(100 * events, 80),
+    }
+
+
+def bounds() -> dict[str, Any]:
+    """Bounds at three events a step, and with all five channels."""
+    return {
         "channels": 5,
-        "as_recorded": at_rate(3, 40_000.0),
-        "any_input": at_rate(5, 50_000.0),
+        "as_recorded": bounds_at(3, 40_000.0),
+        "any_input": bounds_at(5, 50_000.0),
         "step_ns": 2e7,
         "sustained_events_per_step": 5,
     }

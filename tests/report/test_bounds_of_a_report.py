@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_checks import bounds_at
 from small_report import figures
 
 import hw_model as hw
@@ -63,6 +64,97 @@ def test_bounds_of_nothing_have_no_row(document: dict[str, Any]) -> None:
         ("recording", "2.80 ms", "5.00 ms", "56.0 %", "6.00 ms"),
         ("events in the transpose buffer", "80", "300", "26.7 %", "500"),
     )
+
+
+def test_a_stated_rate_takes_the_place_of_the_recorded_one_in_the_answer(
+    document: dict[str, Any],
+) -> None:
+    document["bounds"]["as_stated"] = bounds_at(4, 45_000.0)
+    report = figures(document)
+    facts = {fact.label: fact.value for fact in worst_time(report).facts}
+    assert facts["bound"] == (
+        "no recording with up to 4 events in a step takes more than 5.50 ms, its answer 1.04 ms after "
+        "the last row; with all 5 channels 6.00 ms"
+    )
+    table = bounds_table(report.bounds)
+    assert table is not None
+    assert table.columns == (
+        "at most",
+        "in these recordings",
+        "at up to 3 events in a step",
+        "measured of it",
+        "at up to 4 events in a step",
+        "with all 5 channels",
+    )
+    assert table.rows == (
+        ("step of a row", "4.00 µs", "40.0 µs", "10.0 %", "45.0 µs", "50.0 µs"),
+        ("answer after the last row", "900 µs", "1.04 ms", "86.5 %", "1.04 ms", "1.05 ms"),
+        ("recording", "2.80 ms", "5.00 ms", "56.0 %", "5.50 ms", "6.00 ms"),
+        ("events in the transpose buffer", "80", "300", "26.7 %", "400", "500"),
+    )
+
+
+@pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f"])
+def test_a_build_bounds_what_is_stated(target: str) -> None:
+    network = hybrid(channels=6, steps=30)
+    played = recordings(network, samples=4, rate=0.1)
+    compiled = lc.compile(network, target, events=played, strategy="dendrite", events_per_step=5)
+    bounds = compiled.report["bounds"]
+    worst = hw.worst_case(compiled.program, 30, 5)
+    assert bounds["as_recorded"]["events_per_step"] == int(played.sum(axis=2).max()) < 5
+    assert bounds["as_stated"]["events_per_step"] == 5
+    assert bounds["as_stated"]["recording_ns"] == {
+        "bound": worst.recording_ns,
+        "measured": None,
+        "share": None,
+    }
+
+
+UNTIMED = (
+    "{source: ours, basis: measured, energy_pj: {synaptic_ops: 30.0}, time_ns: {}, "
+    "barrier_ns: {one_tile: 1.0, all_tiles: 4.0}, not_included: []}"
+)
+REFUSED = {
+    "more events than channels": (
+        "loihi-sim",
+        {"events_per_step": 7},
+        "events_per_step 7: it is out of range for a network of 6 channels. Give 0 to 6.",
+    ),
+    "fewer than none": (
+        "loihi-sim",
+        {"events_per_step": -1},
+        "events_per_step -1: it is out of range for a network of 6 channels. Give 0 to 6.",
+    ),
+    "costs without times": (
+        "loihi-sim",
+        {"events_per_step": 3, "profile": "UNTIMED"},
+        "events_per_step 3: no operation of the profile of costs has a time, so no time is bounded. Leave it out.",
+    ),
+    "without a diagnosis": (
+        "loihi-sim",
+        {"events_per_step": 3, "diagnosis": False},
+        "events_per_step 3: bounds are part of the diagnosis, which is left out. Leave it out.",
+    ),
+    "a chip whose times are not known": (
+        "spinnaker1",
+        {"events_per_step": 3},
+        "events_per_step: the time of a recording on spinnaker1 is not bounded. Leave it out.",
+    ),
+}
+
+
+@pytest.mark.parametrize(("target", "options", "message"), REFUSED.values(), ids=REFUSED)
+def test_a_rate_for_which_nothing_is_bounded_is_refused(
+    tmp_path: Path, target: str, options: dict[str, Any], message: str
+) -> None:
+    network = hybrid(channels=6, steps=30)
+    if options.get("profile") == "UNTIMED":
+        profile = tmp_path / "untimed.yaml"
+        profile.write_text(UNTIMED)
+        options = {**options, "profile": profile}
+    with pytest.raises(lc.InputError) as caught:
+        lc.compile(network, target, events=recordings(network), **options)
+    assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f"])

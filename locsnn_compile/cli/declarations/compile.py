@@ -72,6 +72,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "(default: the model's own, or 10)",
     )
     parser.add_argument(
+        "--events-per-step",
+        metavar="N",
+        type=number("--events-per-step", int, low=0),
+        help=(
+            "bound the time of any recording with at most N events in a step "
+            "(default: the busiest step of the check)"
+        ),
+    )
+    parser.add_argument(
         "--emit",
         metavar="KIND",
         action="extend",

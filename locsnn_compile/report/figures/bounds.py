@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import hw_model as hw
 from hw_model.targets import target_of
-from locsnn_compile.report.figures.entries import Entry
+from locsnn_compile.report.figures.entries import Entry, IfKnown
 from locsnn_compile.verification.event_peaks import EventPeaks
 from locsnn_compile.verification.matching import Match
 
@@ -42,6 +42,8 @@ class RateBounds(Entry):
 class BoundFigures(Entry):
     """``bounds``: at the rate of the busiest step of the recordings, and if all ``channels`` always have events.
 
+    ``as_stated``: at the rate that ``--events-per-step`` states; nothing is measured at it.
+
     ``sustained_events_per_step``: the most events whose step is always done within ``step_ns``; None
     if even inner spikes may take longer, if the length of a step is not known, or if no phase plays
     rows as they arrive.
@@ -52,6 +54,12 @@ class BoundFigures(Entry):
     any_input: RateBounds
     step_ns: float | None
     sustained_events_per_step: int | None
+    as_stated: IfKnown[RateBounds] = None
+
+    @property
+    def expected(self) -> RateBounds:
+        """The bounds at the rate that recordings are expected to have: as stated, or else as recorded."""
+        return self.as_recorded if self.as_stated is None else self.as_stated
 
 
 class _Measured(NamedTuple):
@@ -59,9 +67,12 @@ class _Measured(NamedTuple):
 
     slowest_step_ns: float | None
     answer_ns: float | None
-    recording_ns: float
+    recording_ns: float | None
     queued_packets: float | None
     buffered_events: float | None
+
+
+_NOT_MEASURED = _Measured(None, None, None, None, None)
 
 
 def bound_figures(
@@ -83,12 +94,16 @@ def bound_figures(
     sustained = None
     if step_ns is not None and any_input.slowest_step_ns:
         sustained = hw.sustained_events(program, steps, step_ns)
+    as_stated = None
+    if peaks.stated is not None:
+        as_stated = _bounds(hw.worst_case(program, steps, peaks.stated), _NOT_MEASURED)
     return BoundFigures(
         channels=channels,
         as_recorded=_bounds(as_recorded, measured),
         any_input=_bounds(any_input, measured),
         step_ns=step_ns,
         sustained_events_per_step=sustained,
+        as_stated=as_stated,
     )
 
 

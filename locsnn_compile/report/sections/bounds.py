@@ -1,9 +1,9 @@
 """What any input can take at most, next to what the recordings of the check took."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from locsnn_compile.report.content import Table
-from locsnn_compile.report.figures.bounds import Bounded, BoundFigures
+from locsnn_compile.report.figures.bounds import Bounded, BoundFigures, RateBounds
 from locsnn_compile.report.format import NONE, count, known, plural, share, time
 
 _ROWS: tuple[tuple[str, str, Callable[[float], str]], ...] = (
@@ -19,35 +19,41 @@ def bounds_table(figures: BoundFigures | None) -> Table | None:
     """Return a row for every bound, with the share of it that was measured; None without bounds."""
     if figures is None:
         return None
-    recorded = vars(figures.as_recorded)
-    any_input = vars(figures.any_input)
+    at_other_rates = [figures.any_input]
+    if figures.as_stated is not None:
+        at_other_rates.insert(0, figures.as_stated)
     rows = []
     for key, name, said in _ROWS:
-        if any_input[key].bound:
-            rows.append(_row(name, said, recorded[key], any_input[key]))
-    events = plural(figures.as_recorded.events_per_step, "event")
+        if vars(figures.any_input)[key].bound:
+            others = [vars(rate)[key] for rate in at_other_rates]
+            rows.append(_row(name, said, vars(figures.as_recorded)[key], others))
+    columns = ["at most", "in these recordings", _at(figures.as_recorded), "measured of it"]
+    if figures.as_stated is not None:
+        columns.append(_at(figures.as_stated))
+    columns.append(f"with all {count(figures.channels)} channels")
     return Table(
         "Bounds, which no recording exceeds; all compartments may spike that can",
-        (
-            "at most",
-            "in these recordings",
-            f"at up to {events} in a step",
-            "measured of it",
-            f"with all {count(figures.channels)} channels",
-        ),
+        tuple(columns),
         tuple(rows),
     )
 
 
+def _at(rate: RateBounds) -> str:
+    return f"at up to {plural(rate.events_per_step, 'event')} in a step"
+
+
 def _row(
-    name: str, said: Callable[[float], str], recorded: Bounded, any_input: Bounded
+    name: str,
+    said: Callable[[float], str],
+    recorded: Bounded,
+    at_other_rates: Sequence[Bounded],
 ) -> tuple[str, ...]:
     return (
         name,
         known(recorded.measured, said, NONE),
         said(recorded.bound),
         known(recorded.share, share, NONE),
-        said(any_input.bound),
+        *(said(bounded.bound) for bounded in at_other_rates),
     )
 
 
@@ -55,11 +61,11 @@ def bound_facts(figures: BoundFigures | None) -> dict[str, str]:
     """Return what holds for any input, and which rate of events the target sustains."""
     if figures is None:
         return {}
-    recorded = figures.as_recorded
-    events = plural(recorded.events_per_step, "event")
+    expected = figures.expected
+    events = plural(expected.events_per_step, "event")
     facts = {
         "bound": f"no recording with up to {events} in a step takes more than "
-        f"{time(recorded.recording_ns.bound)}, its answer {time(recorded.answer_ns.bound)} after "
+        f"{time(expected.recording_ns.bound)}, its answer {time(expected.answer_ns.bound)} after "
         f"the last row; with all {count(figures.channels)} channels "
         f"{time(figures.any_input.recording_ns.bound)}"
     }

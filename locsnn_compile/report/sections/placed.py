@@ -117,7 +117,8 @@ def at_clock_of_board(report: ReportFigures) -> Fact | None:
     longer = target_mhz / placed.core_mhz
     times = f"the slowest recording takes {time(longer * report.latency.over_samples_ns.max)}"
     if report.bounds is not None:
-        events = plural(report.bounds.as_recorded.events_per_step, "event")
-        bound_ns = longer * report.bounds.as_recorded.recording_ns.bound
+        expected = report.bounds.expected
+        events = plural(expected.events_per_step, "event")
+        bound_ns = longer * expected.recording_ns.bound
         times += f", and none with up to {events} in a step takes more than {time(bound_ns)}"
     return Fact(f"at {placed.core_mhz:g} MHz", f"on {placed.board}, {times}")
