@@ -12,6 +12,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.own_arithmetic.comparison import ChipCounts, ProgramMatch
 from locsnn_compile.report.figures.document import SCHEMA, GateFigures, ModelFigures
 from locsnn_compile.report.figures.entries import Entry, IfKnown
+from locsnn_compile.report.figures.host import HostFigures, host_figures
 from locsnn_compile.report.figures.match import (
     Accuracy,
     ChanceFigures,
@@ -113,6 +114,7 @@ class LastEntries(Entry):
     strategy_choice: None
     chance: IfKnown[ChanceFigures]
     classes: IfKnown[tuple[str, ...]]
+    host: IfKnown[HostFigures]
 
 
 class CheckEntries(TypedDict):
@@ -130,6 +132,7 @@ class CheckEntries(TypedDict):
     strategy_choice: None
     chance: ChanceFigures | None
     classes: tuple[str, ...] | None
+    host: HostFigures | None
 
 
 def check_entries(
@@ -157,6 +160,7 @@ def check_entries(
         strategy_choice=None,
         chance=chance_figures(match.chance),
         classes=tuple(network.class_names or ()) or None,
+        host=host_figures(network),
     )
 
 

@@ -16,11 +16,14 @@ from locsnn_compile.report.content import (
 )
 from locsnn_compile.report.figures.document import SharedFigures
 from locsnn_compile.report.figures.entries import Entry, keys_of
+from locsnn_compile.report.figures.host import HostFigures
 from locsnn_compile.report.figures.operations import OperationFigures
 from locsnn_compile.report.format import count, plural, share, shortened
 from locsnn_compile.report.sections import behaviour, build
 from locsnn_compile.report.sections.registers import registers
+from locsnn_compile.report.sections.unknowns import unknowns
 from locsnn_compile.report.sections.verdict import fullness, matches, notices
+from locsnn_compile.report.sections.worst_time import QUESTION
 from locsnn_compile.report.words import words
 
 
@@ -28,7 +31,8 @@ class FamilyPage(Frozen):
     """What the page of a family says of its own.
 
     - ``lowering``: how networks are brought to the chip, for the line below the title
-    - ``costs``, ``fits``: the verdicts on cost and on room
+    - ``costs``, ``fits``, ``worst``: the verdicts on cost, on room and on the worst time
+    - ``not_known``: what nobody knows of such a chip, by what it is of
     - ``notices``: what limits the figures, and only such a chip does
     - ``sections``: all that follow the agreement by population
     """
@@ -36,22 +40,32 @@ class FamilyPage(Frozen):
     lowering: str
     costs: Verdict
     fits: Verdict
+    worst: Verdict
+    not_known: Mapping[str, str]
     notices: tuple[Notice, ...]
     sections: tuple[Section, ...]
 
 
-def compose_page(report: SharedFigures, page: FamilyPage) -> Report:
-    """Return the whole report."""
+def compose_page(report: SharedFigures, page: FamilyPage, host: HostFigures | None) -> Report:
+    """Return the whole report, of a network with these layers on the host."""
     match = report.match
     names = (report.model.name, report.target)
     recordings = f"{plural(match.samples, 'recording')} of {match.events_source}"
+    sections = (behaviour.agreement(match), behaviour.host_layers(host), *page.sections)
     return Report(
         kind="locsnn-compile report",
         title=" on ".join(shortened(name, LONGEST_NAME) for name in names),
         subtitle=f"{report.weight_bits}-bit weights, {page.lowering}, {recordings}",
-        verdicts=(matches(report), page.costs, page.fits, registers(report)),
+        verdicts=(
+            matches(report),
+            registers(report),
+            page.fits,
+            page.worst,
+            page.costs,
+            unknowns(report, page.not_known),
+        ),
         notices=(*notices(report), *page.notices),
-        sections=(behaviour.agreement(match), *page.sections),
+        sections=tuple(section for section in sections if section),
         footer="Per recording means the mean over the recordings of the check.",
         assumptions=report.assumptions,
     )
@@ -74,6 +88,19 @@ def costs_verdict(
             Fact("neuron updates", count(per_sample.neuron_updates)),
             Fact("spikes", count(per_sample.spikes)),
         ),
+    )
+
+
+def worst_verdict(figure: str, figure_label: str, sentence: str) -> Verdict:
+    """Say that the worst time is not known, and what is known in its place."""
+    return Verdict(
+        question=QUESTION,
+        status="unknown",
+        answer="Not known",
+        figure=figure,
+        figure_label=figure_label,
+        sentence=sentence,
+        facts=(),
     )
 
 

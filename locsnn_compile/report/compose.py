@@ -12,7 +12,7 @@ from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.placed import placed_section, with_board
 from locsnn_compile.report.sections.recording import potential, spikes
 from locsnn_compile.report.sections.registers import overflows, registers
-from locsnn_compile.report.sections.unknowns import unknowns
+from locsnn_compile.report.sections.unknowns import unknowns_of
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
 from locsnn_compile.report.sections.worst_time import worst_time
 from locsnn_compile.report.words import listed
@@ -54,7 +54,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
         accuracy.margins(report),
         _cores(report),
         behaviour.operations(report.operations),
-        behaviour.host_layers(report),
+        behaviour.host_layers(report.host),
         behaviour.comparison(report),
         build.left_out(report),
         build.quantization(report),
@@ -73,7 +73,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
             with_board(fits(report), report),
             worst_time(report),
             cost.cycles(report) if energy is None else costs(report, energy),
-            unknowns(report),
+            unknowns_of(report),
         ),
         notices=notices(report),
         sections=tuple(_as_read(section) for section in sections if section),

@@ -11,6 +11,7 @@ from locsnn_compile.own_arithmetic.page import (
     numbers_section,
     operations_section,
     provenance_section,
+    worst_verdict,
 )
 from locsnn_compile.report.content import Cell, Fact, Notice, Report, Section, Table, Verdict
 from locsnn_compile.report.figures.match import MatchFigures
@@ -83,6 +84,17 @@ def compose_spinnaker(report: SpinnakerFigures) -> Report:
             first_facts=(Fact("real time", time(report.latency.per_sample_ns)),),
         ),
         fits=_fits(report),
+        worst=worst_verdict(
+            figure=time(report.latency.per_sample_ns),
+            figure_label="per recording, if the board keeps up",
+            sentence=f"{REAL_TIME[0].upper()}{REAL_TIME[1:]}. Whether a board keeps up with the "
+            "busiest step is not known: there is no bound on its time.",
+        ),
+        not_known={
+            "worst time": "whether a board finishes the busiest step in 1 ms",
+            "energy": NO_TABLE,
+            "on a board": "the arithmetic ran in an emulator; nothing ran on a board",
+        },
         notices=_notices(report.match),
         sections=(
             _integers(report),
@@ -95,7 +107,7 @@ def compose_spinnaker(report: SpinnakerFigures) -> Report:
             provenance_section(report, KEEP_IN_MIND),
         ),
     )
-    return compose_page(report, page)
+    return compose_page(report, page, report.host)
 
 
 def _fits(report: SpinnakerFigures) -> Verdict:

@@ -9,6 +9,7 @@ from locsnn_compile.own_arithmetic.page import (
     numbers_section,
     operations_section,
     provenance_section,
+    worst_verdict,
 )
 from locsnn_compile.report.content import Notice, Report, Section, Verdict
 from locsnn_compile.report.figures.operations import OperationFigures
@@ -47,6 +48,16 @@ def compose_xylo(report: XyloFigures) -> Report:
             sentence=f"Energy and time are not known, because {NO_TABLE}.",
         ),
         fits=_fits(report),
+        worst=worst_verdict(
+            figure="not known",
+            figure_label="no times are published",
+            sentence=f"Neither the time of a recording nor a bound on it is known, because {NO_TABLE}.",
+        ),
+        not_known={
+            "worst time": NO_TABLE,
+            "energy": NO_TABLE,
+            "on a chip": "equal to the vendor's simulator; nothing ran on a chip",
+        },
         notices=_notices(report.match.clips),
         sections=(
             _operations(report.operations),
@@ -56,7 +67,7 @@ def compose_xylo(report: XyloFigures) -> Report:
             provenance_section(report, _keep_in_mind(report)),
         ),
     )
-    return compose_page(report, page)
+    return compose_page(report, page, report.host)
 
 
 def _fits(report: XyloFigures) -> Verdict:

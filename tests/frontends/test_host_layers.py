@@ -5,7 +5,7 @@ import json
 import nir
 import numpy as np
 import pytest
-from nir_graphs import DT, chain, lif
+from nir_graphs import DT, chain, cuba, lif
 from test_torch_layers import STEPS, written
 
 import locsnn_compile as lc
@@ -100,6 +100,57 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     assert main(["run", str(tmp_path / "out"), "--events", str(sent)]) == 0
     numbers = str(tmp_path / "image.npz")
     assert main(["run", str(tmp_path / "out"), "--events", numbers]) == 2
+
+
+OTHER_FAMILIES = {
+    "spinnaker1": (
+        "**How fast at worst? Not known.** A board that keeps up takes 1 ms a step; loading it takes "
+        "longer, and is not included. Whether a board keeps up with the busiest step is not known: "
+        "there is no bound on its time.",
+        ("worst time: whether a board finishes the busiest step in 1 ms", "nothing ran on a board"),
+    ),
+    "xylo-audio3": (
+        "**How fast at worst? Not known.** Neither the time of a recording nor a bound on it is known, "
+        "because no table of the energies or times of this chip is published.",
+        (
+            "worst time: no table of the energies or times of this chip is published",
+            "nothing ran on a chip",
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("target", OTHER_FAMILIES)
+def test_reports_of_all_families_count_the_host_and_say_what_is_not_known(target, tmp_path):
+    rng = np.random.default_rng(3)
+    nodes = []
+    for number in (1, 2, 3):
+        neurons = cuba(rng, 6) if number == 1 else slow_cuba(6)
+        nodes += [
+            (f"fc{number}", nir.Linear(rng.normal(0.3, 0.5, (6, 6)))),
+            (f"c{number}", neurons),
+        ]
+    nir.write(tmp_path / "net.nir", chain((6,), *nodes))
+    reset = "subtract" if target == "xylo-audio3" else None
+    network = lc.load(tmp_path / "net.nir", dt=DT, host_layers=1, reset=reset)
+    compiled = lc.compile(network, target, events=rng.random((3, 30, 6)))
+    assert compiled.report["host"] == {
+        "layers": {"c1": {"neurons": 6, "multiplications": 36 * 30, "neuron_updates": 6 * 30}},
+        "lines": 6,
+    }
+    text = compiled.files()["report.md"].decode()
+    assert "## Layers on the host" in text
+    assert "| c1 | 6 | 1,080 | 180 |" in text
+    worst, points = OTHER_FAMILIES[target]
+    for words in (worst, "**What is not known? 5 points.**", *points):
+        assert words in text
+
+
+def slow_cuba(size):
+    """Neurons that lose less than half of their current in a step."""
+    tau = np.full(size, 8 * DT)
+    one = np.ones(size)
+    return nir.CubaLIF(tau_syn=tau, tau_mem=tau, r=one, v_leak=0 * one, v_threshold=one, w_in=one)
 
 
 BAD_LAYERS = {

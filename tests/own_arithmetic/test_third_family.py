@@ -47,6 +47,7 @@ from locsnn_compile.own_arithmetic.page import (
     numbers_section,
     operations_section,
     provenance_section,
+    worst_verdict,
 )
 from locsnn_compile.own_arithmetic.setting import OnlySetting
 from locsnn_compile.reference.evaluate import evaluate
@@ -215,6 +216,8 @@ def test_the_page_says_what_the_family_has(figures):
         lowering="as they are",
         costs=costs_verdict(figures, "Energy not known", f"Energy is not known, because {LOSES}."),
         fits=fits_verdict(figures, "4 of 16 neurons", taker="The program"),
+        worst=worst_verdict("not known", "no times", f"It is not known, because {LOSES}."),
+        not_known={"energy": LOSES},
         notices=(),
         sections=(
             operations_section(figures.operations, "What is counted."),
@@ -225,7 +228,18 @@ def test_the_page_says_what_the_family_has(figures):
             provenance_section(figures, ("It is made up.",)),
         ),
     )
-    text = render_markdown(compose_page(figures, page))
+    report = compose_page(figures, page, host=None)
+    assert [verdict.question for verdict in report.verdicts] == [
+        "Does it match?",
+        "Are registers wide enough?",
+        "Does it fit?",
+        "How fast at worst?",
+        "What does it cost?",
+        "What is not known?",
+    ]
+    text = render_markdown(report)
+    assert f"**How fast at worst? Not known.** It is not known, because {LOSES}." in text
+    assert "Not known: other recordings and energy." in text
     assert "relay on made-up" in text
     assert f"8-bit weights, as they are, {SAMPLES} recordings of by hand" in text
     assert "The program takes 4 of 16 neurons of made-up." in text

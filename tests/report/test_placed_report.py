@@ -113,11 +113,11 @@ def test_a_board_that_keeps_its_clock_is_a_yes_with_the_clock(files, written) ->
     fit = answer(after, "Does it fit?")
     assert (fit.status, fit.answer, fit.figure) == ("yes", "Yes", before.figure)
     assert fit.sentence == (
-        f"{before.sentence} ulx3s-25f runs it at 100 MHz, and it reaches 104.5 MHz."
+        f"{before.sentence} On ulx3s-25f its bitstream reaches 104.5 MHz, and the board runs it at 100 MHz."
     )
     assert facts(fit) == {
         **facts(before),
-        "on the device": "block RAM, 80.0 %",
+        "fullest resource": "block RAM, 80.0 %",
         "clock": "104.5 MHz, the fastest of 3 placements (98.2 to 104.5 MHz); ulx3s-25f gives it 100 MHz",
     }
     assert after["report.md"].decode().count(SECTION) == 1

@@ -281,7 +281,10 @@ def build(tmp_path) -> Path:
 def test_the_report_of_a_build_answers_for_the_board(build, tools, tmp_path):
     (tmp_path / "my.yaml").write_text(MY_BOARD)
     answers = {
-        ("ulx3s-25f", "3"): "ulx3s-25f runs it at 100 MHz, and it reaches 104.5 MHz.",
+        (
+            "ulx3s-25f",
+            "3",
+        ): "On ulx3s-25f its bitstream reaches 104.5 MHz, and the board runs it at 100 MHz.",
         (str(tmp_path / "my.yaml"), "1"): "**Does it fit? Not at 120 MHz.** The open core of "
         "ecp5-25f holds the program, but its bitstream for my-board reaches 102.5 MHz, below the "
         "120 MHz of the board.",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from locsnn_compile.report.content import Bar, Block, Folded, Section, Table
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.energy import EnergyFigures
+from locsnn_compile.report.figures.host import HostFigures
 from locsnn_compile.report.figures.match import MatchFigures, SpikesCompared
 from locsnn_compile.report.figures.operations import (
     ConventionalNetwork,
@@ -94,19 +95,19 @@ def operations(figures: OperationFigures) -> Section:
     )
 
 
-def host_layers(report: ReportFigures) -> Section | None:
+def host_layers(host: HostFigures | None) -> Section | None:
     """The layers on the host, and what they compute; None without such layers."""
-    if report.host is None:
+    if host is None:
         return None
     rows = tuple(
         (name, count(layer.neurons), count(layer.multiplications), count(layer.neuron_updates))
-        for name, layer in report.host.layers.items()
+        for name, layer in host.layers.items()
     )
     columns = ("layer", "neurons", "multiplications", "neuron updates")
     return Section.of(
         "host",
         "Layers on the host",
-        _HOST.format(lines=plural(report.host.lines, "line")),
+        _HOST.format(lines=plural(host.lines, "line")),
         Table("Computed on the host, for each recording", columns, rows),
     )
 

@@ -65,7 +65,7 @@ def with_board(verdict: Verdict, report: ReportFigures) -> Verdict:
     placed = report.placed
     if placed is None:
         return verdict
-    added = Facts.of({"on the device": _fullest(placed), "clock": _clock_on_board(placed)})
+    added = Facts.of({"fullest resource": _fullest(placed), "clock": _clock_on_board(placed)})
     verdict = replace(verdict, facts=(*verdict.facts, *added.facts))
     # A board for another target says nothing of the target of this report.
     if placed.device != report.target:
@@ -74,8 +74,11 @@ def with_board(verdict: Verdict, report: ReportFigures) -> Verdict:
         return _without_room(verdict, placed, placed.lacking)
     if not placed.keeps_clock:
         return _too_slow(verdict, placed)
-    runs = f"{placed.board} runs it at {placed.core_mhz:g} MHz, and it reaches {placed.fmax_mhz:.1f} MHz"
-    return replace(verdict, sentence=f"{verdict.sentence} {runs}.")
+    reached = (
+        f"On {placed.board} its bitstream reaches {placed.fmax_mhz:.1f} MHz, and the board runs it "
+        f"at {placed.core_mhz:g} MHz."
+    )
+    return replace(verdict, sentence=f"{verdict.sentence} {reached}")
 
 
 def _clock_on_board(placed: PlacedFigures) -> str:

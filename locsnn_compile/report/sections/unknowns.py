@@ -1,9 +1,9 @@
 """What is not known? What the check could not show, next to the figures that it limits."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from locsnn_compile.report.content import Facts, Verdict
-from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.document import ReportFigures, SharedFigures
 from locsnn_compile.report.figures.energy import EnergyFigures
 from locsnn_compile.report.format import plural
 from locsnn_compile.report.sections.behaviour import agreement_interval
@@ -11,14 +11,21 @@ from locsnn_compile.report.sections.verdict import counts_cores
 from locsnn_compile.report.words import listed
 
 
-def unknowns(report: ReportFigures) -> Verdict:
-    """List what nobody knows of this build, and how many assumptions stand besides."""
+def unknowns_of(report: ReportFigures) -> Verdict:
+    """List what nobody knows of this build for a mesh of cores or the open core."""
+    return unknowns(report, {"energy": _energy(report), "on a board": _on_a_board(report)})
+
+
+def unknowns(report: SharedFigures, of_chip: Mapping[str, str]) -> Verdict:
+    """List what nobody knows of this build, and how many assumptions stand besides.
+
+    ``of_chip`` is what is not known of the chip, by what it is of.
+    """
     points = Facts.of(
         {
             "accuracy": _accuracy(report),
             "other recordings": _other_recordings(report),
-            "energy": _energy(report),
-            "on a board": _on_a_board(report),
+            **of_chip,
         }
     ).facts
     assumed = len(report.assumptions)
@@ -33,13 +40,13 @@ def unknowns(report: ReportFigures) -> Verdict:
     )
 
 
-def _accuracy(report: ReportFigures) -> str | None:
+def _accuracy(report: SharedFigures) -> str | None:
     if report.match.events_origin == "made up":
         return "the recordings are made up"
     return "the recordings have no labels" if report.accuracy is None else None
 
 
-def _other_recordings(report: ReportFigures) -> str:
+def _other_recordings(report: SharedFigures) -> str:
     interval = agreement_interval(report.match)
     if interval is None:
         return "no prediction was compared"
