@@ -97,6 +97,12 @@ def test_scores_of_a_xylo_reach_as_far_in_short_recordings_as_in_long_ones(
     assert line in chosen.lines
 
 
+def test_a_network_for_a_xylo_has_slow_and_fast_neurons_whose_spikes_cost() -> None:
+    config = config_from_mapping({"target": "xylo-imu", "channels": 12})
+    assert (config.dash_syn, config.dash_mem) == ("2", "3 5")
+    assert (config.spike_cost, config.learning_rate) == (0.001, 0.004)
+
+
 def test_with_fixed_defaults_nothing_is_chosen() -> None:
     values = {"channels": 40, "defaults": "fixed"}
     chosen = choose(values, groups())

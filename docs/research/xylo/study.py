@@ -37,6 +37,7 @@ class Data(Frozen):
     """What is read: a file below the folder of data, and the options that say what of its sensor.
 
     ``tie``: the class of silent recordings. ``has_parts``: its authors divided it, so that seeds differ and not rounds.
+    ``classes``: so many of the first classes are read; None: all. ``xylo``: the chip on which it is played.
     """
 
     name: str
@@ -46,6 +47,8 @@ class Data(Frozen):
     epochs: int
     tie: str | None = None
     has_parts: bool = True
+    classes: int | None = None
+    xylo: str = "xylo-audio3"
 
 
 class Candidate(Frozen):
@@ -54,6 +57,16 @@ class Candidate(Frozen):
     network: str
     chip: str
     options: Mapping[str, Any]
+
+
+def candidates(data: Data) -> tuple[Candidate, ...]:
+    """Return the networks that are compared on some data."""
+    return (
+        Candidate("xylo-snn", data.xylo, {"target": data.xylo}),
+        Candidate("tactile-snn", "loihi-sim", {"model": "tactile-snn", "target": "loihi-sim"}),
+        Candidate("tactile-snn-lif", "loihi-sim", {"model": "tactile-snn-lif"}),
+        Candidate("window-snn", "loihi-sim", {"model": "window-snn"}),
+    )
 
 
 class Row(Frozen):
@@ -105,14 +118,18 @@ DATA = (
         {"merge_polarities": True, "merge_channels": 16},
         epochs=30,
     ),
+    Data(
+        "digits 0 to 7, 16 bands",
+        "fsdd/fsdd.zip",
+        "32x1",
+        {"merge_polarities": True, "merge_channels": 16},
+        epochs=30,
+        classes=8,
+        xylo="xylo-audio2",
+    ),
     Data("Braille", "braille/braille.zip", "12x1", {"merge_polarities": True}, 20, "Space"),
 )
-CANDIDATES = (
-    Candidate("xylo-snn", "xylo-audio3", {"target": "xylo-audio3"}),
-    Candidate("tactile-snn", "loihi-sim", {"model": "tactile-snn", "target": "loihi-sim"}),
-    Candidate("tactile-snn-lif", "loihi-sim", {"model": "tactile-snn-lif"}),
-    Candidate("window-snn", "loihi-sim", {"model": "window-snn"}),
-)
+NETWORKS = tuple(candidate.network for candidate in candidates(DATA[0]))
 
 
 def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Recordings, Recordings]:
@@ -124,7 +141,7 @@ def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Record
         **data.selection,
     )
     if data.has_parts:
-        train, test = (read(split=part) for part in ("train", "test"))
+        train, test = (_of_classes(read(split=part), data) for part in ("train", "test"))
     else:
         train, test = (
             read(split=part, test_share=1 / ROUNDS, fold=division) for part in ("train", "test")
@@ -134,6 +151,16 @@ def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Record
         return train.subset(learned), train.subset(held)
     steps = max(train.spikes.shape[1], test.spikes.shape[1])
     return train.with_steps(steps), test.with_steps(steps)
+
+
+def _of_classes(recordings: Recordings, data: Data) -> Recordings:
+    """Return the recordings of those classes that are read."""
+    if data.classes is None:
+        return recordings
+    rows = np.flatnonzero(recordings.needed_labels("divide") < data.classes)
+    names = recordings.class_names
+    kept = None if names is None else names[: data.classes]
+    return replace(recordings.subset(rows), class_names=kept)
 
 
 def run(
@@ -230,16 +257,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="folder of the recordings")
     parser.add_argument("--data", choices=[data.name for data in DATA])
-    parser.add_argument("--network", choices=[candidate.network for candidate in CANDIDATES])
+    parser.add_argument("--network", choices=NETWORKS)
     parser.add_argument("--purpose", choices=("choose", "report"), default="report")
     parser.add_argument("--hidden", type=int, default=64)
+    parser.add_argument("--epochs", type=int, help="other than those of the data")
     parser.add_argument(
         "--rows", type=int, default=ROUNDS, help="rounds or seeds of a network to report"
     )
     parser.add_argument("--xylosim", metavar="PYTHON", help="one that has xylosim")
     args = parser.parse_args()
     for data in DATA:
-        for candidate in CANDIDATES:
+        for candidate in candidates(data):
             is_asked = args.data in (None, data.name)
             if is_asked and args.network in (None, candidate.network):
                 run_missing(data, candidate, args)
@@ -247,7 +275,8 @@ def main() -> None:
 
 def run_missing(data: Data, candidate: Candidate, args: argparse.Namespace) -> None:
     """Run the rows of a network that are not in the table."""
-    for row in asked_rows(data, candidate, args.purpose, args.hidden, args.rows):
+    for asked in asked_rows(data, candidate, args.purpose, args.hidden, args.rows):
+        row = replace(asked, epochs=args.epochs or data.epochs)
         if row.key in known_rows():
             continue
         learned, played = parts(args.folder, data, args.purpose, row.round)
