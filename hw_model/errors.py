@@ -38,11 +38,11 @@ class LocsnnError(Exception):
         return partial(type(self), measured=self.measured, fix=self.fix), (self.where, self.what)
 
 
-def _shown(text: str, most: int = MAX_PART) -> str:
+def _shown(text: str, longest: int = MAX_PART) -> str:
     """Return a part of a message as it prints: names out of files may hold anything, even what moves the cursor."""
     line = " ".join(text.split())
-    if len(line) > most:
-        line = f"{line[:most]}..."
+    if len(line) > longest:
+        line = f"{line[:longest]}..."
     return "".join(map(_printable, line))
 
 

@@ -284,12 +284,14 @@ def _plans(
         phase_steps = steps_of(program, phase, rows, steps)
         columns = program.columns_of(phase.name)
         all_probes = (*probes, *deciding_probes)
-        kept = phase_probes(program, phase.name, all_probes, phase_steps)
+        windows_of_phase = phase_probes(program, phase.name, all_probes, phase_steps)
         plan = _Plan(
             phase=phase,
-            windows=kept.windows,
-            probed=[each for probe in probes for each in kept.populations[probe]],
-            deciding=[each for probe in deciding_probes for each in kept.populations[probe]],
+            windows=windows_of_phase.windows,
+            probed=[each for probe in probes for each in windows_of_phase.populations[probe]],
+            deciding=[
+                each for probe in deciding_probes for each in windows_of_phase.populations[probe]
+            ],
             counted={
                 name: columns[name]
                 for name in read
@@ -338,7 +340,9 @@ class _Collected:
         columns = self._playback.program.columns_of(phase).values()
         # A sum over one recording would only copy it.
         of_columns = trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0)
-        of_populations = np.add.reduceat(of_columns, [own.start for own in columns], axis=1)
+        of_populations = np.add.reduceat(
+            of_columns, [columns_of_group.start for columns_of_group in columns], axis=1
+        )
         self._events[phase] = self._events.get(phase, 0) + of_populations.T
 
     def result(self) -> SimulationResult:

@@ -218,8 +218,8 @@ def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
     """Return the time on each way in each step, (..., steps, ways): for its hops, and waiting on its busiest link."""
     cost_x = profile.time_ns.get("hops_x", 0.0)
     cost_y = profile.time_ns.get("hops_y", 0.0)
-    taken = packets > 0
-    mesh_ns: FloatArray = taken.astype(np.float64) * (
+    has_packets = packets > 0
+    mesh_ns: FloatArray = has_packets.astype(np.float64) * (
         routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y
     )
     if routes.links:
@@ -229,7 +229,7 @@ def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
         longest = np.zeros(packets.shape)
         for k in range(routes.over.shape[1]):
             np.maximum(longest, waits[..., routes.over[:, k]], out=longest)
-        mesh_ns = mesh_ns + taken * longest
+        mesh_ns = mesh_ns + has_packets * longest
     return mesh_ns
 
 

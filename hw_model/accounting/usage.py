@@ -74,11 +74,11 @@ def total_ns(
     total = 0.0
     for some in _parts(activity):
         for phase, items in some.items():
-            here = [core.slices[0].group.startswith(part) for core in program.cores_of(phase)]
-            if any(here):
+            in_part = [core.slices[0].group.startswith(part) for core in program.cores_of(phase)]
+            if any(in_part):
                 times = cost.step_times(program, phase, stacked(items), profile)
                 total += float(
-                    times.core_ns[..., here].max(axis=-1).sum()
+                    times.core_ns[..., in_part].max(axis=-1).sum()
                     + times.barrier_ns * times.runs.sum()
                 )
     return total
@@ -92,9 +92,11 @@ def _parts(
         items[0].packets.size + items[0].input_packets.size for items in activity.values()
     )
     recordings = len(next(iter(activity.values())))
-    many = max(1, MAX_TOGETHER // a_recording)
-    for start in range(0, recordings, many):
-        yield {phase: items[start : start + many] for phase, items in activity.items()}
+    recordings_at_a_time = max(1, MAX_TOGETHER // a_recording)
+    for start in range(0, recordings, recordings_at_a_time):
+        yield {
+            phase: items[start : start + recordings_at_a_time] for phase, items in activity.items()
+        }
 
 
 def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) -> PhaseUsage:

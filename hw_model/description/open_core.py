@@ -82,14 +82,14 @@ class Macro(Frozen):
 
 def check_sizes(core: Sizes, slots: int, where: str) -> None:
     """Refuse fewer slots than the chip's registers need, and sizes that must be powers of two but are not."""
-    held = "places" if core.places else "compartments"
-    many: int = getattr(core, held)
-    if core.slots < slots or (core.slots & core.slots - 1) or (many & many - 1):
-        what = f"slots and {held} must be powers of two, and slots at least delay_max and 2"
+    shared_by = "places" if core.places else "compartments"
+    size: int = getattr(core, shared_by)
+    if core.slots < slots or (core.slots & core.slots - 1) or (size & size - 1):
+        what = f"slots and {shared_by} must be powers of two, and slots at least delay_max and 2"
         raise InputError(
             where,
             what,
-            measured=f"{core.slots} slots against {slots}, {many} {held}",
+            measured=f"{core.slots} slots against {slots}, {size} {shared_by}",
             fix="Correct it.",
         )
     for name in ("sums", "word", "phase_words"):

@@ -84,7 +84,9 @@ class Ice40Pll(Frozen):
     @property
     def filter_range(self) -> int:
         """Setting of the filter of the loop."""
-        return next(setting for most, setting in ICE40_FILTERS if self.detector_mhz <= most)
+        return next(
+            setting for highest_mhz, setting in ICE40_FILTERS if self.detector_mhz <= highest_mhz
+        )
 
 
 class _Pll(Protocol):
@@ -145,11 +147,11 @@ def _best(
     dividers: Iterable[P], core_mhz: float, input_mhz: float, oscillator: Range, where: str
 ) -> P:
     """Return the nearest to a frequency; of several, the one whose oscillator is furthest from its limits."""
-    wanted = _exact(core_mhz)
+    target = _exact(core_mhz)
     best = min(
         dividers,
         key=lambda pll: (
-            abs(pll.output_mhz - wanted),
+            abs(pll.output_mhz - target),
             abs(pll.oscillator_mhz - oscillator.middle),
         ),
         default=None,
@@ -157,7 +159,7 @@ def _best(
     what = f"the PLL cannot make {core_mhz:g} MHz from {input_mhz:g} MHz"
     if best is None:
         raise InputError(where, what, fix="Leave it out, to use the clock of the board.")
-    off_hz = abs(best.output_mhz - wanted) * 1_000_000
+    off_hz = abs(best.output_mhz - target) * 1_000_000
     if off_hz > EXACT_HZ:
         nearest = f"{float(best.output_mhz):.6f}".rstrip("0").rstrip(".")
         measured = f"the nearest is {nearest} MHz"

@@ -3,8 +3,10 @@
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from hw_model.arithmetic import loihi, loihi_bounds, loihi_inverse
 from hw_model.arithmetic.fixed_point import high_part_fits
@@ -74,76 +76,159 @@ def _chunks(
     links: Links,
     echoes: Echoes,
 ) -> Chunks:
-    slot = cut.slot
-    count = len(cut.node)
+    """Return the chunks of a phase: their registers, in which order they are updated, and what they pass on."""
     limits = program.chip.registers
     widths = Widths(loihi.charge_span(limits.charge_bits), limits.half_current)
-    arrived = np.zeros(count * LANES)
-    reached = np.zeros(count, dtype=np.bool_)
-    for core in program.cores_of(phase):
-        here = slot[program.columns_of_core(core)]
-        charge = charges(core)
-        arrived[here] = loihi.in_units(np.maximum(-charge.low, charge.high))
-        reached[here[core.axons.target] // LANES] = True
-    fits = (
-        widths == layout.USUAL_WIDTHS
-        and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
-    )
-    fits &= all(
-        high_part_fits(max(-core.vmin, core.vmax), layout.FACTOR_BITS)
-        for core in program.cores_of(phase)
-    )
-    never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
-    shape = (count, layout.FIELDS, LANES)
-    registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
-    registers[:, layout.THRESHOLD] = never
-    for field, values in _parameters(program, phase, never).items():
-        registers[slot // LANES, field, slot % LANES] = values
-    keeps = registers[:, [layout.KEEP_U, layout.KEEP_V, layout.BIAS]].any(axis=(1, 2))
-    plain = ~registers[:, layout.BIAS].any(axis=1) & (registers[:, layout.REFRACTORY] <= 1).all(
-        axis=1
-    )
-    plain &= _cannot_wrap(
-        arrived.reshape(-1, LANES), loihi_inverse.decay_of(registers[:, layout.KEEP_U]), widths
-    )
-    # A child lies next to its parent on the same core, so both are cut into chunks at the same places.
-    joined = nodes.parent[cut.node] >= 0
-    parent = np.full(count, -1, dtype=np.int64)
-    beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]
-    parent[joined] = slot[beside[joined]] // LANES
-    plain[parent[joined]] = False
-    heads = [
-        [c for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0]
-        for block in blocks
-    ]
-    (root, depth), rank = roots(parent), np.zeros(count, dtype=np.int64)
-    rank[[c for block in heads for c in block]] = np.arange(sum(map(len, heads)))
-    member = np.lexsort((-depth, rank[root]))
-    begins = np.diff(rank[root[member]], prepend=-1) != 0
-    bundle = np.append(np.flatnonzero(begins), count)
-    forgets = ~keeps & ~reached & (registers[:, layout.REFRACTORY].max(axis=1) <= 1)
-    pair = np.zeros(count, dtype=np.bool_)
-    for low, high in pairwise(bundle.tolist()):
-        *dendrites, last = member[low:high]
-        pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
-    latest = max((len(weights) for _, weights in echoes.values()), default=1)
-    echo_to = np.full(count, -1, dtype=np.int64)
-    echo = aligned((latest, count * LANES), registers.dtype)
-    for node, (child, weights) in echoes.items():
-        here, there = (slot[nodes.first[n] : nodes.first[n] + nodes.size[n]] for n in (node, child))
-        echo_to[here // LANES], echo[: len(weights), there] = there // LANES, weights
+    arriving, has_synapses = _arriving(program, phase, cut)
+    registers = _registers(program, phase, cut, arriving, widths)
+    parent = _parent_chunks(nodes, cut)
+
+    is_parent = np.zeros(len(parent), dtype=np.bool_)
+    is_parent[parent[parent >= 0]] = True
+    decay_u = loihi_inverse.decay_of(registers[:, layout.KEEP_U])
+    has_bias = registers[:, layout.BIAS].any(axis=1)
+    is_refractory = (registers[:, layout.REFRACTORY] > 1).any(axis=1)
+    cannot_wrap = _cannot_wrap(arriving.reshape(-1, LANES), decay_u, widths)
+    plain = ~has_bias & ~is_refractory & ~is_parent & cannot_wrap
+
+    order = _order_of_updates(blocks, cut, parent)
+    leaks = registers[:, [layout.KEEP_U, layout.KEEP_V]].any(axis=(1, 2))
+    keeps_nothing = ~leaks & ~has_bias & ~has_synapses & ~is_refractory
+    echo_to, echo = _echo(nodes, cut, echoes, registers.dtype)
     spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
     feeds_itself = [
         any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks
     ]
     return Chunks(
-        node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
-        plain=plain.astype(np.uint8), registers=registers,
-        member=member, begins=begins, pair=pair, bundle=bundle,
-        of_block=np.cumsum([0, *map(len, heads)]), feeds_itself=np.array(feeds_itself, np.uint8),
+        node=cut.node,
+        piece=cut.piece,
+        parent=parent,
+        first_column=cut.first_column,
+        width=cut.width,
+        plain=plain.astype(np.uint8),
+        registers=registers,
+        member=order.member,
+        begins=order.begins,
+        pair=_pairs(order, parent, keeps_nothing),
+        bundle=order.bundle,
+        of_block=order.of_block,
+        feeds_itself=np.array(feeds_itself, np.uint8),
         spiking_node=np.array([n for block in spiking for n in block], np.int64),
-        of_node=np.cumsum([0, *map(len, spiking)]), echo_to=echo_to, echo=echo.reshape(-1), widths=widths,
-    )  # fmt: skip
+        of_node=np.cumsum([0, *map(len, spiking)]),
+        echo_to=echo_to,
+        echo=echo,
+        widths=widths,
+    )
+
+
+def _arriving(program: ChipProgram, phase: str, cut: Cut) -> tuple[AnyArray, BoolArray]:
+    """Return the largest charge that a step may bring to each slot, in units, and which chunks have synapses."""
+    chunks = len(cut.node)
+    arriving = np.zeros(chunks * LANES)
+    has_synapses = np.zeros(chunks, dtype=np.bool_)
+    for core in program.cores_of(phase):
+        slots = cut.slot[program.columns_of_core(core)]
+        charge = charges(core)
+        arriving[slots] = loihi.in_units(np.maximum(-charge.low, charge.high))
+        has_synapses[slots[core.axons.target] // LANES] = True
+    return arriving, has_synapses
+
+
+def _registers(
+    program: ChipProgram, phase: str, cut: Cut, arriving: AnyArray, widths: Widths
+) -> Lanes:
+    """Return the registers of every chunk, (chunks, FIELDS, LANES), in 32 bits where no sum needs more."""
+    fits_32_bits = (
+        widths == layout.USUAL_WIDTHS
+        and _largest_sum(program, phase, arriving) <= np.iinfo(np.int32).max
+        and all(
+            high_part_fits(max(-core.vmin, core.vmax), layout.FACTOR_BITS)
+            for core in program.cores_of(phase)
+        )
+    )
+    shape = (len(cut.node), layout.FIELDS, LANES)
+    registers: Lanes = np.zeros(shape, dtype=np.int64)
+    if fits_32_bits:
+        registers = np.zeros(shape, dtype=np.int32)
+    never = int(np.iinfo(registers.dtype).max)
+    registers[:, layout.THRESHOLD] = never
+    for field, values in _parameters(program, phase, never).items():
+        registers[cut.slot // LANES, field, cut.slot % LANES] = values
+    return registers
+
+
+def _parent_chunks(nodes: Numbering, cut: Cut) -> IntArray:
+    """Return the chunk that each chunk adds its voltages to, or -1.
+
+    A child lies next to its parent on the same core, so both are cut into chunks at the same places.
+    """
+    parent = np.full(len(cut.node), -1, dtype=np.int64)
+    is_joined = nodes.parent[cut.node] >= 0
+    column_on_node = cut.first_column - nodes.first[cut.node]
+    column_of_parent = nodes.first[nodes.parent[cut.node]] + column_on_node
+    parent[is_joined] = cut.slot[column_of_parent[is_joined]] // LANES
+    return parent
+
+
+class _Order(NamedTuple):
+    """The order in which chunks are updated; :class:`hw_model.engine.layout.Chunks` says what each array is."""
+
+    member: IntArray
+    begins: BoolArray
+    bundle: IntArray
+    of_block: IntArray
+
+
+def _order_of_updates(blocks: Blocks, cut: Cut, parent: IntArray) -> _Order:
+    """Return the chunks block by block, and in these bundle by bundle, children first."""
+    chunks = len(parent)
+    roots_of_block = [
+        [c for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0]
+        for block in blocks
+    ]
+    all_roots = [root for of_block in roots_of_block for root in of_block]
+    rank = np.zeros(chunks, dtype=np.int64)
+    rank[all_roots] = np.arange(len(all_roots))
+    root, depth = roots(parent)
+    member = np.lexsort((-depth, rank[root]))
+    begins = np.diff(rank[root[member]], prepend=-1) != 0
+    return _Order(
+        member=member,
+        begins=begins,
+        bundle=np.append(np.flatnonzero(begins), chunks),
+        of_block=np.cumsum([0, *map(len, roots_of_block)]),
+    )
+
+
+def _pairs(order: _Order, parent: IntArray, keeps_nothing: BoolArray) -> BoolArray:
+    """Mark the first member of each bundle of two children and one chunk that is only their sum."""
+    pair = np.zeros(len(parent), dtype=np.bool_)
+    for low, high in pairwise(order.bundle.tolist()):
+        *children, last = order.member[low:high]
+        pair[low] = len(children) == 2 and keeps_nothing[last] and (parent[children] == last).all()
+    return pair
+
+
+def _echo(
+    nodes: Numbering, cut: Cut, echoes: Echoes, dtype: npt.DTypeLike
+) -> tuple[IntArray, AnyArray]:
+    """Return the child that each chunk's spikes are passed to, or -1, and with which weights, (delays x slots,)."""
+    chunks = len(cut.node)
+    delays = max((len(weights) for _, weights in echoes.values()), default=1)
+    echo_to = np.full(chunks, -1, dtype=np.int64)
+    echo = aligned((delays, chunks * LANES), dtype)
+    for node, (child, weights) in echoes.items():
+        slots = _slots_of(node, nodes, cut)
+        slots_of_child = _slots_of(child, nodes, cut)
+        echo_to[slots // LANES] = slots_of_child // LANES
+        echo[: len(weights), slots_of_child] = weights
+    return echo_to, echo.reshape(-1)
+
+
+def _slots_of(node: int, nodes: Numbering, cut: Cut) -> IntArray:
+    """Return the slots of a node's columns."""
+    first = nodes.first[node]
+    return cut.slot[first : first + nodes.size[node]]
 
 
 def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
@@ -157,14 +242,14 @@ def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
     """Return a bound on every number that an update of this phase works with, whatever the input."""
     registers = program.chip.registers
     current = registers.half_current
-    found = [int(arrived.max(initial=0)), registers.half_charge + current]
+    sums = [int(arrived.max(initial=0)), registers.half_charge + current]
     for core in program.cores_of(phase):
         # A child adds its v, within the core's limits, to what the parent keeps of its own and to its drive.
         most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))
-        found.append((most_children + 1) * max(-core.vmin, core.vmax) + current)
-        found.append(current + int(np.abs(core.bias).max()))
-        found.append(int(core.threshold_voltage.max()))
-    return max(found)
+        sums.append((most_children + 1) * max(-core.vmin, core.vmax) + current)
+        sums.append(current + int(np.abs(core.bias).max()))
+        sums.append(int(core.threshold_voltage.max()))
+    return max(sums)
 
 
 def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntArray]:

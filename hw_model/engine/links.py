@@ -133,22 +133,24 @@ def links_of(
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
     divided = _by_delay(nodes, synapses)
     into_block, from_node = _in_order(nodes, blocks, sorted(divided))
-    held = _Held()
+    columns_of_links = _Held()
     for parts in (*into_block, *from_node):
         for node, target, part in parts:
             source, column, weight, delay = _sorted(divided.pop((node, target, part)))
             slots = slice(LANES * int(cut.of_node[target]), LANES * int(cut.of_node[target + 1]))
             slot = cut.slot[column] - slots.start
-            held.add((node, target), (source, slot, weight, delay), int(nodes.size[node]), slots)
+            columns_of_links.add(
+                (node, target), (source, slot, weight, delay), int(nodes.size[node]), slots
+            )
 
-    columns = np.array(held.rows, dtype=np.int64).reshape(-1, 10).T.copy()
+    columns = np.array(columns_of_links.rows, dtype=np.int64).reshape(-1, 10).T.copy()
     outside = sum(map(len, into_block))
     return Links(
         **dict(zip(Links._fields, columns, strict=False)),
-        matrix=held.matrix(),
-        word=np.concatenate(held.words[LIST]),
-        wide_word=np.concatenate(held.words[WIDE_LIST]),
-        list_start=np.concatenate(held.list_starts),
+        matrix=columns_of_links.matrix(),
+        word=np.concatenate(columns_of_links.words[LIST]),
+        wide_word=np.concatenate(columns_of_links.words[WIDE_LIST]),
+        list_start=np.concatenate(columns_of_links.list_starts),
         into_block=np.cumsum([0, *map(len, into_block)]),
         from_node=np.cumsum([0, *map(len, from_node)]) + outside,
         due_late=due_late,

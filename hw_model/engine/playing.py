@@ -94,11 +94,11 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
     An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
     """
     at, first_lines = item.visits
-    many = min(item.rows, events.rows)
+    rows = min(item.rows, events.rows)
     turned = np.zeros((len(events.first), steps, item.size), dtype=np.uint8)
     for b, starts in enumerate(events.first):
-        channel = events.channel[starts[0] : starts[many]]
-        line = np.repeat(np.arange(many), np.diff(starts[: many + 1])) + first_lines[channel]
+        channel = events.channel[starts[0] : starts[rows]]
+        line = np.repeat(np.arange(rows), np.diff(starts[: rows + 1])) + first_lines[channel]
         played = at[channel] < steps
         turned[b, at[channel[played]], line[played]] = 1
     return list_events(item.stream, turned)

@@ -214,8 +214,8 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
     lines = len(sent) - columns
     # The last column at which a whole chunk of lanes can be written.
     last = columns - LANES
-    found = begin[low, m] if low else 0
-    begin[low, m] = found
+    listed = begin[low, m] if low else 0
+    begin[low, m] = listed
     for r in range(np.uint64(low), np.uint64(high)):
         if fired:
             for k in range(np.uint64(nodes.chunk[m]), np.uint64(nodes.chunk[m + 1])):
@@ -223,15 +223,15 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
                 column = chunks.first_column[k]
                 masks[r, k] = 0
                 # No branches: they would be guessed wrong too often.
-                found += list_lanes(event, base + found, column - first, mask)[0]
+                listed += list_lanes(event, base + listed, column - first, mask)[0]
                 at = min(column, last)
                 if at >= 0:
                     note(spikes, r, at, mask << (column - at))
                     continue
                 for i in range(np.uint64(chunks.width[k])):
                     spikes[r, np.uint64(column) + i] |= (mask >> i) & 1
-        begin[r + np.uint64(1), m] = found
-    _count(event, base + begin[low, m], base + found, lines + first, sent)
+        begin[r + np.uint64(1), m] = listed
+    _count(event, base + begin[low, m], base + listed, lines + first, sent)
 
 
 @inner

@@ -66,8 +66,10 @@ class EventLists(NamedTuple):
 
     def between(self, start: IntArray, stop: IntArray) -> "EventLists":
         """Return the lists without the spikes of rows before ``start`` and from ``stop`` on, (batch,) each."""
-        each = np.arange(len(self.first))
-        ends = (self.first[each, np.minimum(row, self.rows)][:, None] for row in (start, stop))
+        row_numbers = np.arange(len(self.first))
+        ends = (
+            self.first[row_numbers, np.minimum(row, self.rows)][:, None] for row in (start, stop)
+        )
         return EventLists(np.clip(self.first, *ends), self.channel)
 
     def moved(self, rows: IntArray) -> "EventLists":
@@ -165,7 +167,7 @@ def due_late(program: ChipProgram, phase: str) -> IntArray:
     cores = program.cores_of(phase)
     longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
     lines = sum(item.size for item in program.inputs_of(phase))
-    found = np.zeros(
+    counts = np.zeros(
         (longest + 1, lines + sum(core.compartments for core in cores)), dtype=np.int64
     )
     for core in cores:
@@ -175,8 +177,10 @@ def due_late(program: ChipProgram, phase: str) -> IntArray:
         by_delay = np.bincount(
             axons.delay * shape[1] + axons.axon_of_synapse, minlength=shape[0] * shape[1]
         )
-        found[:, program.senders[core.number]] += by_delay.reshape(shape)[::-1].cumsum(axis=0)[::-1]
-    return found
+        counts[:, program.senders[core.number]] += by_delay.reshape(shape)[::-1].cumsum(axis=0)[
+            ::-1
+        ]
+    return counts
 
 
 def added_up(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> PhaseTrace:

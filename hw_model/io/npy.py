@@ -45,11 +45,11 @@ def load_npy(data: bytes, where: str, kinds: str = NUMBERS) -> AnyArray:
     """
     stream = io.BytesIO(data)
     shape, fortran, dtype = check_header(stream, where, kinds)
-    held = len(data) - stream.tell()
+    bytes_left = len(data) - stream.tell()
     needed = math.prod(shape) * dtype.itemsize
-    if held < needed:
+    if bytes_left < needed:
         raise InputError(
-            where, "it is truncated", measured=f"{held} of {needed} bytes", fix=_REWRITE
+            where, "it is truncated", measured=f"{bytes_left} of {needed} bytes", fix=_REWRITE
         )
     return np.ndarray(shape, dtype, data, stream.tell(), order="F" if fortran else "C")
 

@@ -92,10 +92,10 @@ def remove_leftovers(target: Path) -> None:
     """Remove what killed processes left of this target; partial files of living processes stay."""
     ours = re.compile(re.escape(_prefix(target)) + "[0-9a-f]{12}")
     try:
-        found = [name for name in os.listdir(target.parent) if ours.fullmatch(name)]
+        leftovers = [name for name in os.listdir(target.parent) if ours.fullmatch(name)]
     except OSError:
         return
-    for name in found:
+    for name in leftovers:
         with suppress(OSError), locked(target.parent / name) as is_free:
             if is_free:
                 remove(target.parent / name)

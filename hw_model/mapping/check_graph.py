@@ -80,12 +80,12 @@ def _check_charges(graph: CompartmentGraph) -> None:
     for phase in graph.phases:
         names = {group.name: group.size for group in graph.groups if group.phase == phase.name}
         delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
-        kept = max(delays, default=0) + 2
+        slots = max(delays, default=0) + 2
         compartments = sum(names.values())
-        if kept * compartments > MOST_CHARGES:
+        if slots * compartments > MOST_CHARGES:
             what = "its longest delay keeps more charges in flight than the simulator allows"
             measured = (
-                f"{kept} steps of {counted(compartments, 'compartment')} against {MOST_CHARGES}"
+                f"{slots} steps of {counted(compartments, 'compartment')} against {MOST_CHARGES}"
             )
             fix = "Shorten the delay, or relay the spike through compartments."
             raise TargetError(f"phase {phase.name!r}", what, measured=measured, fix=fix)
@@ -126,8 +126,8 @@ def _check_visits(item: Input, phase: Phase) -> None:
     if lines is not None and (
         lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1
     ):
-        found = f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)}"
-        measured = f"{found} against {item.channels} within 0..{item.size - 1}"
+        first_lines = f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)}"
+        measured = f"{first_lines} against {item.channels} within 0..{item.size - 1}"
         raise InputError(
             where, "its first lines do not fit", measured=measured, fix="Give one per channel."
         )
@@ -243,13 +243,13 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         )
     delays = synapses.delay
     domain = loihi.domains(chip.registers)["delay"]
-    most = domain.high
+    longest_delay = domain.high
     off = delays[~domain.holds(delays)]
     if len(off):
         worst = int(off[np.abs(off).argmax()])
-        measured = f"{worst} against 0..{most} steps; {len(off)} of {counted(len(delays), 'delay')} outside"
+        measured = f"{worst} against 0..{longest_delay} steps; {len(off)} of {counted(len(delays), 'delay')} outside"
         # A relay adds the step that every spike takes, so k of them reach a delay of (k + 1) * (delay_max + 1) - 1.
-        relays = counted(worst // (most + 1), "compartment")
+        relays = counted(worst // (longest_delay + 1), "compartment")
         fix = (
             f"Relay the spike through {relays}, or shorten the delay."
             if worst > 0

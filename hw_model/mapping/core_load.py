@@ -60,12 +60,12 @@ def fitting(held: Sequence[Piece], piece: Piece, chip: Chip) -> int:
         return first_broken([*held, replace(piece, stop=piece.start + neurons)], chip) is not None
 
     room = chip.limits.compartments_per_core - sum(part.compartments for part in held)
-    most = min(piece.stop - piece.start, room // len(piece.groups))
-    tried = min(1, most)
+    neurons = min(piece.stop - piece.start, room // len(piece.groups))
+    tried = min(1, neurons)
     while not is_full(tried):
-        if tried == most:
-            return most
-        tried = min(STRIDE * tried, most)
+        if tried == neurons:
+            return neurons
+        tried = min(STRIDE * tried, neurons)
     return bisect_left(range(1, tried), True, lo=tried // STRIDE, key=is_full)
 
 
@@ -84,8 +84,10 @@ def synapses(pieces: Sequence[Piece], chip: Chip) -> tuple[IntArray, int]:
     lengths = {key: np.bincount(np.concatenate(parts)) for key, parts in lists.items()}
     words = 0
     for (_, bits), length in lengths.items():
-        many = np.bincount(length)  # few lists differ in length
-        words += int(many @ chip.synapse_memory.words(np.arange(len(many)), bits))
+        lists_of_length = np.bincount(length)  # few lists differ in length
+        words += int(
+            lists_of_length @ chip.synapse_memory.words(np.arange(len(lists_of_length)), bits)
+        )
     reached = np.zeros(max(map(len, lengths.values()), default=0), dtype=np.bool_)
     for length in lengths.values():
         reached[: len(length)] |= length > 0

@@ -143,10 +143,11 @@ def _fill_population(
     cores: list[list[Piece]], population: Piece, chip: Chip, most_neurons: int | None
 ) -> None:
     """Add the neurons of a population to the last of ``cores``, and begin further ones as they fill up."""
-    most = population.stop if most_neurons is None else most_neurons
+    neurons_of_core = population.stop if most_neurons is None else most_neurons
     start = 0
     while start < population.stop:
-        left = replace(population, start=start, stop=min(population.stop, start + most))
+        stop = min(population.stop, start + neurons_of_core)
+        left = replace(population, start=start, stop=stop)
         neurons = fitting(cores[-1], left, chip)
         if neurons:
             cores[-1].append(replace(left, stop=start + neurons))

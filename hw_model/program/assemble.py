@@ -22,9 +22,9 @@ def assemble(routed: RoutedGraph) -> ChipProgram:
     """Collect the profiles and compartment tables of every core, in core order."""
     graph = routed.placed.graph
     cores = tuple(_core(core, graph) for core in routed.cores)
-    kept = picked(graph, "name", "phases", "inputs", "readout", "synapses_pruned", "provenance")
+    fields = picked(graph, "name", "phases", "inputs", "readout", "synapses_pruned", "provenance")
     program = ChipProgram(
-        **kept, chip=routed.placed.chip, input_routes=routed.input_routes, cores=cores
+        **fields, chip=routed.placed.chip, input_routes=routed.input_routes, cores=cores
     )
     check_program(program)
     return program

@@ -101,8 +101,8 @@ class SealedPair(Frozen, eq=False):
             raise InputError(PROGRAM_YAML, "this is not a program", fix=_NO_PROGRAM)
         what = "the program has another format version"
         fix = "Compile it again, or use the release that wrote it."
-        own = repr(self.document.get("version"))
-        check_same(own, repr(version), PROGRAM_YAML, what, fix=fix)
+        version_of_file = repr(self.document.get("version"))
+        check_same(version_of_file, repr(version), PROGRAM_YAML, what, fix=fix)
 
     def check_arrays(self) -> None:
         """Refuse arrays that the entries were not written with."""
@@ -124,8 +124,8 @@ class SealedPair(Frozen, eq=False):
         arrays: dict[str, IntArray] = {}
         content = io.BytesIO(self.npz_bytes)
         with BoundedZip(content, PROGRAM_NPZ, "Compile again.") as archive:
-            most = max(MAX_ARRAY_BYTES, MAX_PACKING * len(self.npz_bytes))
-            if archive.unpacked_bytes > most:
+            largest_bytes = max(MAX_ARRAY_BYTES, MAX_PACKING * len(self.npz_bytes))
+            if archive.unpacked_bytes > largest_bytes:
                 what = "its arrays are absurdly large"
                 raise InputError(PROGRAM_NPZ, what, fix="Compile again.")
             for name in archive.namelist():

@@ -105,7 +105,7 @@ class Board:
 
     def _command(self, kind: int, payload: bytes = b"") -> bytes:
         """Send a frame until it is carried out; return what the board says to it. A refusal is an ``InputError``."""
-        wanted = frames.WELCOME if kind == frames.HELLO else frames.DONE
+        reply_type = frames.WELCOME if kind == frames.HELLO else frames.DONE
         following = (self._number + 1) % 256
         for _ in range(TRIES):
             self._port.write(frames.framed(kind, self._number, payload))
@@ -113,7 +113,7 @@ class Board:
                 said, number, body = frame
                 problem = body[0] if said == frames.ERROR else 0
                 # Carried out already, if the board waits for the next one: what it said to it was lost on the line.
-                if (said, number) == (wanted, self._number) or (problem, number) == (
+                if (said, number) == (reply_type, self._number) or (problem, number) == (
                     OUT_OF_ORDER,
                     following,
                 ):

@@ -46,8 +46,8 @@ def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
     """Return what is needed and what there is where the core of a device has too few."""
     assert device.open_core is not None
     words = uses(core.words, device.memory_words) if device.memory_words else {}
-    every = uses(core.needs, device.open_core) | words
-    return {name: (need, limit) for name, (need, limit) in every.items() if need > limit}
+    all_uses = uses(core.needs, device.open_core) | words
+    return {name: (need, limit) for name, (need, limit) in all_uses.items() if need > limit}
 
 
 def uses(needs: Sizes | MemoryWords, sizes: Sizes | MemoryWords) -> dict[str, tuple[int, int]]:
@@ -56,15 +56,16 @@ def uses(needs: Sizes | MemoryWords, sizes: Sizes | MemoryWords) -> dict[str, tu
 
 
 def latencies(
-    program: ChipProgram, spikes: Spikes, found: Mapping[str, ByteArray]
+    program: ChipProgram, spikes: Spikes, fired: Mapping[str, ByteArray]
 ) -> list[Latency]:
     """Return the time of each recording of a batch on the core of the program's chip, cycle by cycle.
 
-    ``found[population]`` (batch, steps, n): what a simulation gives.
+    ``fired[population]`` (batch, steps, n): the spikes that a simulation gives.
     """
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
     core = on_core(program, recordings.shape[1], program.chip)
-    cycles = predicted_cycles(core, recordings, found)
+    cycles = predicted_cycles(core, recordings, fired)
+    # The core has no mesh and no barrier: of the entries only the total is known.
     return [Latency(many / program.chip.clock_ghz, {}, 0, 0.0, 0.0) for many in cycles]
 
 
@@ -89,7 +90,7 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
         "leaks": updates,
         "fires": updates,
     }
-    found = {
+    means = {
         "memory_reads": {
             **written,
             "transpose_buffer": counts.transpose_events + scanned,
@@ -100,16 +101,18 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
     }
     return {
         key: {name: number / recordings for name, number in row.items()}
-        for key, row in found.items()
+        for key, row in means.items()
     }
 
 
 def _way_out(core: CoreProgram) -> str:
     """Name the devices that hold what is needed."""
-    devices = [(each, each.open_core) for each in map(chip, chip_names()) if each.open_core]
-    held = [
-        each.name
-        for each, its in devices
-        if not _short_of(_as_core(core.program, core.rows, None, its), each)
-    ]
-    return f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."
+    holding = []
+    for name in chip_names():
+        device = chip(name)
+        if device.open_core is None:
+            continue
+        core_on_device = _as_core(core.program, core.rows, None, device.open_core)
+        if not _short_of(core_on_device, device):
+            holding.append(device.name)
+    return f"Use the device {listed(holding, 'or')}." if holding else "Use a smaller network."

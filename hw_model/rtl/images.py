@@ -21,7 +21,12 @@ from hw_model.rtl.phases import core_phases
 from hw_model.rtl.refused import refuse_unless, refuse_unplayable
 from hw_model.values import IntArray
 
-STEP_BITS, VISIT_BITS, LOAD_BITS = 24, 16, 128
+STEP_BITS = 24
+"""Of a setting, and of a field of a phase, such as its steps: ``settings`` and ``phase_fields`` of locsnn_core.sv."""
+VISIT_BITS = 16
+"""Of the step of a visit: ``STEP`` of transpose.sv."""
+LOAD_BITS = 128
+"""Of the data of a word on the load port: ``load_data`` of locsnn_core.sv."""
 LENGTH_BITS = 9
 """Of the length of a list, in words, where targets are told as steps; ``LENGTH`` of delivery.sv."""
 MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
@@ -56,7 +61,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         held(sizes),
         sizes.sums or held(sizes),
     )
-    synapse, slot, entry, source, place, parent = ((many - 1).bit_length() for many in words)
+    synapse, slot, entry, source, place, parent = ((size - 1).bit_length() for size in words)
     family = {"child": 1, "first": 1, "parent": parent} if sizes.join else {}
     half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     lists = {"start": synapse - 1, "length": synapse - 1}
@@ -107,9 +112,12 @@ class CoreProgram:
         refuse_unplayable(program)
         self.phases, self.first_source = core_phases(program, rows, steps, self.sizes.groups)
         longest = max((phase.steps for phase in self.phases[1:]), default=0)
-        most = (1 << VISIT_BITS) - 1
+        largest_field = (1 << VISIT_BITS) - 1
         refuse_unless(
-            longest <= most, program, f"phase of more than {most} steps after the first", longest
+            longest <= largest_field,
+            program,
+            f"phase of more than {largest_field} steps after the first",
+            longest,
         )
         self.kept = max(phase.kept for phase in self.phases)
         self.heard = max(self.kept, self.phases[0].steps)
@@ -127,13 +135,13 @@ class CoreProgram:
         lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
         self.starts = lists.starts
         self.lengths = lists.lengths
-        most = (1 << LENGTH_BITS) - 1
+        largest_field = (1 << LENGTH_BITS) - 1
         longest = int(self.lengths.max(initial=0))
-        fits = not self.sizes.step or longest <= most
+        fits = not self.sizes.step or longest <= largest_field
         refuse_unless(
             fits,
             program,
-            f"list of more than {most} words where targets are told as steps",
+            f"list of more than {largest_field} words where targets are told as steps",
             longest,
         )
         ratios = (
@@ -195,7 +203,7 @@ class CoreProgram:
         settings = {"settings": {"value": _array(self._settings(sizes).values())}}
         compartments = self.tables["compartments"]
         tables = self.tables | settings | {"leaks": compartments, "fires": compartments}
-        found = {}
+        words = {}
         for name, layout in layouts(sizes).items():
             columns = {field.name: tables[name][field.name] for field in layout.fields}
             for field in layout.fields:
@@ -206,8 +214,8 @@ class CoreProgram:
                     what,
                     columns[field.name].max(initial=0),
                 )
-            found[name] = layout, columns
-        return found
+            words[name] = layout, columns
+        return words
 
     def simulated(self, least: Sizes) -> Sizes:
         """Return sizes of a simulated core that holds it: those of ``least``, or more.
@@ -215,8 +223,8 @@ class CoreProgram:
         Where events are heard on arrival, charges lie as the device has room for them. Where compartments share
         places, or parents sums, there are as many as the device has.
         """
-        told = ("compartments", "slots") if self.later else ()
-        exact = {name: getattr(self.sizes, name) for name in (*told, "later")}
+        of_device_exactly = ("compartments", "slots") if self.later else ()
+        exact = {name: getattr(self.sizes, name) for name in (*of_device_exactly, "later")}
         for name in ("places", "sums"):
             if of_device := getattr(self.sizes, name):
                 exact[name] = max(of_device, _power(getattr(self.needs, name)))
@@ -233,24 +241,36 @@ class CoreProgram:
 
     def _hears_later(self, slots: int) -> bool:
         """Tell whether the second phase hears its events when they arrive; charges take ``slots`` otherwise."""
-        sizes, (first, *others) = self.sizes, self.phases
+        sizes = self.sizes
+        first, *others = self.phases
         # Shared places are swept before the second phase, and with them what it heard.
         if not sizes.later or sizes.places or len(others) != 1:
             return False
-        (second,), places = others, sizes.compartments >> sizes.later
-        fits = (
+        (second,) = others
+        # Each bit of `later` halves the compartments and doubles the slots of a memory of charges.
+        places = sizes.compartments >> sizes.later
+        all_slots = sizes.slots << sizes.later
+        compartments_fit = (
             self.ends[-1] <= sizes.compartments
             and max(2, self.ends[0], self.ends[1] - self.ends[0]) <= places
         )
-        fits &= (
-            not second.shared
-            and slots <= sizes.slots
-            and second.steps + 2 * slots <= sizes.slots << sizes.later
+        # Each step of the second phase has a slot of its own, then come its delays and the slots of the first phase.
+        slots_fit = slots <= sizes.slots and second.steps + 2 * slots <= all_slots
+        visits_each_channel_once = np.array_equal(
+            np.sort(second.visits[1]), np.arange(self.channels)
         )
-        each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
-        each_once &= not second.by_rows and second.align_events is None
-        return (
-            fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
+        plays_all_at_visits = (
+            visits_each_channel_once
+            and not second.by_rows
+            and not second.shared
+            and second.align_events is None
+        )
+        return bool(
+            compartments_fit
+            and slots_fit
+            and plays_all_at_visits
+            and max(second.visits[0]) < second.steps
+            and self.kept <= first.steps
         )
 
     def _settings(self, sizes: Sizes) -> dict[str, int]:
@@ -285,20 +305,13 @@ class CoreProgram:
         visits = np.cumsum(
             [phase.visits.shape[1] * (not self.later) for phase in self.phases]
         ).tolist()
-        fields = (
-            (
-                p.steps,
-                end,
-                at,
-                p.rows,
-                p.row_source,
-                p.potentials_from,
-                p.by_rows + 2 * p.shared,
-                bool(p.align_events),
-            )
-            for p, end, at in zip(self.phases, self.ends, visits, strict=True)
-        )
-        return _array(field for of_phase in fields for field in of_phase)
+        fields: list[int] = []
+        for phase, number_end, visits_end in zip(self.phases, self.ends, visits, strict=True):
+            rows_shared = phase.by_rows + 2 * phase.shared
+            is_aligned = bool(phase.align_events)
+            fields += [phase.steps, number_end, visits_end, phase.rows]
+            fields += [phase.row_source, phase.potentials_from, rows_shared, is_aligned]
+        return _array(fields)
 
     def _needs(self, synapses: Table) -> Sizes:
         compartments = self.tables["compartments"]
@@ -310,8 +323,10 @@ class CoreProgram:
             axons=len(self.starts),
             synapses=2 * int(self.lengths.sum() + 1),
             compartments=self.ends[-1],
+            # A spike of step t with delay d acts at t + 1 + d, while the charges of step t are still being taken.
             slots=int(synapses["delay"].max(initial=0)) + 2,
-            charge=int(charge).bit_length() + 1,
+            charge=int(charge).bit_length() + 1,  # the most that can meet in a step, and a sign
+            # A voltage has 24 bits with its sign, and children add up.
             join=24 + children.bit_length() if children else 0,
             bitmap=self.channels * self.row_words,
             visits=len(self.tables["visits"]["step"]),
@@ -342,16 +357,21 @@ class CoreProgram:
                 "exponent": np.maximum(exponent, 0) * (mantissa != 0),
                 "mantissa": mantissa,
             })  # fmt: skip
-        found = {
+        columns = {
             name: np.concatenate([part[name] for part in parts]).astype(np.int64)
             for name in parts[0]
         }
-        return {name: column[found["source"] >= 0] for name, column in found.items()}
+        has_source = columns["source"] >= 0  # a line that shares a source has none of its own
+        return {name: column[has_source] for name, column in columns.items()}
 
     def _compartments(self) -> Table:
-        """Return the constants of every compartment; gaps have none."""
+        """Return the constants of every compartment; gaps have none.
+
+        Decays are stored as what they keep, thresholds in units of 64, vmin and vmax as binary logarithms of 1 - vmin
+        and vmax + 1.
+        """
         numbering = self.numbering
-        given = partial(of_compartments, self.program)
+        constant = partial(of_compartments, self.program)
         number = numbering.number
         child = numbering.parent >= 0
         parent = np.where(child, number[numbering.parent], -1)
@@ -363,20 +383,20 @@ class CoreProgram:
         first = np.empty_like(child)
         first[in_order] = np.diff(parent[in_order], prepend=-1) != 0
         columns = {
-            "valid": given(lambda core: 1),
-            "keep_u": loihi.keep_of(given(lambda core: core.setting("decay_u"))),
-            "keep_v": loihi.keep_of(given(lambda core: core.setting("decay_v"))),
-            "bias": given(lambda core: core.bias),
+            "valid": constant(lambda core: 1),
+            "keep_u": loihi.keep_of(constant(lambda core: core.setting("decay_u"))),
+            "keep_v": loihi.keep_of(constant(lambda core: core.setting("decay_v"))),
+            "bias": constant(lambda core: core.bias),
             "has_children": np.isin(number, parent),
-            "threshold": given(lambda core: loihi.whole_units(core.threshold_voltage)),
+            "threshold": constant(lambda core: loihi.whole_units(core.threshold_voltage)),
             "blocks": np.maximum(
-                loihi.blocked_by_spike(given(lambda core: core.setting("refractory"))), 0
+                loihi.blocked_by_spike(constant(lambda core: core.setting("refractory"))), 0
             ),
-            "spiking": given(
+            "spiking": constant(
                 lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)
             ),
-            "vmin_log": given(lambda core: (1 - core.vmin).bit_length() - 1),
-            "vmax_log": given(lambda core: core.vmax.bit_length()),
+            "vmin_log": constant(lambda core: (1 - core.vmin).bit_length() - 1),
+            "vmax_log": constant(lambda core: core.vmax.bit_length()),
             "child": child,
             "first": first & child,
             "parent": place_of_parent,

@@ -13,10 +13,16 @@ from hw_model.description.open_core import Sizes
 from hw_model.rtl.images import CoreProgram, held, layouts
 from hw_model.rtl.memory_plan import PACKS, Array
 
-OWN: dict[str, tuple[str, ...]] = {"leaks": (), "fires": ("parent", "entry")}
-"""Memories of constants, and their fields that compartments of a kind do not have in common."""
-FLAGGED, RESTING = 32, 8
-"""Words of constants in a word of flags, whose first two are always read; compartments in one that says who rests."""
+NOT_SHARED: dict[str, tuple[str, ...]] = {"leaks": (), "fires": ("parent", "entry")}
+"""Memories of constants, and their fields that differ between compartments of one kind: they have own words."""
+WORDS_PER_FLAGS = 32
+"""Words of constants in a word of flags, which say what equals the last but one; the first two are always read."""
+COMPARTMENTS_PER_REST = 8
+"""Compartments in a word of at_rest.sv, two bits for each."""
+STATE_BITS = 48
+"""A current and a voltage, of 24 bits each; how long a compartment is blocked takes the place of its voltage."""
+TALLY_BITS = 24
+"""Of ``tallies`` in readout.sv."""
 
 
 def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
@@ -32,7 +38,7 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     active = counts.neuron_updates_active
     spikes = counts.spikes
     lists = counts.input_events + counts.transpose_events + spikes
-    source = (sizes.axons - 1).bit_length()
+    source_bits = (sizes.axons - 1).bit_length()
     # With two slots no synapse has a delay.
     synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
     charges = sizes.slots << (words.states - 1).bit_length() - 1
@@ -42,21 +48,32 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     def one(
         name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int
     ) -> Array:
+        # What is read in order reads a row of several words once for all of them.
         in_order = more.pop("in_order", False)
         rows = {pack: reads / pack if in_order else reads for pack in PACKS}
-        return Array(name, words, bits, 2 if writes else 1, rows, writes, **more)
+        ports = 2 if writes else 1
+        return Array(name, words, bits, ports=ports, rows=rows, writes=writes, **more)
 
     constants = []
-    for name in OWN:
-        own = len(own_bits(name, sizes))
-        reads = sum(repeats(core, sizes, name, phase) for phase in range(len(core.phases)))
-        constants.append(
-            one(f"{name}_same", -(-needs.compartments // 2), widths[name] - own, reads, copies=2)
+    for name in NOT_SHARED:
+        bits_not_shared = len(own_bits(name, sizes))
+        bits_shared = widths[name] - bits_not_shared
+        reads = sum(
+            reads_without_repeats(core, sizes, name, phase) for phase in range(len(core.phases))
         )
-        if own:
-            constants.append(one(f"{name}_own", needs.compartments, own, updates, in_order=True))
-        flags = -(-needs.compartments // FLAGGED)
-        constants.append(one(f"{name}_flags", flags, FLAGGED, updates * 2 / FLAGGED))
+        # Two copies: an even half and an odd one.
+        words_of_half = -(-needs.compartments // 2)
+        constants.append(one(f"{name}_same", words_of_half, bits_shared, reads, copies=2))
+        if bits_not_shared:
+            constants.append(
+                one(f"{name}_own", needs.compartments, bits_not_shared, updates, in_order=True)
+            )
+        # A word of flags is read for each half.
+        flags = -(-needs.compartments // WORDS_PER_FLAGS)
+        flag_reads = updates * 2 / WORDS_PER_FLAGS
+        constants.append(one(f"{name}_flags", flags, WORDS_PER_FLAGS, flag_reads))
+    rest_words = -(-words.states // COMPARTMENTS_PER_REST)
+    rest_accesses = updates / COMPARTMENTS_PER_REST
     return [
         one("axons", needs.axons, widths["axons"], lists),
         one("synapses", needs.synapses // 2, synapse, counts.synaptic_ops / 2, in_order=True),
@@ -68,14 +85,12 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
             counts.synaptic_ops + active,
             copies=2,
         ),
-        one("states", words.states, 48, active, active, halves=2),
-        one(
-            "rests", -(-words.states // RESTING), 2 * RESTING, updates / RESTING, updates / RESTING
-        ),
+        one("states", words.states, STATE_BITS, active, active, halves=2),
+        one("rests", rest_words, 2 * COMPARTMENTS_PER_REST, rest_accesses, rest_accesses),
         *constants,
         one("sums", words.sums, sizes.join, parents, parents),
-        one("places", held(sizes), source, spikes, spikes),
-        one("tallies", needs.entries, 24, read_out, spikes),
+        one("places", held(sizes), source_bits, spikes, spikes),
+        one("tallies", needs.entries, TALLY_BITS, read_out, spikes),
         one(
             "bitmap",
             needs.bitmap,
@@ -97,16 +112,13 @@ def _updates_of(core: CoreProgram, kind: str) -> int:
 
 
 def own_bits(name: str, sizes: Sizes) -> list[int]:
-    """Return the bits of a word of constants that belong to :data:`OWN` fields."""
+    """Return the bits of a word of constants that belong to :data:`NOT_SHARED` fields."""
     fields = layouts(sizes)[name].fields
-    return [
-        bit
-        for bit, field in enumerate(chain(*([f.name] * f.width for f in fields)))
-        if field in OWN[name]
-    ]
+    field_of_bit = chain.from_iterable([field.name] * field.width for field in fields)
+    return [bit for bit, field in enumerate(field_of_bit) if field in NOT_SHARED[name]]
 
 
-def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
+def reads_without_repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
     """Return how many shared words of constants a phase reads, those that repeat left out."""
     layout = layouts(sizes)[name]
     words = layout.pack(
@@ -117,7 +129,6 @@ def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
     end = core.ends[phase]
     differs = (words[begin + 2 : end] != words[begin : max(end - 2, begin)]).any(axis=1)
     differs = np.r_[[True, True], differs][: end - begin]
-    return (
-        float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2)))
-        * core.phases[phase].steps
-    )
+    always_read = np.arange(begin, end) % WORDS_PER_FLAGS < 2
+    reads_of_step = np.count_nonzero(differs | always_read)
+    return float(reads_of_step) * core.phases[phase].steps

@@ -12,9 +12,12 @@ from hw_model.description.open_core import Macro
 from hw_model.errors import InputError
 from hw_model.values import Frozen
 
-WIDEST, PACKS = 4, (1, 2, 4)
+WIDEST = 4
+"""Macros side by side, at most."""
+PACKS = (1, 2, 4)
+"""Words that a row may hold."""
 PRICE = 2.0
-"""Picojoules per recording that a square micrometre is worth."""
+"""Picojoules per recording that a square micrometre is worth. Chosen, not measured: what the plan is told to prefer."""
 
 
 class Array(Frozen):
@@ -61,21 +64,21 @@ class Made(Frozen):
     def pieces(self) -> "Iterator[Piece]":
         """Yield the macros of a copy."""
         array = self.array
-        every = self.pack * self.parts
+        words_of_row = self.pack * self.parts
         for bank in range(self.banks):
-            first = bank // self.parts * every * self.macros[0].words + bank % self.parts
+            first = bank // self.parts * words_of_row * self.macros[0].words + bank % self.parts
             bit = 0
             for name, macro in zip(self.row, self.macros, strict=True):
                 yield Piece(
-                    array.name,
-                    array.copies,
-                    name,
-                    first,
-                    every,
-                    macro.words,
-                    self.pack,
-                    bit,
-                    macro.bits,
+                    memory=array.name,
+                    copies=array.copies,
+                    macro=name,
+                    first=first,
+                    every=words_of_row,
+                    rows=macro.words,
+                    pack=self.pack,
+                    bit=bit,
+                    bits=macro.bits,
                 )
                 bit += macro.bits
 
@@ -99,15 +102,15 @@ def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
     for ports in (1, 2) if array.halves else range(array.ports, 3):
         parts = 1 if ports >= array.ports else array.halves
         for depth in sorted({macro.words for macro in macros.values() if macro.ports == ports}):
-            here = [
-                (name, one)
-                for name, one in macros.items()
-                if (one.ports, one.words) == (ports, depth)
+            of_kind = [
+                (name, macro)
+                for name, macro in macros.items()
+                if (macro.ports, macro.words) == (ports, depth)
             ]
-            here.sort(key=lambda pair: -pair[1].bits)
+            of_kind.sort(key=lambda pair: -pair[1].bits)
             for pack in PACKS if array.ports == 1 else (1,):
                 banks = parts * -(-array.words // (parts * pack * depth))
-                several = [(name, one) for name, one in here if banks <= one.banks]
+                several = [(name, macro) for name, macro in of_kind if banks <= macro.banks]
                 for row in _rows(several, pack * array.bits):
                     names, kinds = zip(*row, strict=True)
                     yield Made(array, names, kinds, banks, pack, parts)
@@ -117,8 +120,8 @@ def _rows(
     macros: Sequence[tuple[str, Macro]], bits: int
 ) -> Iterator[tuple[tuple[str, Macro], ...]]:
     """Yield rows of macros that hold ``bits`` bits and no macro too many."""
-    for many in range(1, WIDEST + 1):
-        for row in combinations_with_replacement(macros, many):
+    for side_by_side in range(1, WIDEST + 1):
+        for row in combinations_with_replacement(macros, side_by_side):
             before, (_, last) = sum(macro.bits for _, macro in row[:-1]), row[-1]
             if before < bits <= before + last.bits:
                 yield row
@@ -126,7 +129,7 @@ def _rows(
 
 def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PRICE) -> list[Made]:
     """Return what each array is made of; what no macro holds is an ``InputError``."""
-    found = []
+    chosen = []
     for array in arrays:
         options = list(ways(array, macros))
         if not options:
@@ -135,8 +138,8 @@ def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PR
                 "no macros hold it",
                 fix="Give wider macros or more ports.",
             )
-        found.append(min(options, key=lambda made: made.energy_pj + price * made.area_um2))
-    return found
+        chosen.append(min(options, key=lambda made: made.energy_pj + price * made.area_um2))
+    return chosen
 
 
 def as_csv(pieces: Iterable[Piece]) -> bytes:

@@ -62,15 +62,15 @@ def core_phases(
         (p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))),
         None,
     )
-    found = [] if streaming else [CorePhase()]
+    core_phases_so_far = [] if streaming else [CorePhase()]
     free = sum(program.streams.values())
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
         length = length_of(program, phase, rows, steps)
         core_phase, free = _core_phase(
             program, phase, length, rows, free, phase is streaming, groups
         )
-        found.append(core_phase)
-    return tuple(found), free
+        core_phases_so_far.append(core_phase)
+    return tuple(core_phases_so_far), free
 
 
 def _core_phase(
@@ -101,10 +101,10 @@ def _core_phase(
     table = np.hstack(visits)
     events = phase.align_events
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
-    kept = max(
+    rows_kept = max(
         0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows
     )
-    told = rows_of_visits if events is None or not by_rows else kept
+    rows_told = rows_of_visits if events is None or not by_rows else rows_kept
     first = program.readout.from_step if program.readout else {}
     from_step = min(
         max((first[name] for name in program.columns_of(phase.name) if name in first), default=0),
@@ -113,5 +113,15 @@ def _core_phase(
     lines = np.concatenate(sources)
     table = table[:, np.argsort(table[0], kind="stable")]
     return CorePhase(
-        phase.name, steps, kept, told, shared, row_source, by_rows, events, from_step, lines, table
+        phase.name,
+        steps,
+        rows_kept,
+        rows_told,
+        shared,
+        row_source,
+        by_rows,
+        events,
+        from_step,
+        lines,
+        table,
     ), free

@@ -9,7 +9,11 @@ from hw_model.rtl.images import Sizes
 from hw_model.rtl.simulators import built, command_of, sources
 
 WAIT = 512
-"""What makes the simulated line wait for a byte from the board."""
+"""What makes the simulated line wait for a byte from the board: board_bench.sv lists what else it is told."""
+SECONDS = 2.0
+"""How long a board may be silent before it is asked again, next to the time that its bytes take."""
+LONGEST_BITS = 40_000
+"""Of 4,000 bytes, with start and stop bit ten bits each: what may be on the line before an answer."""
 
 
 class SimulatedBoard:
@@ -54,7 +58,7 @@ class SerialPort:
             fix = install_hint("rtl")
             raise InputError(where, "pyserial is not installed", fix=fix) from None
         try:
-            self._device = serial.Serial(name, baud, timeout=2 + 40_000 / baud)
+            self._device = serial.Serial(name, baud, timeout=SECONDS + LONGEST_BITS / baud)
         except (OSError, ValueError) as error:
             fix = "Name a serial device, or sim:verilator."
             raise InputError(where, "cannot be opened", measured=str(error), fix=fix) from None

@@ -6,22 +6,27 @@ from hw_model.program.chip_program import ChipProgram
 
 REGISTERS = {"charge_bits": 21, "current_bits": 23, "voltage_bits": 23}
 """Widths that are fixed in its logic, the sign not counted."""
-MOST_POPULATIONS, MOST_CHANNELS, MOST_PHASES = 64, 1 << 16, 64
+MOST_POPULATIONS = 64
+"""That are read out: ``GROUPS`` of readout.sv."""
+MOST_CHANNELS = 1 << 16
+"""A word of the stream has 16 bits for its channel: ``in_channel`` of locsnn_core.sv."""
+MOST_PHASES = 64
+"""``phase`` of locsnn_core.sv has six bits; one value is left for a first phase that has nothing to do."""
 
 
-def refuse_unless(fits: bool, program: ChipProgram, what: str, found: object) -> None:
+def refuse_unless(fits: bool, program: ChipProgram, what: str, measured: object) -> None:
     """Raise a ``TargetError`` that names what the core does not have, and what a program asks for."""
     if not fits:
         where = f"program {program.name!r}"
         what = f"the open core has no {what}"
-        raise TargetError(where, what, measured=f"{found}", fix="Simulate it instead.")
+        raise TargetError(where, what, measured=f"{measured}", fix="Simulate it instead.")
 
 
 def refuse_unplayable(program: ChipProgram) -> None:
     """Raise a ``TargetError`` for the first thing of a program that the core does not have."""
     for name, bits in REGISTERS.items():
-        found = getattr(program.chip.registers, name)
-        refuse_unless(found == bits, program, f"{name} other than {bits}", found)
+        bits_of_chip = getattr(program.chip.registers, name)
+        refuse_unless(bits_of_chip == bits, program, f"{name} other than {bits}", bits_of_chip)
     channels = sum(program.streams.values())
     refuse_unless(
         channels <= MOST_CHANNELS, program, f"more than {MOST_CHANNELS} channels", channels
@@ -53,8 +58,9 @@ def refuse_unplayable(program: ChipProgram) -> None:
 
 def _refuse_phase(program: ChipProgram, phase: Phase) -> None:
     inputs = program.inputs_of(phase.name)
-    first = program.readout.from_step if program.readout else {}
-    begins = sorted({first[name] for name in program.columns_of(phase.name) if name in first})
+    from_step = program.readout.from_step if program.readout else {}
+    populations = program.columns_of(phase.name)
+    begins = sorted({from_step[name] for name in populations if name in from_step})
     refuse_unless(
         len(begins) < 2, program, "readout of potentials from several steps of a phase", begins
     )

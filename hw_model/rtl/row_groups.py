@@ -5,35 +5,45 @@ import numpy as np
 from hw_model.program.chip_program import ChipProgram
 
 MOST_SHARED = 7
-"""Binary logarithm of the most rows that share a source."""
+"""Binary logarithm of the most rows that share a source: ``shared`` of transpose.sv has three bits."""
+Synapse = tuple[int, ...]
+"""Core, target, delay, format and mantissa."""
 
 
 def rows_together(program: ChipProgram, phase: str) -> int:
     """Return the largest k for which rows ``n 2^k`` to ``(n + 1) 2^k - 1`` of every channel have the same synapses."""
+    transposed = [item for item in program.inputs_of(phase) if item.positions is not None]
+    for item in transposed:
+        # Rows can only be counted where each channel has lines of its own, one for each row.
+        own_lines = np.arange(item.channels) * item.rows
+        if item.first_lines is None or (np.sort(item.first_lines) != own_lines).any():
+            return 0
+    synapses = _synapses_of_lines(program, phase)
     lines = program.lines_of(phase)
     shared = MOST_SHARED
-    inputs = [item for item in program.inputs_of(phase) if item.positions is not None]
-    for item in inputs:
-        if (
-            item.first_lines is None
-            or (np.sort(item.first_lines) != np.arange(item.channels) * item.rows).any()
-        ):
-            return 0
-    heard: list[list[tuple[int, ...]]] = [
-        [] for here in lines.values() for _ in range(here.stop - here.start)
-    ]
+    for item in transposed:
+        of_input = synapses[lines[item.name]]
+        differs_from_row_before = [
+            row for row in range(1, item.size) if of_input[row] != of_input[row - 1]
+        ]
+        # A row that differs must be the first of its group; channels begin groups of their own.
+        while any(row % item.rows % (1 << shared) for row in differs_from_row_before):
+            shared -= 1
+    return shared
+
+
+def _synapses_of_lines(program: ChipProgram, phase: str) -> list[list[Synapse]]:
+    """Return the synapses of every input line of a phase, sorted."""
+    lines = program.lines_of(phase).values()
+    count = sum(of_input.stop - of_input.start for of_input in lines)
+    synapses: list[list[Synapse]] = [[] for _ in range(count)]
     for core in program.cores_of(phase):
         axons = core.axons
         sender = program.senders[core.number][axons.axon_of_synapse]
+        is_line = (sender >= 0) & (sender < len(synapses))
         rows = np.stack(
             (sender, axons.target, axons.delay, axons.format_index, axons.mantissa), axis=1
         )
-        for line, *synapse in rows[(sender >= 0) & (sender < len(heard))].tolist():
-            heard[line].append((core.number, *synapse))
-    for item in inputs:
-        own = [sorted(each) for each in heard[lines[item.name]]]
-        while any(
-            row % item.rows % (1 << shared) and own[row] != own[row - 1] for row in range(item.size)
-        ):
-            shared -= 1
-    return shared
+        for line, *synapse in rows[is_line].tolist():
+            synapses[line].append((core.number, *synapse))
+    return [sorted(of_line) for of_line in synapses]

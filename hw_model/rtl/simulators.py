@@ -42,23 +42,23 @@ def built(
     ``more``: parameters of the module ``top`` besides the sizes.
     """
     check_known(f"simulator {simulator!r}", "does not exist", simulator, SIMULATORS)
-    given = parameters(sizes) | {name.upper(): value for name, value in more.items()}
+    parameters_by_name = parameters(sizes) | {name.upper(): value for name, value in more.items()}
     named = hashlib.sha256(
-        repr((simulator, given, top, sorted(texts.items()))).encode()
+        repr((simulator, parameters_by_name, top, sorted(texts.items()))).encode()
     ).hexdigest()[:16]
-    found = kept(f"rtl-{named}-{_BINARY[simulator]}")
-    if not found.exists():
+    binary = kept(f"rtl-{named}-{_BINARY[simulator]}")
+    if not binary.exists():
         _log.info("building the core with %s, once for its sizes: up to a minute", simulator)
-        with tempfile.TemporaryDirectory(dir=found.parent) as folder:
+        with tempfile.TemporaryDirectory(dir=binary.parent) as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text)
             said(
-                _command(simulator, given, top, sorted(texts)),
+                _command(simulator, parameters_by_name, top, sorted(texts)),
                 Path(folder),
                 f"simulator {simulator!r}",
             )
-            os.replace(Path(folder) / _BINARY[simulator], found)
-    return found
+            os.replace(Path(folder) / _BINARY[simulator], binary)
+    return binary
 
 
 def kept(name: str) -> Path:
@@ -121,10 +121,10 @@ def said(command: list[str], folder: Path, where: str) -> str:
             fix = install_hint("rtl")
         raise InputError(where, f"{tool} is not installed", fix=fix)
     environment = {**os.environ, "PATH": path}
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        words = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
+    if process.returncode:
+        words = (process.stderr or process.stdout).strip() or f"exit code {process.returncode}"
         raise InputError(where, f"{tool} failed", measured=words, fix="Report it.")
-    return done.stdout or done.stderr
+    return process.stdout or process.stderr

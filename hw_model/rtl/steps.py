@@ -8,10 +8,11 @@ import numpy as np
 
 from hw_model.values import IntArray
 
+# A mantissa has nine bits; three of them hold an exponent, so six are left for a signed jump.
 FURTHEST = 31
-"""Longest jump forward; a longer way takes several jumps."""
+"""Longest jump forward, in targets; a longer way takes several jumps."""
 NEAREST = -32
-"""Longest jump back."""
+"""Longest jump back, in targets."""
 
 
 def in_steps(

@@ -26,15 +26,21 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.phases import CorePhase
 from hw_model.values import FloatArray, Frozen, IntArray
 
+# All are cycles, and follow from what the clock of hw_model/rtl/cycles.py adds.
 _LEAST = 2
-"""Cycles of an event or spike whose list is shorter."""
+"""Of an event or spike whose list is shorter: requests follow each other two cycles apart."""
 _WAIT = 1
 """Of an event in the stream and of a spike from the queue, and what an event adds to a scan."""
 _WAIT_AGAIN = 2
+"""Of an event that is asked for a second time, for the second phase."""
 _END_OF_STEP = 16
+"""2 until the last charge is added, 1 to the first update, 10 more from the last update until its spike is the head of
+the queue, and the 4 of F + 4: 17, one of which is the wait."""
 _END_OF_PHASE = 8
+"""Enough for 2 until the last charge is added, and the 4 of F + 4: nothing is updated."""
 _END_OF_STREAM = 1
 _AFTER_READOUT = 2
+"""From the end of the readout to the answer."""
 
 
 class CoreCosts(Frozen, eq=False):

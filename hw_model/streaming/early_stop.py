@@ -215,15 +215,15 @@ def pushed_each(
 
     def push_some(start: int, stop: int) -> list[T]:
         session = Session(program, psi)
-        taken = []
+        result = []
         for recording in range(start, stop):
             session.reset()
             pushed = session.push({name: rows[recording] for name, rows in streams.items()})
-            taken.append(take(pushed))
-        return taken
+            result.append(take(pushed))
+        return result
 
     recordings = len(next(iter(streams.values())))
-    return [taken for some in in_parts(push_some, recordings) for taken in some]
+    return [result for some in in_parts(push_some, recordings) for result in some]
 
 
 def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:

@@ -61,20 +61,20 @@ class Proof:
 
     def _score_bounds(self, step: IntArray) -> "_ScoreBounds":
         """Add up what all populations gave until ``step``, and what they give in the end."""
-        so_far, least, most = np.zeros((3, self._batch, self._classes))
+        so_far, least, bounds = np.zeros((3, self._batch, self._classes))
         steps_before = 0
         for phase in self._phases:
-            done = np.clip(step - steps_before, 0, phase.steps)
-            nothing_comes = (step >= self._over_from) & (done >= phase.rests_from)
+            steps_run = np.clip(step - steps_before, 0, phase.steps)
+            nothing_comes = (step >= self._over_from) & (steps_run >= phase.rests_from)
             for term in phase.terms:
-                so_far += term.weight * term.population.given(done)
-                ends = term.population.at_the_end(done, nothing_comes[:, None])
+                so_far += term.weight * term.population.given(steps_run)
+                ends = term.population.at_the_end(steps_run, nothing_comes[:, None])
                 # A negative weight turns the least into the most.
                 one_end, other_end = (term.weight * end for end in ends)
                 least += np.minimum(one_end, other_end)
-                most += np.maximum(one_end, other_end)
+                bounds += np.maximum(one_end, other_end)
             steps_before += phase.steps
-        return _ScoreBounds(so_far, least, most)
+        return _ScoreBounds(so_far, least, bounds)
 
     def _winner_stands(self, scores: "_ScoreBounds") -> BoolArray:
         """Tell whether no other class can come to win in the place of the one that leads now."""

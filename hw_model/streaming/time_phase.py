@@ -211,9 +211,9 @@ def _note(so_far, counts, row, at):  # type: ignore[no-untyped-def]
 def _take_largest(step, row, room, read):  # type: ignore[no-untyped-def]
     """Put the largest potentials so far of the columns that are read in place of their spikes; 0 before their step."""
     for j in range(len(read.columns)):
-        found = room.potential[0, row, j]
+        potential = room.potential[0, row, j]
         room.potential[0, row, j] = 0
-        room.largest[j] = max(room.largest[j], found) if step > read.first[j] else found
+        room.largest[j] = max(room.largest[j], potential) if step > read.first[j] else potential
         room.so_far[read.columns[j]] = room.largest[j] if step >= read.first[j] else 0
 
 

@@ -114,8 +114,8 @@ def _family_of_file(path: Path) -> AnyFamily:
     document = plain_values(read_chip_file(path), path.name)
     if not isinstance(document, Mapping):
         return MESHES  # whose reader refuses it
-    held: Mapping[Any, Any] = document
-    return max(FAMILIES, key=lambda family: family.keys_in(held))
+    keys: Mapping[Any, Any] = document
+    return max(FAMILIES, key=lambda family: family.keys_in(keys))
 
 
 def chip_named(target: str | Path | AnyChip) -> AnyChip:

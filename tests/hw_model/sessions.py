@@ -26,7 +26,9 @@ def largest_potential_so_far(potential: np.ndarray, first: int) -> np.ndarray:
                      for t in range(len(potential))])  # fmt: skip
 
 
-def check_session_after_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
+def check_session_after_every_step(
+    program: hw.ChipProgram, recording: np.ndarray, session_scores
+) -> None:
     """Check what a session said after every step (:class:`hw.StepScores`) against whole runs of the reference.
 
     Populations of a time phase have the spikes up to the step; those of a location phase have what a run gives of the
@@ -34,7 +36,7 @@ def check_session_after_every_step(program: hw.ChipProgram, recording: np.ndarra
     """
     whole = hw.simulate(program, recording, probe=("spikes", "potential"))
     again = hw.simulate(program, cut_after_every_step(recording), probe=("spikes", "potential"))
-    wanted = np.zeros_like(found.scores)
+    expected = np.zeros_like(session_scores.scores)
     axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
     for name, weight in program.readout.terms:
         first = program.readout.from_step.get(name)
@@ -48,16 +50,16 @@ def check_session_after_every_step(program: hw.ChipProgram, recording: np.ndarra
             counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
         else:
             counts = again.spikes[name].sum(axis=1, dtype=np.int64)
-        assert np.array_equal((found.spikes if first is None else found.potential)[name], counts), (
-            name
-        )
-        wanted += weight * counts
-    assert np.array_equal(found.scores, wanted)
-    assert np.array_equal(found.scores[-1], whole.scores)
-    assert np.array_equal(found.prediction, wanted.argmax(axis=1))
-    ordered = np.sort(wanted, axis=1)
+        assert np.array_equal(
+            (session_scores.spikes if first is None else session_scores.potential)[name], counts
+        ), name
+        expected += weight * counts
+    assert np.array_equal(session_scores.scores, expected)
+    assert np.array_equal(session_scores.scores[-1], whole.scores)
+    assert np.array_equal(session_scores.prediction, expected.argmax(axis=1))
+    ordered = np.sort(expected, axis=1)
     assert np.array_equal(
-        found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0)
+        session_scores.lead, ordered[:, -1] - (ordered[:, -2] if expected.shape[1] > 1 else 0)
     )
 
 

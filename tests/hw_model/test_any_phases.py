@@ -27,20 +27,20 @@ QUICK = [seed for seed in range(36) if seed not in LARGE]
 MANY = [*LARGE, *range(36, 200)]
 
 
-def check_equal(found: hw.SimulationResult, wanted: hw.SimulationResult) -> None:
+def check_equal(result: hw.SimulationResult, wanted: hw.SimulationResult) -> None:
     """Every array, count, event and score; only the steps that an engine skips may differ."""
     for kind in KINDS:
-        ours = getattr(found, kind)
+        ours = getattr(result, kind)
         theirs = getattr(wanted, kind)
         assert ours.keys() == theirs.keys()
         assert [name for name in ours if not np.array_equal(ours[name], theirs[name])] == [], kind
-    assert [replace(one, skipped_steps=0) for one in found.per_recording] == [
+    assert [replace(one, skipped_steps=0) for one in result.per_recording] == [
         replace(one, skipped_steps=0) for one in wanted.per_recording
     ]
-    assert found.events == wanted.events
-    assert np.array_equal(found.scores, wanted.scores, equal_nan=True)
+    assert result.events == wanted.events
+    assert np.array_equal(result.scores, wanted.scores, equal_nan=True)
     for phase, items in wanted.activity.items():
-        for ours, theirs in zip(found.activity[phase], items, strict=True):
+        for ours, theirs in zip(result.activity[phase], items, strict=True):
             assert all(
                 np.array_equal(ours.by_piece[name], counts)
                 for name, counts in theirs.by_piece.items()
@@ -51,15 +51,15 @@ def check_equal(found: hw.SimulationResult, wanted: hw.SimulationResult) -> None
 
 def check_engines(case: any_phases.Case) -> hw.SimulationResult:
     """With and without skipping, a second time, and a recording at a time, against the reference."""
-    wanted = hw.simulate(case.program, case.spikes, case.steps, ENGINES[1], PROBE)
+    expected = hw.simulate(case.program, case.spikes, case.steps, ENGINES[1], PROBE)
     for skip in (True, False, True):
         check_equal(
-            hw.simulate(case.program, case.spikes, case.steps, probe=PROBE, skip=skip), wanted
+            hw.simulate(case.program, case.spikes, case.steps, probe=PROBE, skip=skip), expected
         )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "MAX_TOGETHER", 1)
-        check_equal(hw.simulate(case.program, case.spikes, case.steps, probe=PROBE), wanted)
-    return wanted
+        check_equal(hw.simulate(case.program, case.spikes, case.steps, probe=PROBE), expected)
+    return expected
 
 
 def plain_with_skips(case: any_phases.Case) -> hw.SimulationResult:
@@ -72,9 +72,9 @@ def plain_with_skips(case: any_phases.Case) -> hw.SimulationResult:
 @pytest.mark.parametrize("seed", QUICK)
 def test_the_plain_engine_counts_the_steps_that_the_fast_one_skips(seed: int) -> None:
     case = any_phases.case(seed)
-    found = plain_with_skips(case)
-    wanted = hw.simulate(case.program, case.spikes, case.steps, probe=PROBE)
-    assert found.per_recording == wanted.per_recording
+    result = plain_with_skips(case)
+    expected = hw.simulate(case.program, case.spikes, case.steps, probe=PROBE)
+    assert result.per_recording == expected.per_recording
 
 
 @pytest.mark.slow
@@ -84,9 +84,9 @@ def test_recordings_that_do_not_fit_at_once_are_played_in_parts(
     whole = [plain_with_skips(any_phases.case(seed)) for seed in QUICK[:12]]
     monkeypatch.setattr(reference, "NUMBERS_AT_ONCE", 1)
     for seed, wanted in zip(QUICK[:12], whole, strict=True):
-        found = plain_with_skips(any_phases.case(seed))
-        check_equal(found, wanted)
-        assert found.per_recording == wanted.per_recording
+        result = plain_with_skips(any_phases.case(seed))
+        check_equal(result, wanted)
+        assert result.per_recording == wanted.per_recording
 
 
 def check_each(case: any_phases.Case, wanted: hw.SimulationResult) -> None:
@@ -116,8 +116,8 @@ def check_totals(case: any_phases.Case, found: hw.SimulationResult) -> None:
     )
     totals["neuron_updates_inactive"] = totals["neuron_updates"] - totals["neuron_updates_active"]
     for profile in case.program.chip.profiles.values():
-        wanted = sum(cost * totals[name] for name, cost in profile.energy_pj.items())
-        assert sum(energy_pj(found.counts, profile).values()) == pytest.approx(wanted, rel=1e-12)
+        expected = sum(cost * totals[name] for name, cost in profile.energy_pj.items())
+        assert sum(energy_pj(found.counts, profile).values()) == pytest.approx(expected, rel=1e-12)
     for kept in ("synaptic_ops", "neuron_updates", "spikes", "axon_packets", "hops_x", "hops_y"):
         by_step = sum(
             int(item.count(kept).sum()) for items in found.activity.values() for item in items
@@ -127,14 +127,14 @@ def check_totals(case: any_phases.Case, found: hw.SimulationResult) -> None:
 
 def check(seed: int, folder: Path) -> None:
     case = any_phases.case(seed)
-    found = check_engines(case)
-    check_each(case, found)
-    check_totals(case, found)
+    result = check_engines(case)
+    check_each(case, result)
+    check_totals(case, result)
     assert np.array_equal(
-        case.program.readout.scores(found.spikes, found.potential), found.scores, equal_nan=True
+        case.program.readout.scores(result.spikes, result.potential), result.scores, equal_nan=True
     )
     case.program.save(folder)
-    check_equal(hw.simulate(hw.load_program(folder), case.spikes, case.steps, probe=PROBE), found)
+    check_equal(hw.simulate(hw.load_program(folder), case.spikes, case.steps, probe=PROBE), result)
 
 
 @pytest.mark.parametrize("seed", QUICK)
@@ -154,8 +154,8 @@ def test_a_batch_after_one_recording(seed):
     one = {name: array[:1] for name, array in case.spikes.items()}
     several = {name: np.concatenate([array] * 2) for name, array in case.spikes.items()}
     for given in (one, several):
-        wanted = hw.simulate(case.program, given, case.steps, ENGINES[1], PROBE)
-        check_equal(hw.simulate(case.program, given, case.steps, probe=PROBE), wanted)
+        expected = hw.simulate(case.program, given, case.steps, ENGINES[1], PROBE)
+        check_equal(hw.simulate(case.program, given, case.steps, probe=PROBE), expected)
 
 
 @pytest.mark.minutes

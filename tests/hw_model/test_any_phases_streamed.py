@@ -67,43 +67,43 @@ def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
 
 def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
     session = hw.Session(case.program)
-    found = pushed(session, case.first, [])
+    scores = pushed(session, case.first, [])
     for step in {0, case.rows - 1, *r.integers(case.rows, size=2).tolist()}:
-        check_so_far(case, step, found)
+        check_so_far(case, step, scores)
     every = list(range(1, case.rows))
     some = r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist()
     for cuts in (every, some):
         again = pushed(session if r.random() < 0.5 else hw.Session(case.program), case.first, cuts)
-        assert np.array_equal(again.scores, found.scores, equal_nan=True)
+        assert np.array_equal(again.scores, scores.scores, equal_nan=True)
         for kind in ("spikes", "potential"):
             ours = getattr(again, kind)
-            theirs = getattr(found, kind)
+            theirs = getattr(scores, kind)
             assert [name for name in theirs if not np.array_equal(ours[name], theirs[name])] == []
     live = [p for p in case.program.phases if case.program.inputs_of(p.name)[0].positions is None]
     if all((phase.steps or 0) <= case.rows for phase in live):
         assert np.array_equal(
-            found.scores[-1], hw.simulate(case.program, case.first).scores, equal_nan=True
+            scores.scores[-1], hw.simulate(case.program, case.first).scores, equal_nan=True
         )
 
 
 def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generator) -> None:
     """While the first phase plays rows as they come, those that have not come yet may be any and change no winner."""
     first = case.program.phases[0]
-    done = int(proven.steps[0])
+    steps_done = int(proven.steps[0])
     ends = (
         case.rows
         if first.steps is None or first.align_events is not None
         else min(case.rows, first.steps)
     )
-    if case.program.inputs_of(first.name)[0].positions is not None or done >= ends:
+    if case.program.inputs_of(first.name)[0].positions is not None or steps_done >= ends:
         return
     for density in (0.0, 0.05, 0.3, 0.7, 1.0):
         later = {name: np.repeat(array[:1], 32, axis=0) for name, array in case.spikes.items()}
         for array in later.values():
-            array[:, done:] = r.random(array[:, done:].shape) < density
+            array[:, steps_done:] = r.random(array[:, steps_done:].shape) < density
         assert set(hw.simulate(case.program, later).prediction.tolist()) == {
             proven.prediction[0]
-        }, (done, density)
+        }, (steps_done, density)
 
 
 def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:

@@ -69,12 +69,12 @@ def check_ranges(program: hw.ChipProgram, found: hw.SimulationResult) -> None:
 
 def check_program(drawn: any_program.Drawn) -> Counter[str]:
     """Return what was met."""
-    found = check_engines(drawn)
-    check_ranges(drawn.program, found)
+    result = check_engines(drawn)
+    check_ranges(drawn.program, result)
     session = hw.Session(drawn.program)
     first = drawn.program.readout.potentials_from
     for recording, spikes, potential in zip(
-        drawn.spikes, found.spikes["y"], found.potential["y"], strict=True
+        drawn.spikes, result.spikes["y"], result.potential["y"], strict=True
     ):
         session.reset()
         pushed = session.push(recording)
@@ -82,12 +82,12 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
             assert np.array_equal(pushed.spikes["y"], spikes.cumsum(axis=0, dtype=np.int64))
         else:
             assert np.array_equal(pushed.potential["y"], largest_potential_so_far(potential, first))
-    met = Counter({event: int(found.counts[event]) for event in EVENTS})
+    met = Counter({event: int(result.counts[event]) for event in EVENTS})
     met["predict by potentials"] += first is not None
     return (
         drawn.drawn
         + met
-        + Counter({"spikes": int(found.counts.spikes), "recordings": len(drawn.spikes)})
+        + Counter({"spikes": int(result.counts.spikes), "recordings": len(drawn.spikes)})
     )
 
 
@@ -99,13 +99,14 @@ def check_streams(drawn: any_program.Drawn) -> Counter[str]:
     check_session_after_every_step(program, recording, session.push(recording))
     apart = with_stream_per_phase(program)
     stops = hw.stop_when_proven(apart, {"time": drawn.spikes, "location": drawn.spikes})
-    done = int(stops.steps[0])
-    found = hw.simulate(
-        apart, possible_futures(apart, recording, done, np.random.default_rng(done), batch=16)
+    steps_done = int(stops.steps[0])
+    result = hw.simulate(
+        apart,
+        possible_futures(apart, recording, steps_done, np.random.default_rng(steps_done), batch=16),
     )
-    assert (found.prediction == stops.prediction[0]).all()
+    assert (result.prediction == stops.prediction[0]).all()
     return drawn.drawn + Counter(
-        {"proven early": int(done < stops.all_steps), "steps replayed": session.replayed[0]}
+        {"proven early": int(steps_done < stops.all_steps), "steps replayed": session.replayed[0]}
     )
 
 

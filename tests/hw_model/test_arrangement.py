@@ -92,11 +92,11 @@ def test_traffic_counts_every_compartment_and_target_core_once():
         (int(s), int(core[t]))
         for s, t in zip(recurrent.source_index, recurrent.target_index, strict=True)
     }
-    wanted = np.zeros((5, 5))
+    expected = np.zeros((5, 5))
     for source, to in pairs:
         if core[source] != to:
-            wanted[core[source], to] += 1
-    assert np.array_equal(traffic, wanted + wanted.T)
+            expected[core[source], to] += 1
+    assert np.array_equal(traffic, expected + expected.T)
 
 
 def test_expected_spikes_weigh_the_traffic():

@@ -19,24 +19,24 @@ WRITER = Path(__file__).with_name("kill_writer.py")
 
 
 def kill_writers(mode, folder):
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, str(WRITER), mode, str(folder)],
         capture_output=True,
         text=True,
         check=False,
         timeout=300,
     )
-    assert (done.returncode, done.stderr) == (0, "")
-    return json.loads(done.stdout)
+    assert (process.returncode, process.stderr) == (0, "")
+    return json.loads(process.stdout)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["exchange", "no exchange", "journal", "file", "random"])
 def test_a_killed_writer_leaves_old_or_new(mode, tmp_path):
-    found = kill_writers(mode, tmp_path / "place")
-    assert found["other"] == []
-    assert found["old"] + found["new"] == found["killed"]
-    assert min(found["old"], found["new"]) >= 1
+    outcomes = kill_writers(mode, tmp_path / "place")
+    assert outcomes["other"] == []
+    assert outcomes["old"] + outcomes["new"] == outcomes["killed"]
+    assert min(outcomes["old"], outcomes["new"]) >= 1
 
 
 @pytest.fixture(params=["exchange", "no exchange", "journal"])

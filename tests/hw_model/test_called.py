@@ -76,19 +76,19 @@ def watched(monkeypatch):
 def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
     for seed in range(6):
         program, recording = random_hybrid(seed, channels_per_step=1 + seed % 3)
-        wanted = hw.simulate(program, recording, engine="reference")
+        expected = hw.simulate(program, recording, engine="reference")
         rows = KINDS[kind](recording)
         for found in (
             hw.simulate(program, rows),
             hw.simulate(program, KINDS[kind](np.stack([recording] * 2))),
         ):
             assert all(np.array_equal(found.spikes[name], np.broadcast_to(spikes, found.spikes[name].shape))
-                       for name, spikes in wanted.spikes.items())  # fmt: skip
+                       for name, spikes in expected.spikes.items())  # fmt: skip
         at_once = hw.Session(program).push(rows)
         by_row = hw.Session(program)
         scores = np.concatenate([by_row.push(row).scores for row in rows])
         assert np.array_equal(at_once.scores, scores)
-        assert np.array_equal(scores[-1], wanted.scores)
+        assert np.array_equal(scores[-1], expected.scores)
     assert {function.__name__ for function in watched.given} == {
         "list_into",
         "_transpose",

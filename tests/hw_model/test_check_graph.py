@@ -47,8 +47,8 @@ def test_a_parameter_has_its_own_range(name):
     for value in (low - 1, high + 1):
         with pytest.raises(hw.TargetError) as error:
             check_graph(graph(**{name: [low, value]}), CHIP)
-        wanted = f"compartments 'soma': {name} of compartment 1 is out of range ({value} against {low}..{high}). {fix}"
-        assert str(error.value) == wanted
+        expected = f"compartments 'soma': {name} of compartment 1 is out of range ({value} against {low}..{high}). {fix}"
+        assert str(error.value) == expected
 
 
 @pytest.mark.parametrize(
@@ -62,8 +62,8 @@ def test_joints_that_cannot_be(changes):
     with pytest.raises(hw.InputError) as error:
         check_graph(made, CHIP)
     to = changes.get("joined_to", "soma")
-    wanted = f"compartments 'dendrite': cannot be joined to '{to}'. Join to another group of the same size and phase."
-    assert str(error.value) == wanted
+    expected = f"compartments 'dendrite': cannot be joined to '{to}'. Join to another group of the same size and phase."
+    assert str(error.value) == expected
 
 
 TURNED = Input("turned", 2, "time", "x", positions=[0, 1])

@@ -62,7 +62,7 @@ def run(folder, *, limits="true", **environment):
         if key not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
     }
     given |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"} | environment
-    done = subprocess.run(
+    process = subprocess.run(
         ["bash", "-c", f"{limits}; {python}"],
         cwd=folder,
         env=given,
@@ -70,8 +70,8 @@ def run(folder, *, limits="true", **environment):
         text=True,
         timeout=100,
     )
-    assert (done.returncode, done.stderr) == (0, "")
-    return int(done.stdout)
+    assert (process.returncode, process.stderr) == (0, "")
+    return int(process.stdout)
 
 
 def kept_in(folder):
@@ -165,7 +165,7 @@ if __name__ == "__main__":
 def played(folder):
     """Run the loop of a copy of the package in a process; return what it gives, and what it logs without times."""
     environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / "cache")}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "logged.py"],
         cwd=folder,
         env=environment,
@@ -173,7 +173,7 @@ def played(folder):
         text=True,
         timeout=100,
     )
-    return done.stdout, re.sub(r"in [0-9.]+ s", "in some s", done.stderr)
+    return process.stdout, re.sub(r"in [0-9.]+ s", "in some s", process.stderr)
 
 
 @pytest.fixture(scope="module")
@@ -264,7 +264,7 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
     }
 
     def asked():
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", start],
             cwd=tmp_path,
             env=environment,
@@ -272,8 +272,8 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
             text=True,
             timeout=100,
         )
-        assert (done.returncode, done.stderr) == (0, "")
-        return done.stdout.strip()
+        assert (process.returncode, process.stderr) == (0, "")
+        return process.stdout.strip()
 
     assert asked() == said
     assert asked() == "5 6"

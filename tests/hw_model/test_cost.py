@@ -42,11 +42,11 @@ def test_energy_and_latency_worked_out_by_hand(worked, profile):
     time = latency(
         worked.program, {phase: found[0] for phase, found in result.activity.items()}, costs
     )
-    wanted = worked.phase_ns[profile]
+    expected = worked.phase_ns[profile]
     assert {phase: round(ns, 9) for phase, ns in time.by_phase_ns.items()} == {
-        phase: round(ns, 9) for phase, ns in wanted.items()
+        phase: round(ns, 9) for phase, ns in expected.items()
     }
-    assert round(time.total_ns, 9) == round(sum(wanted.values()), 9)
+    assert round(time.total_ns, 9) == round(sum(expected.values()), 9)
     assert round(time.after_last_row_ns, 9) == round(worked.after_last_row_ns[profile], 9)
 
 
@@ -172,9 +172,9 @@ def test_the_critical_core_is_one_of_the_program_and_not_of_its_phase():
 )
 def test_the_slowest_step_of_a_row(worked, slowest_ns):
     result = hw.simulate(worked.program, worked.recording, probe=("activity",))
-    activity = {phase: found[0] for phase, found in result.activity.items()}
-    found = latency(worked.program, activity, CHIP.profile("davies2018"))
-    assert round(found.slowest_step_ns, 9) == round(slowest_ns, 9)
+    activity = {phase: slowest[0] for phase, slowest in result.activity.items()}
+    slowest = latency(worked.program, activity, CHIP.profile("davies2018"))
+    assert round(slowest.slowest_step_ns, 9) == round(slowest_ns, 9)
 
 
 def test_the_buffer_is_read_in_cycles_of_the_clock():

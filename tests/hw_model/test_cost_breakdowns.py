@@ -285,7 +285,7 @@ def test_latency_equals_a_walk_of_every_packet(profile, seed):
     for phase, (item,) in result.activity.items():
         spikes = spikes_of(program, phase, result, len(item.buffered))
         found = critical_path(step_times(program, phase, item, profile)).step_ns
-        wanted = [
+        expected = [
             walked_step_ns(program, phase, item, spikes, profile, t) for t in range(len(spikes))
         ]
-        assert found.tolist() == pytest.approx(wanted, rel=1e-12)
+        assert found.tolist() == pytest.approx(expected, rel=1e-12)

@@ -39,12 +39,12 @@ def test_no_future_changes_a_proven_winner(seed, channels_per_step):
         with_stream_per_phase(program), (None, 0, 3, (None, 2), (4, None), (3, 1))[seed % 6]
     )
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
-    done = int(stops.steps[0])
-    assert 0 <= done <= stops.all_steps == sum(phase.steps for phase in program.phases)
-    found = hw.simulate(
-        program, possible_futures(program, recording, done, np.random.default_rng(seed))
+    steps_done = int(stops.steps[0])
+    assert 0 <= steps_done <= stops.all_steps == sum(phase.steps for phase in program.phases)
+    result = hw.simulate(
+        program, possible_futures(program, recording, steps_done, np.random.default_rng(seed))
     )
-    assert (found.prediction == stops.prediction[0]).all()
+    assert (result.prediction == stops.prediction[0]).all()
 
 
 @pytest.mark.slow
@@ -55,8 +55,8 @@ def test_every_single_future_keeps_a_proven_winner(seed, first):
     program, recording = random_layer(seed)
     program = by_potentials(program, first)
     stops = hw.stop_when_proven(program, recording[None])
-    done = int(stops.steps[0])
-    rest = recording[done:]
+    steps_done = int(stops.steps[0])
+    rest = recording[steps_done:]
     if rest.size > 10:
         rest = rest[-10 // recording.shape[1] :]
     many = np.array(list(product((0, 1), repeat=rest.size)), dtype=np.uint8).reshape(
@@ -167,12 +167,12 @@ def test_the_stop_is_the_first_step_that_the_bound_proves(seed, first):
 @given(seed=SEEDS)
 def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
     program, recording = random_hybrid(seed)
-    found = hw.stop_when_proven(program, recording[None])
-    assert counts_by_core(found.all_counts) == counts_by_core(
+    stops = hw.stop_when_proven(program, recording[None])
+    assert counts_by_core(stops.all_counts) == counts_by_core(
         hw.simulate(program, recording).counts
     )
-    left = int(found.steps[0])
-    wanted = dict.fromkeys(BY_CORE, 0)
+    left = int(stops.steps[0])
+    expected = dict.fromkeys(BY_CORE, 0)
     result = hw.simulate(program, recording, probe=("activity",))
     for phase in program.phases:
         steps = min(left, phase.steps)
@@ -186,18 +186,18 @@ def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
         else:
             activity = result.activity[phase.name][0]
             counts = {name: int(activity.count(name)[:steps].sum()) for name in BY_CORE}
-        wanted = {name: n + counts[name] for name, n in wanted.items()}
-    assert counts_by_core(found.counts) == wanted
+        expected = {name: n + counts[name] for name, n in expected.items()}
+    assert counts_by_core(stops.counts) == expected
 
 
 def test_phases_that_do_not_vote_are_run_nevertheless():
     """The location phase comes after all steps of the time phase, whether they matter or not."""
     program, recording = random_hybrid(4)
     alone = replace(program, readout=Readout(("location/y",), (1.0,)))
-    found = hw.stop_when_proven(alone, recording[None])
-    assert found.all_steps == sum(recording.shape)
-    assert len(recording) < found.steps[0] <= found.all_steps
-    assert found.counts.spikes >= hw.simulate(program, recording).counts_by_phase["time"].spikes
+    stops = hw.stop_when_proven(alone, recording[None])
+    assert stops.all_steps == sum(recording.shape)
+    assert len(recording) < stops.steps[0] <= stops.all_steps
+    assert stops.counts.spikes >= hw.simulate(program, recording).counts_by_phase["time"].spikes
 
 
 def test_an_empty_buffer_ends_a_recording():
@@ -268,5 +268,5 @@ def test_no_future_changes_the_winner_of_a_real_recording(name):
     assert stops.steps.mean() < stops.all_steps
     r = np.random.default_rng(0)
     for recording, done, prediction in zip(recordings, stops.steps, stops.prediction, strict=True):
-        found = hw.simulate(program, possible_futures(program, recording, int(done), r, batch=16))
-        assert (found.prediction == prediction).all()
+        result = hw.simulate(program, possible_futures(program, recording, int(done), r, batch=16))
+        assert (result.prediction == prediction).all()

@@ -61,11 +61,11 @@ def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched)
     assert plain.counts.spikes > 0
     assert plain.counts.voltage_clips > 0
     for _ in range(2):
-        found = hw.simulate(program, nothing, probe=KINDS)
-        assert equal(found, plain)
-        for array in parts(found):  # what one caller does with its own is nobody else's
+        result = hw.simulate(program, nothing, probe=KINDS)
+        assert equal(result, plain)
+        for array in parts(result):  # what one caller does with its own is nobody else's
             array[...] = 77
-        for kinds in found.events.values():
+        for kinds in result.events.values():
             kinds.clear()
 
 
@@ -95,8 +95,8 @@ def test_events_of_one_stream_are_played_beside_an_empty_one():
     program = builder.build()
     heard = np.zeros((STEPS, 2), dtype=np.uint8)
     heard[3, 1] = 1
-    found = hw.simulate(program, {"silent": np.zeros_like(heard), "heard": heard})
-    assert (found.counts.input_events, found.counts.spikes) == (1, 1)
+    result = hw.simulate(program, {"silent": np.zeros_like(heard), "heard": heard})
+    assert (result.counts.input_events, result.counts.spikes) == (1, 1)
 
 
 @pytest.mark.parametrize("kind", ["uint8", "bool", "int64", "float64"])

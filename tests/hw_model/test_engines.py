@@ -292,7 +292,7 @@ def test_widths_by_hand(registers, bound):
     builder.connect(x, n, [[254]], exponent=3)
     spikes = np.ones((60, 1), dtype=np.uint8)
     u = v = clips = wraps = 0
-    wanted = []
+    expected = []
     for t in range(60):
         total = 254 * 8 * 64 if t else 0
         q = oracle.wrap(total, chip.registers.charge_bits)
@@ -302,14 +302,14 @@ def test_widths_by_hand(registers, bound):
         v = v + wrapped
         clips += abs(v) > bound
         v = max(-bound, min(bound, v))
-        wanted.append((u, v))
+        expected.append((u, v))
     for engine in ENGINES:
-        found = hw.simulate(builder.build(), spikes, engine=engine, probe=("u", "v"))
+        result = hw.simulate(builder.build(), spikes, engine=engine, probe=("u", "v"))
         assert (
-            list(zip(found.u["n"][:, 0].tolist(), found.v["n"][:, 0].tolist(), strict=True))
-            == wanted
+            list(zip(result.u["n"][:, 0].tolist(), result.v["n"][:, 0].tolist(), strict=True))
+            == expected
         )
-        assert (found.counts.wraps, found.counts.clips) == (wraps, clips)
+        assert (result.counts.wraps, result.counts.clips) == (wraps, clips)
 
 
 def test_a_voltage_wider_than_a_factor():
@@ -319,10 +319,10 @@ def test_a_voltage_wider_than_a_factor():
     n = builder.add_compartments("n", 1, decay_u=KEEPS_ALL, decay_v=KEEPS_ALL, threshold=100)
     builder.connect(x, n, [[-254]], exponent=3)
     for engine in ENGINES:
-        found = hw.simulate(
+        result = hw.simulate(
             builder.build(), np.ones((60, 1), dtype=np.uint8), engine=engine, probe=("v",)
         )
-        assert found.v["n"][:, 0].tolist() == [
+        assert result.v["n"][:, 0].tolist() == [
             -64 * 8 * 254 * (t * (t + 1) // 2) for t in range(60)
         ], engine
 
@@ -449,8 +449,8 @@ def test_a_refractory_sum_counts_on_while_its_dendrites_rest():
     spikes = np.zeros((40, 1), dtype=np.uint8)
     spikes[[0, 3, 10, 15, 19, 25]] = 1
     for engine in ENGINES:
-        found = hw.simulate(builder.build(), spikes, engine=engine).spikes["soma"]
-        assert np.flatnonzero(found).tolist() == [1, 11, 16, 26], engine
+        result = hw.simulate(builder.build(), spikes, engine=engine).spikes["soma"]
+        assert np.flatnonzero(result).tolist() == [1, 11, 16, 26], engine
 
 
 def test_a_charge_beyond_32_bits_is_counted_as_a_wrap():

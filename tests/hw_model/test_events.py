@@ -28,17 +28,17 @@ RECORDINGS = st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 40))
 @settings(max_examples=60, deadline=None)
 @given(recordings=RECORDINGS, lines=st.integers(1, 12), seed=st.integers(0, 99))
 def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
-    wanted = playing.list_events("x", recordings)
-    found = event_scan.list_events("x", recordings)
-    assert np.array_equal(found.first, wanted.first)
-    assert np.array_equal(found.channel, wanted.channel)
+    expected = playing.list_events("x", recordings)
+    lists = event_scan.list_events("x", recordings)
+    assert np.array_equal(lists.first, expected.first)
+    assert np.array_equal(lists.channel, expected.channel)
 
     item, steps = _visits(seed, recordings.shape[2], lines)
-    wanted = playing.transpose(wanted, item, steps)
-    found = event_scan.transpose(found, item, steps)
-    assert np.array_equal(found.first, wanted.first)
-    assert np.array_equal(found.channel, wanted.channel)
-    assert found.channel.dtype == wanted.channel.dtype == np.int32
+    expected = playing.transpose(expected, item, steps)
+    lists = event_scan.transpose(lists, item, steps)
+    assert np.array_equal(lists.first, expected.first)
+    assert np.array_equal(lists.channel, expected.channel)
+    assert lists.channel.dtype == expected.channel.dtype == np.int32
     played = np.zeros((len(recordings), steps, item.size), dtype=np.uint8)
     for b, t, c in np.argwhere(recordings).tolist():
         if t < lines and item.positions[c] < steps:
@@ -46,11 +46,11 @@ def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
                 b, item.positions[c], t + (0 if item.first_lines is None else item.first_lines[c])
             ] += 1
     turned = PhaseInput(
-        steps, (item.size,), (found,), *np.zeros((3, len(recordings)), dtype=np.int64)
+        steps, (item.size,), (lists,), *np.zeros((3, len(recordings)), dtype=np.int64)
     )
     assert all(np.array_equal(turned.lines(b), played[b]) for b in range(len(recordings)))
     for b, row in np.ndindex(len(recordings), steps):  # ascending within a row, as every list
-        assert (np.diff(found.channel[found.first[b, row] : found.first[b, row + 1]]) > 0).all()
+        assert (np.diff(lists.channel[lists.first[b, row] : lists.first[b, row + 1]]) > 0).all()
 
 
 def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
@@ -128,10 +128,10 @@ def test_events_become_lines(module, positions, first_lines, lines, steps, wante
     recordings[1, [0, 0, 1, 1, 2], [0, 2, 0, 1, 2]] = 1
     first_lines = None if first_lines is None else read_only(first_lines)
     item = Input("x", lines, "location", "touch", read_only(positions), first_lines)
-    found = module.transpose(module.list_events("x", recordings), item, steps)
-    assert found.rows == steps
-    assert not found.first[0].any()
-    assert [part.tolist() for part in np.split(found.channel, found.first[1, 1:-1])] == wanted
+    lists = module.transpose(module.list_events("x", recordings), item, steps)
+    assert lists.rows == steps
+    assert not lists.first[0].any()
+    assert [part.tolist() for part in np.split(lists.channel, lists.first[1, 1:-1])] == wanted
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
@@ -162,10 +162,10 @@ def test_rows_of_every_length_are_listed(channels, density):
     recordings = (np.random.default_rng(channels).random((3, 7, channels)) < density).astype(
         np.uint8
     )
-    wanted = playing.list_events("x", recordings)
-    found = event_scan.list_events("x", recordings)
-    assert np.array_equal(found.first, wanted.first)
-    assert np.array_equal(found.channel, wanted.channel)
+    expected = playing.list_events("x", recordings)
+    lists = event_scan.list_events("x", recordings)
+    assert np.array_equal(lists.first, expected.first)
+    assert np.array_equal(lists.channel, expected.channel)
 
 
 @pytest.mark.parametrize(
@@ -177,10 +177,10 @@ def test_a_batch_is_listed_in_threads_as_one(shape, monkeypatch):
     """Lists of more than a part begin where those of the parts before end; a byte beyond 1 in the last part is refused."""
     monkeypatch.setattr(threads, "cores", lambda: 2)
     recordings = (np.random.default_rng(0).random(shape) < 0.02).astype(np.uint8)
-    wanted = playing.list_events("x", recordings)
-    found = event_scan.list_events("x", recordings)
-    assert np.array_equal(found.first, wanted.first)
-    assert np.array_equal(found.channel, wanted.channel)
+    expected = playing.list_events("x", recordings)
+    lists = event_scan.list_events("x", recordings)
+    assert np.array_equal(lists.first, expected.first)
+    assert np.array_equal(lists.channel, expected.channel)
     program = hw.ProgramBuilder(hw.chip("loihi-sim"))
     n = program.add_compartments("n", 1, threshold=90)
     program.connect(program.add_input("x", 500), n, np.full((1, 500), 2))
@@ -219,10 +219,10 @@ def test_lists_are_the_same_on_every_processor(moves, tmp_path):
     paths = os.pathsep.join(map(str, (Path(__file__).parents[2], Path(__file__).parent)))
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": paths}
     script = OF_EVERY_WIDTH.format(moves=moves)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(

@@ -254,11 +254,11 @@ def test_no_future_changes_a_proven_winner(seed, time, location, kind):
     )
     recording = recording_of_kind(kind, recording, np.random.default_rng(seed))
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
-    found = hw.simulate(
+    result = hw.simulate(
         program,
         possible_futures(program, recording, int(stops.steps[0]), np.random.default_rng(seed)),
     )
-    assert (found.prediction == stops.prediction[0]).all()
+    assert (result.prediction == stops.prediction[0]).all()
 
 
 def test_a_batch_equals_its_recordings_one_by_one():
@@ -399,10 +399,10 @@ def test_a_session_plays_two_phases_in_time():
     program = spikes_and_late_potentials(builder)
     rows = {"touch": np.ones((16, 1), dtype=np.uint8), "late": np.eye(16, 1, -11, dtype=np.uint8)}
     rows["late"][13] = 1
-    found = hw.Session(program).push(rows)
+    scores = hw.Session(program).push(rows)
     whole = hw.simulate(program, rows)
-    assert found.spikes["a"][[0, 1, 7, 15]].tolist() == [[0, 0], [1, 0], [7, 0], [7, 0]]
-    assert found.potential["b"][[0, 11, 12, 13, 14, 15]].tolist() == [
+    assert scores.spikes["a"][[0, 1, 7, 15]].tolist() == [[0, 0], [1, 0], [7, 0], [7, 0]]
+    assert scores.potential["b"][[0, 11, 12, 13, 14, 15]].tolist() == [
         [0, 0],
         [0, 0],
         [0, 6 * UNIT],
@@ -411,7 +411,7 @@ def test_a_session_plays_two_phases_in_time():
         [0, 2 * 6 * UNIT],
     ]
     after_two_events = 2 * 6 * UNIT
-    assert found.scores[-1].tolist() == whole.scores.tolist() == [7, 0.01 * after_two_events]
+    assert scores.scores[-1].tolist() == whole.scores.tolist() == [7, 0.01 * after_two_events]
 
 
 def test_a_reset_forgets_the_largest_potential():

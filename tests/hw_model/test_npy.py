@@ -40,9 +40,9 @@ def written(array: np.ndarray) -> bytes:
     ids=["bytes", "columns first", "booleans", "records", "nothing"],
 )
 def test_what_is_read_is_what_was_written(array):
-    found = load_npy(written(array), "a.npy")
-    assert (found.dtype, found.tolist()) == (array.dtype, array.tolist())
-    assert not found.flags.writeable
+    loaded = load_npy(written(array), "a.npy")
+    assert (loaded.dtype, loaded.tolist()) == (array.dtype, array.tolist())
+    assert not loaded.flags.writeable
 
 
 @pytest.mark.parametrize(

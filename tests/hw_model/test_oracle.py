@@ -95,10 +95,10 @@ def test_the_oracle_plays_a_step_by_hand():
     )
     builder.connect(x, n, [[10]])
     graph = replace(builder.graph(), readout=Readout(("n",), (1.0,)))
-    wanted = oracle.play(graph, hw.chip("loihi-sim"), {"x": np.array([[1], [0], [0], [0], [0]])})
-    assert wanted.arrays["u"]["n"].ravel().tolist() == [0, 640, 320, 160, 80]
-    assert wanted.arrays["potential"]["n"].ravel().tolist() == [0, 640, 0, 160, 80]
-    assert wanted.arrays["v"]["n"].ravel().tolist() == [0, 0, 0, 160, 80]
-    assert wanted.arrays["spikes"]["n"].ravel().tolist() == [0, 1, 0, 0, 0]
-    assert wanted.scores == [1.0]
-    assert wanted.events == {}
+    expected = oracle.play(graph, hw.chip("loihi-sim"), {"x": np.array([[1], [0], [0], [0], [0]])})
+    assert expected.arrays["u"]["n"].ravel().tolist() == [0, 640, 320, 160, 80]
+    assert expected.arrays["potential"]["n"].ravel().tolist() == [0, 640, 0, 160, 80]
+    assert expected.arrays["v"]["n"].ravel().tolist() == [0, 0, 0, 160, 80]
+    assert expected.arrays["spikes"]["n"].ravel().tolist() == [0, 1, 0, 0, 0]
+    assert expected.scores == [1.0]
+    assert expected.events == {}

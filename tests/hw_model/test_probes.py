@@ -29,15 +29,17 @@ def example():
 )
 def test_a_window_is_a_part_of_the_whole(example, engine, kind, populations, steps):
     program, spikes, whole = example
-    found = hw.simulate(program, spikes, engine=engine, probe=(hw.Probe(kind, populations, steps),))
+    result = hw.simulate(
+        program, spikes, engine=engine, probe=(hw.Probe(kind, populations, steps),)
+    )
     everything = getattr(whole, kind)
-    wanted = {n: a for n, a in everything.items() if populations is None or n in populations}
+    expected = {n: a for n, a in everything.items() if populations is None or n in populations}
     rows = slice(None) if steps is None else slice(steps.start, steps.stop)
-    assert getattr(found, kind).keys() == wanted.keys()
-    for name, array in wanted.items():
-        assert np.array_equal(getattr(found, kind)[name], array[rows])
+    assert getattr(result, kind).keys() == expected.keys()
+    for name, array in expected.items():
+        assert np.array_equal(getattr(result, kind)[name], array[rows])
     for other in {"spikes", "u", "v", "potential"} - {kind}:
-        assert getattr(found, other) == {}
+        assert getattr(result, other) == {}
 
 
 @pytest.mark.parametrize(

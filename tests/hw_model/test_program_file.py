@@ -28,13 +28,13 @@ def test_odd_names_are_read_back(name, read, tmp_path):
     b.connect(x, y, [[2]])
     b.read_out(y)
     b.build().save(tmp_path)
-    found = hw.load_program(tmp_path)
-    assert (found.name, found.inputs[0].name, list(found.populations)) == (
+    loaded = hw.load_program(tmp_path)
+    assert (loaded.name, loaded.inputs[0].name, list(loaded.populations)) == (
         f"p{read}",
         f"x{read}",
         [read],
     )
-    assert found.readout.populations == (read,)
+    assert loaded.readout.populations == (read,)
 
 
 @settings(max_examples=15, deadline=None)
@@ -217,7 +217,7 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
         )
         for compartment, to_core, axon in zip(*sent, strict=True):
             follow(names[core["number"], compartment], int(to_core), axon)
-    wanted = [
+    expected = [
         (
             (k["source"], j),
             (k["target"], i),
@@ -227,4 +227,4 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
         for k in links
         for i, j in zip(*np.nonzero(k["weights"]), strict=True)
     ]
-    assert sorted(found) == sorted(wanted)
+    assert sorted(found) == sorted(expected)

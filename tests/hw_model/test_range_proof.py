@@ -35,8 +35,8 @@ def one(weights, exponent=0, chip=CHIP, **parameters):
 
 def largest(program, spikes, name="n"):
     """Largest |u| and largest |v| before reset that a recording reaches."""
-    found = hw.simulate(program, spikes, probe=("u", "potential"))
-    return int(np.abs(found.u[name]).max()), int(np.abs(found.potential[name]).max())
+    result = hw.simulate(program, spikes, probe=("u", "potential"))
+    return int(np.abs(result.u[name]).max()), int(np.abs(result.potential[name]).max())
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
@@ -67,18 +67,18 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
     r = np.random.default_rng(seed)
     spikes = (r.random((3, 300, 4)) < rate).astype(np.uint8)
     spikes[1] = np.arange(300)[:, None] % 7 < 3
-    found = hw.simulate(program, spikes, probe=("u", "potential"))
+    result = hw.simulate(program, spikes, probe=("u", "potential"))
     for core, proven in zip(program.cores, prove_range(program), strict=True):
         for piece in core.slices:
             here = slice(piece.offset, piece.offset + piece.size)
-            u = found.u[piece.group]
-            v = found.potential[piece.group]
+            u = result.u[piece.group]
+            v = result.potential[piece.group]
             kept = proven.cannot_wrap[here]
             assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
             assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
             assert (v.max(axis=(0, 1)) <= proven.v.high[here]).all()
             assert (v.min(axis=(0, 1)) >= proven.v.low[here]).all()
-            events = found.events.get(
+            events = result.events.get(
                 piece.group, {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0}
             )
             if kept.all():

@@ -56,12 +56,12 @@ def program(delay_max, delay, relays, seed=0):
 def test_relays_make_a_delay(delay_max, delay):
     relays = delay // (delay_max + 1)
     spikes = (np.random.default_rng(delay).random((2, 60, LINES)) < 0.25).astype(np.uint8)
-    wanted = hw.simulate(program(62, delay, 0), spikes).spikes
+    expected = hw.simulate(program(62, delay, 0), spikes).spikes
     shorter = hw.simulate(program(62, delay - 1, 0), spikes).spikes
-    assert not np.array_equal(wanted["n"], shorter["n"])
+    assert not np.array_equal(expected["n"], shorter["n"])
     for engine in ("fast", "reference"):
-        found = hw.simulate(program(delay_max, delay, relays), spikes, engine=engine).spikes
-        assert all(np.array_equal(found[name], wanted[name]) for name in "nm")
+        result = hw.simulate(program(delay_max, delay, relays), spikes, engine=engine).spikes
+        assert all(np.array_equal(result[name], expected[name]) for name in "nm")
 
 
 @pytest.mark.parametrize(

@@ -198,18 +198,18 @@ def test_every_row_in_turn_is_the_plain_engine(name):
     recordings = (np.random.default_rng(3).random((12, 2, STEPS)) < 0.5).astype(np.uint8)
     recordings[6:, 1, :6] = 0
     recordings[11, 1] = np.arange(STEPS) == STEPS - 2
-    wanted = hw.simulate(program, recordings, engine="reference").spikes["y"]
+    expected = hw.simulate(program, recordings, engine="reference").spikes["y"]
     first = hw.simulate(program, recordings * [[1], [0]], engine="reference").spikes["y"]
     session = hw.Session(program)
-    for recording, whole, begun in zip(recordings, wanted, first, strict=True):
+    for recording, whole, begun in zip(recordings, expected, first, strict=True):
         session.reset()
         assert session.push(recording[:1]).spikes["y"][0] == begun.sum()
         assert np.array_equal(session.spikes("y"), begun)
         assert session.push(recording[1:]).spikes["y"][0] == whole.sum()
         assert np.array_equal(session.spikes("y"), whole)
         assert session.push(np.ones((1, STEPS), dtype=np.uint8)).spikes["y"][0] == whole.sum()
-    assert 12 < wanted.sum() < wanted.size
-    assert not np.array_equal(wanted, first)
+    assert 12 < expected.sum() < expected.size
+    assert not np.array_equal(expected, first)
 
 
 @pytest.mark.parametrize("name", ["pulled to vmin", "a pair", "three dendrites"])
@@ -222,9 +222,9 @@ def test_the_largest_potential_after_every_row(name):
         ).potential["y"]
         for later in (0, 1)
     ]
-    wanted = [[float(rows[2:].max())] for rows in potential]
-    assert hw.Session(program).push(recording).scores.tolist() == wanted
-    assert wanted[0][0] > 0
+    expected = [[float(rows[2:].max())] for rows in potential]
+    assert hw.Session(program).push(recording).scores.tolist() == expected
+    assert expected[0][0] > 0
 
 
 def test_a_bias_pulls_down_after_the_last_refractory_step():

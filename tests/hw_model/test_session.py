@@ -100,15 +100,16 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
     readout = Readout(names, tuple(weights[name] for name in names), first)
     program = program_of_graphs(CHIP, readout, *graphs)
     recording = np.array([[1], [0]], dtype=np.uint8)
-    found = hw.simulate(program, recording, probe=("spikes", "potential"))
+    result = hw.simulate(program, recording, probe=("spikes", "potential"))
     batch = {
-        kind: {n: array[None] for n, array in getattr(found, kind).items()}
+        kind: {n: array[None] for n, array in getattr(result, kind).items()}
         for kind in ("spikes", "potential")
     }
-    assert found.scores.tolist() == readout.scores(**batch)[0].tolist()
-    assert found.scores.tolist() == hw.Session(program).push(recording).scores[-1].tolist()
+    assert result.scores.tolist() == readout.scores(**batch)[0].tolist()
+    assert result.scores.tolist() == hw.Session(program).push(recording).scores[-1].tolist()
     assert (
-        found.scores.tolist() == hw.simulate(program, recording, engine="reference").scores.tolist()
+        result.scores.tolist()
+        == hw.simulate(program, recording, engine="reference").scores.tolist()
     )
 
 
@@ -226,12 +227,12 @@ def test_streams_by_name():
         program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
     )
     other = recording[::-1].copy()
-    found = hw.Session(named).push({"time": recording, "location": other})
+    scores = hw.Session(named).push({"time": recording, "location": other})
     assert np.array_equal(
-        found.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"]
+        scores.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"]
     )
     assert np.array_equal(
-        found.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"]
+        scores.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"]
     )
 
 

@@ -75,9 +75,9 @@ def test_a_live_program_over_many_rows():
     program = live_program()
     rows = (np.random.default_rng(5).random((10_000, 6)) < 0.2).astype(np.uint8)
     session = hw.Session(program)
-    found = session.push(rows)
+    scores = session.push(rows)
     counts = hw.simulate(program, rows).spikes["y"].cumsum(axis=0, dtype=np.int64)
-    assert np.array_equal(found.spikes["y"], counts)
+    assert np.array_equal(scores.spikes["y"], counts)
     assert counts[-1].min() > 0
 
     session.reset()
@@ -117,9 +117,9 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
     }
     whole = hw.simulate(program, streams, engine="reference", probe=("spikes", "potential"))
     if first is None:
-        wanted = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
+        expected = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
     else:
-        wanted = largest_potential_so_far(whole.potential["y"], first)
+        expected = largest_potential_so_far(whole.potential["y"], first)
     session = hw.Session(program)
     for _ in range(2):
         session.reset()
@@ -128,9 +128,9 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
             for a, b in pairwise([0, *cuts, 150])
         ]
         assert np.array_equal(
-            np.concatenate([session.push(part).scores for part in parts]), wanted[:150]
+            np.concatenate([session.push(part).scores for part in parts]), expected[:150]
         )
-    assert len(np.unique(wanted)) > 5
+    assert len(np.unique(expected)) > 5
 
 
 @pytest.mark.parametrize("engine", ["reference", "fast"])
@@ -144,8 +144,8 @@ def test_recordings_next_to_the_length_of_their_program(rows, engine):
     builder.connect(builder.add_input("x", 1), y, [[20]])
     program = builder.build()
     program = replace(program, phases=(replace(program.phases[0], steps=5),))
-    found = hw.simulate(program, np.ones((rows, 1), dtype=np.uint8), engine=engine)
-    assert found.spikes["y"].tolist() == [[0], [1], [1], [1], [1]]
+    result = hw.simulate(program, np.ones((rows, 1), dtype=np.uint8), engine=engine)
+    assert result.spikes["y"].tolist() == [[0], [1], [1], [1], [1]]
 
 
 @pytest.mark.parametrize("rows", [1, 2, 6], ids=["one row", "fewer rows than visits", "more rows"])
@@ -167,8 +167,8 @@ def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_vi
     assert session.spikes("y").tolist() == [[0], [1], [1], [1]]
     assert CoreProgram(program, rows).phases[-1].steps == 4
     for engine in ENGINES:
-        found = hw.simulate(program, recording, engine=engine)
-        assert found.spikes["y"].tolist() == [[0], [1], [1], [1]]
-        assert found.counts.events_dropped == max(0, rows - 2) * 4
+        result = hw.simulate(program, recording, engine=engine)
+        assert result.spikes["y"].tolist() == [[0], [1], [1], [1]]
+        assert result.counts.events_dropped == max(0, rows - 2) * 4
         longer = hw.simulate(program, recording, steps=6, engine=engine)
         assert longer.spikes["y"].tolist() == [[0], [1], [1], [1], [1], [0]]

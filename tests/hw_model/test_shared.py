@@ -44,9 +44,9 @@ def test_a_tile_is_given_what_it_is_compiled_for(loop):
     program, recording = random_hybrid(0, channels_per_step=1)
     hw.simulate(program, recording)
     hw.Session(program).push(recording)
-    found = kinds_given(loop)
-    assert found
-    assert set(found) <= set(tiles.run_tile.overloads)
+    kinds = kinds_given(loop)
+    assert kinds
+    assert set(kinds) <= set(tiles.run_tile.overloads)
 
 
 @pytest.mark.slow

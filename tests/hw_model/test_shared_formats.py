@@ -104,11 +104,11 @@ def test_shared_formats_change_no_spike(limit):
     assert synapse_bits(shared) > synapse_bits(apart)
     assert delivered(shared) == delivered(apart)
     spikes = (np.random.default_rng(0).random((3, 60, 9)) < 0.3).astype(np.uint8)
-    wanted = hw.simulate(apart, spikes, probe=("spikes", "potential"))
-    found = hw.simulate(shared, spikes, probe=("spikes", "potential"))
-    assert 0 < wanted.spikes["n"].mean() < 1
-    assert np.array_equal(found.spikes["n"], wanted.spikes["n"])
-    assert np.array_equal(found.potential["n"], wanted.potential["n"])
+    expected = hw.simulate(apart, spikes, probe=("spikes", "potential"))
+    result = hw.simulate(shared, spikes, probe=("spikes", "potential"))
+    assert 0 < expected.spikes["n"].mean() < 1
+    assert np.array_equal(result.spikes["n"], expected.spikes["n"])
+    assert np.array_equal(result.potential["n"], expected.potential["n"])
 
 
 def test_exponents_and_signs_that_are_too_many():

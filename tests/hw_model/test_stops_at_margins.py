@@ -40,8 +40,8 @@ def plain_margin(scores: np.ndarray, agreement: float) -> float:
 )
 def test_the_smallest_margin(seed, agreement, psi):
     program, recordings = program_and_batch(seed)
-    wanted = plain_margin(hw.timestep_scores(program, recordings, psi), agreement)
-    assert hw.calibrate_margin(program, recordings, agreement, psi) == wanted
+    expected = plain_margin(hw.timestep_scores(program, recordings, psi), agreement)
+    assert hw.calibrate_margin(program, recordings, agreement, psi) == expected
 
 
 @pytest.mark.parametrize("psi", [None, 10.0])
@@ -66,23 +66,25 @@ def test_margins_are_in_the_integers_of_the_readout(psi):
 def test_stops_at_a_margin(seed, margin, psi):
     """The first step with the lead; the counts of a time phase that ends there, and of what follows it."""
     program, recordings = program_and_batch(seed)
-    found = hw.stop_at_margin(program, recordings, margin, psi)
+    stops = hw.stop_at_margin(program, recordings, margin, psi)
     scores = hw.timestep_scores(program, recordings, psi)
-    assert found.all_steps == recordings.shape[1]
-    assert np.array_equal(found.final, scores[:, -1].argmax(axis=1))
-    wanted = dict.fromkeys(BY_CORE, 0)
+    assert stops.all_steps == recordings.shape[1]
+    assert np.array_equal(stops.final, scores[:, -1].argmax(axis=1))
+    expected = dict.fromkeys(BY_CORE, 0)
     for b, recording in enumerate(recordings):
-        step = int(found.steps[b])
+        step = int(stops.steps[b])
         one = scores[b]
         leads = leads_of(one)
         assert (leads[: step - 1] < margin).all()
         assert step == len(one) or leads[step - 1] >= margin
-        assert found.prediction[b] == one[step - 1].argmax()
+        assert stops.prediction[b] == one[step - 1].argmax()
         short = replace(program, phases=(replace(program.phases[0], steps=step), program.phases[1]))
         until = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
-        wanted = {name: n + hw.simulate(short, until).counts[name] for name, n in wanted.items()}
-    assert counts_by_core(found.counts) == wanted
-    assert counts_by_core(found.all_counts) == counts_by_core(
+        expected = {
+            name: n + hw.simulate(short, until).counts[name] for name, n in expected.items()
+        }
+    assert counts_by_core(stops.counts) == expected
+    assert counts_by_core(stops.all_counts) == counts_by_core(
         hw.simulate(program, recordings).counts
     )
 
@@ -90,5 +92,5 @@ def test_stops_at_a_margin(seed, margin, psi):
 def test_agreement_on_the_recordings_it_was_calibrated_on():
     program, recordings = program_and_batch(4, batch=40)
     margin = hw.calibrate_margin(program, recordings, 0.9)
-    found = hw.stop_at_margin(program, recordings, margin)
-    assert (found.prediction == found.final).mean() >= 0.9
+    stops = hw.stop_at_margin(program, recordings, margin)
+    assert (stops.prediction == stops.final).mean() >= 0.9

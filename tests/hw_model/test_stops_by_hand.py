@@ -47,8 +47,8 @@ def test_stops_by_hand(options, stop):
     )
     recording = np.zeros((8, 2), dtype=np.uint8)
     recording[:4, 0] = 1
-    found = hw.stop_when_proven(builder.build(), recording[None])
-    assert (found.steps.tolist(), found.all_steps, found.prediction.tolist()) == ([stop], 8, [0])
+    stops = hw.stop_when_proven(builder.build(), recording[None])
+    assert (stops.steps.tolist(), stops.all_steps, stops.prediction.tolist()) == ([stop], 8, [0])
 
 
 @pytest.mark.parametrize("weight", [1e100, -1e100])
@@ -60,10 +60,10 @@ def test_the_largest_weight_that_a_program_may_have_changes_no_stop(weight):
     one = replace(program, readout=replace(program.readout, weights=(weight / abs(weight),)))
     recording = np.zeros((1, 8, 2), dtype=np.uint8)
     recording[0, :4, 0] = 1
-    wanted, found = (hw.stop_when_proven(its, recording) for its in (one, large))
+    expected, found = (hw.stop_when_proven(its, recording) for its in (one, large))
     assert (found.steps.tolist(), found.prediction.tolist()) == (
-        wanted.steps.tolist(),
-        wanted.prediction.tolist(),
+        expected.steps.tolist(),
+        expected.prediction.tolist(),
     )
 
 
@@ -79,9 +79,9 @@ def test_what_may_wrap_may_spike():
     program = builder.build()
     recording = np.zeros((8, 3), dtype=np.uint8)
     recording[0, 0] = 1
-    found = hw.stop_when_proven(program, recording[None])
+    stops = hw.stop_when_proven(program, recording[None])
     # One spike against six, ... and against one, in the last step: a tie, which goes to class 0.
-    assert (found.steps.tolist(), found.prediction.tolist()) == ([7], [0])
+    assert (stops.steps.tolist(), stops.prediction.tolist()) == ([7], [0])
     recording[5:, 1:] = 1
     assert hw.simulate(program, recording).prediction == 1
 
@@ -99,9 +99,9 @@ def test_refractory_steps_take_a_voltage_up_to_0():
     recording = np.zeros((6, 3), dtype=np.uint8)
     recording[0, :2] = 1
     recording[1, 2] = 1
-    found = hw.stop_when_proven(program, recording[None])
+    stops = hw.stop_when_proven(program, recording[None])
     # u of class 1 is 2560, -8192, -6144 ... from step 1 on: a charge in steps 4 and 5 each, and 1024 is above 640.
-    assert (found.steps.tolist(), found.prediction.tolist()) == ([5], [0])
+    assert (stops.steps.tolist(), stops.prediction.tolist()) == ([5], [0])
     recording[3:, 1] = 1
     played = hw.simulate(program, recording)
     assert (played.spikes["y"].sum(axis=0).tolist(), played.prediction) == ([1, 2], 1)
@@ -181,8 +181,8 @@ def test_potentials_stay_0_after_the_end_of_a_recording():
         .by_piece["neuron_updates_active"]
     )
     rests = 1 + int(busy.any(axis=1).nonzero()[0].max())
-    found = hw.stop_when_proven(program, recording)
-    assert (found.steps.tolist(), found.prediction.tolist(), rests < 8) == ([rests], [1], True)
+    stops = hw.stop_when_proven(program, recording)
+    assert (stops.steps.tolist(), stops.prediction.tolist(), rests < 8) == ([rests], [1], True)
 
 
 def test_a_buffer_that_is_empty_needs_no_step():
@@ -205,8 +205,8 @@ def test_a_tie_goes_to_the_first_class(winner, stop):
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE)
     recording = np.zeros((9, 2), dtype=np.uint8)
     recording[:4, winner] = 1
-    found = hw.stop_when_proven(builder.build(), recording[None])
-    assert (found.steps.tolist(), found.prediction.tolist()) == ([stop], [winner])
+    stops = hw.stop_when_proven(builder.build(), recording[None])
+    assert (stops.steps.tolist(), stops.prediction.tolist()) == ([stop], [winner])
 
 
 def test_scores_that_are_rounded_are_no_ties():
@@ -230,9 +230,9 @@ def test_spikes_against_a_class_count_as_losses():
     program = replace(builder.build(), readout=Readout(("y",), (-2.0,)))
     recording = np.zeros((9, 2), dtype=np.uint8)
     recording[:7, 0] = 1
-    found = hw.stop_when_proven(program, recording[None])
+    stops = hw.stop_when_proven(program, recording[None])
     # Class 0 has spiked in steps 1 and 4. In the last four steps class 1 could have two spikes, and lose that tie.
-    assert (found.steps.tolist(), found.prediction.tolist()) == ([6], [1])
+    assert (stops.steps.tolist(), stops.prediction.tolist()) == ([6], [1])
 
 
 def test_a_child_is_not_below_its_lower_limit():
@@ -246,8 +246,8 @@ def test_a_child_is_not_below_its_lower_limit():
     program = builder.build()
     recording = np.zeros((6, 2), dtype=np.uint8)
     recording[0, 0] = 1
-    found = hw.stop_when_proven(program, recording[None])
-    assert (found.steps.tolist(), found.prediction.tolist()) == ([5], [0])
+    stops = hw.stop_when_proven(program, recording[None])
+    assert (stops.steps.tolist(), stops.prediction.tolist()) == ([5], [0])
     recording[2:, 1] = 1
     assert hw.simulate(program, recording).prediction == 1
 

@@ -15,12 +15,12 @@ import hw_model as hw
 
 def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
     """For how many rows before each step the phases that play a recording as it comes held nothing at all."""
-    found = hw.simulate(program, recording, probe=("u", "v"))
+    result = hw.simulate(program, recording, probe=("u", "v"))
     names = [
         name for p in program.phases if p.axis == "time" for name in program.columns_of(p.name)
     ]
     zero = [
-        all(not found.u[n][t].any() and not found.v[n][t].any() for n in names)
+        all(not result.u[n][t].any() and not result.v[n][t].any() for n in names)
         for t in range(len(recording))
     ]
     still = [now and before for now, before in zip(zero, [True, *zero], strict=False)]
@@ -40,25 +40,25 @@ def test_stops_in_silence(seed, silence, first):
     r = np.random.default_rng(seed)
     recordings = (r.random((4, rows, program.inputs[0].channels)) < 0.1).astype(np.uint8)
     recordings &= (np.arange(rows) < r.integers(0, rows, (4, 1)))[:, :, None].astype(np.uint8)
-    found = hw.stop_in_silence(program, recordings, silence)
+    stops = hw.stop_in_silence(program, recordings, silence)
     cores = program.cores_of("time")
     under_way = 1 + max(int(core.axons.delay.max(initial=0)) for core in cores)
     biased = any(core.bias.any() for core in cores)
     final = hw.simulate(program, recordings).prediction
     for step, prediction, recording, end in zip(
-        found.steps, found.prediction, recordings, final, strict=True
+        stops.steps, stops.prediction, recordings, final, strict=True
     ):
         rests = at_rest_for(program, recording)
         events = [t for t in range(rows) if recording[t].any()]
         silent = [t - max((e + 1 for e in events if e < t), default=0) for t in range(1, rows + 1)]
-        wanted = (
+        expected = (
             t for t in range(1, rows + 1) if not biased and silent[t - 1] >= max(silence, under_way)
         )
-        assert step == next((t for t in wanted if rests[t - 1] >= under_way), rows)
+        assert step == next((t for t in expected if rests[t - 1] >= under_way), rows)
         later = recording[step:].any()
         assert prediction == end or later
-    assert (found.all_steps, found.final.tolist()) == (rows, final.tolist())
-    assert biased or (found.steps < rows).any()
+    assert (stops.all_steps, stops.final.tolist()) == (rows, final.tolist())
+    assert biased or (stops.steps < rows).any()
 
 
 def test_what_a_silence_saves():
@@ -67,20 +67,20 @@ def test_what_a_silence_saves():
     program = builder.build()
     recording = np.zeros((2, 12, 2), dtype=np.uint8)
     recording[:, 0, 0] = recording[1, 10, 1] = 1
-    found = hw.stop_in_silence(program, recording, 3)
-    assert (found.steps.tolist(), found.all_steps, found.prediction.tolist()) == (
+    stops = hw.stop_in_silence(program, recording, 3)
+    assert (stops.steps.tolist(), stops.all_steps, stops.prediction.tolist()) == (
         [4, 4],
         12,
         [0, 0],
     )
-    assert (found.counts.neuron_updates, found.all_counts.neuron_updates) == (2 * 4 * 2, 2 * 12 * 2)
-    assert (found.counts.spikes, found.all_counts.spikes) == (2, 3)
+    assert (stops.counts.neuron_updates, stops.all_counts.neuron_updates) == (2 * 4 * 2, 2 * 12 * 2)
+    assert (stops.counts.spikes, stops.all_counts.spikes) == (2, 3)
     profile = CHIP.profile(CHIP.default_profile)
     whole = hw.simulate(program, recording, probe=("activity",)).activity["time"]
     ns = [hw.latency(program, {"time": one}, profile).total_ns for one in whole]
     short = hw.simulate(program, recording[:, :4], probe=("activity",)).activity["time"]
     until = [hw.latency(program, {"time": one}, profile).total_ns for one in short]
-    assert (found.latency_ns, found.all_latency_ns) == (
+    assert (stops.latency_ns, stops.all_latency_ns) == (
         pytest.approx(sum(until)),
         pytest.approx(sum(ns)),
     )

@@ -414,8 +414,8 @@ def test_children_at_the_lower_end():
     """A range that reaches further down than up: 300 lowest voltages are no positive sum."""
     program = many_children(300, vmin=1 - 2**23, vmax=2**9 - 1)
     for engine in ENGINES:
-        found = hw.simulate(program, np.zeros((30, 1), dtype=np.uint8), engine=engine)
-        assert found.counts.spikes == 0, engine
+        result = hw.simulate(program, np.zeros((30, 1), dtype=np.uint8), engine=engine)
+        assert result.counts.spikes == 0, engine
 
 
 @pytest.mark.parametrize("lines", [256, 257], ids=["the most in a tile", "one line more"])

@@ -42,15 +42,15 @@ def plays(folder, numba=None, sitecustomize="", **environment):
         (folder / "numba").mkdir()
         (folder / "numba/__init__.py").write_text(numba)
     (folder / "sitecustomize.py").write_text(sitecustomize)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", PLAYS],
         env=os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"} | environment,
         capture_output=True,
         text=True,
         timeout=600,
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout, done.stderr
+    assert process.returncode == 0, process.stderr
+    return process.stdout, process.stderr
 
 
 def config(version):

@@ -181,7 +181,7 @@ def rates(folder: Path, texts: Mapping[str, str], bit: int, host_bit: int) -> li
     given = [f"-Puart_rates.BIT={bit}", f"-Puart_rates.HOST_BIT={host_bit}"]
     command = ["iverilog", "-g2012", "-s", "uart_rates", "-o", "rates.vvp", *given, *files]
     subprocess.run(command, cwd=folder, check=True)
-    done = subprocess.run(
+    process = subprocess.run(
         ["vvp", "-n", "rates.vvp"],
         cwd=folder,
         check=True,
@@ -189,4 +189,4 @@ def rates(folder: Path, texts: Mapping[str, str], bit: int, host_bit: int) -> li
         text=True,
         timeout=60,
     )
-    return done.stdout.split()
+    return process.stdout.split()

@@ -29,14 +29,14 @@ def check(seed: int, simulator: Simulator, texts: dict[str, str], *given) -> Cou
         return Counter()
     try:
         refuse_unplayable(case.program)
-        found = compare(case.program, case.spikes, texts, simulator, *given)
+        comparison = compare(case.program, case.spikes, texts, simulator, *given)
     except hw.TargetError as refused:
         return Counter({str(refused).split(": ", 1)[1].split(" (")[0]: 1})
-    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0), found
+    assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0), comparison
     begins = any(phase.align_events is not None for phase in case.program.phases)
     return Counter({
         "programs": 1, "of several phases": len(case.program.phases) > 1, "that begin at a touch": begins,
-        "values": found["compared_values"],
+        "values": comparison["compared_values"],
     })  # fmt: skip
 
 

@@ -34,12 +34,12 @@ def play(desk, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected(desk) -> tuple[list[str], list[str]]:
-    found = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
+    result = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
     times = spike_numbers(
-        desk.core, desk.spikes[0], {name: its[0] for name, its in found.spikes.items()}
+        desk.core, desk.spikes[0], {name: its[0] for name, its in result.spikes.items()}
     )
-    counts = [found.per_recording[0][name] for name in ANSWER[3:]]
-    return list(map(str, [found.prediction[0], *counts, 0])), list(map(str, times))
+    counts = [result.per_recording[0][name] for name in ANSWER[3:]]
+    return list(map(str, [result.prediction[0], *counts, 0])), list(map(str, times))
 
 
 @pytest.mark.slow

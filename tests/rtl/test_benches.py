@@ -55,8 +55,8 @@ def one_compartment(axis):
 def differ(texts, sizes=SIZES) -> bool:
     """Whether a bench tells these files from the core; a core that hangs is given up soon."""
     for program, spikes in benches():
-        found = compare(program, spikes, texts, "icarus", sizes=sizes, patience=20000)
-        if found["mismatches"] or found["cycle_mismatches"]:
+        comparison = compare(program, spikes, texts, "icarus", sizes=sizes, patience=20000)
+        if comparison["mismatches"] or comparison["cycle_mismatches"]:
             return True
     return False
 
@@ -141,9 +141,9 @@ def test_events_wait_where_a_phase_has_one_place(places, later):
     program = program_of_graphs(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
     spikes = np.ones((1, 8, 2), dtype=np.uint8)
     sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
-    found = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)
+    comparison = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)
     assert CoreProgram(program, 8, None, sizes).later is later
-    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
+    assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
 
 
 @pytest.mark.minutes
@@ -243,10 +243,10 @@ def heard_without_fault(
 
 def sounds_different(name: str, folder: Path, texts: Mapping[str, str]) -> bool:
     """Whether the session of a file hears a difference, up to the first; nothing to hear is one as well."""
-    wanted = heard_without_fault(SESSIONS[name])
+    expected = heard_without_fault(SESSIONS[name])
     try:
         heard = SESSIONS[name](folder, texts)
-        return any(one != other for one, other in zip_longest(heard, wanted, fillvalue=_NOTHING))
+        return any(one != other for one, other in zip_longest(heard, expected, fillvalue=_NOTHING))
     except (hw.InputError, ValueError, OSError, subprocess.SubprocessError):
         return True
 

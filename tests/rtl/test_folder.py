@@ -77,28 +77,30 @@ def emitted(tmp_path_factory) -> Path:
 @pytest.mark.slow
 @NEEDS_ICARUS
 def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
-    done = make(emitted, "sim", "SIMULATOR=icarus")
-    assert done.returncode == 0, done.stderr
+    process = make(emitted, "sim", "SIMULATOR=icarus")
+    assert process.returncode == 0, process.stderr
     updates = (emitted / "expected_updates").read_text().count("\n")
     answer = (emitted / "expected_answers").read_text().strip()
-    assert done.stdout.splitlines()[-1] == f"equal: {updates} updates, answer and counts {answer}"
+    assert (
+        process.stdout.splitlines()[-1] == f"equal: {updates} updates, answer and counts {answer}"
+    )
     faulty = emitted / benches.FAULT[0]
     right = faulty.read_text()
     faulty.write_text(benches.with_fault({faulty.name: right})[faulty.name])
     assert make(emitted, "sim", "SIMULATOR=icarus").returncode != 0
     for name in ("words", "expected_updates", "expected_answers"):
         (emitted / name).write_text("")
-    done = make(emitted, "sim", "SIMULATOR=icarus")
-    assert done.returncode != 0
-    assert "answers: empty, so nothing was compared; emit the folder again" in done.stdout
+    process = make(emitted, "sim", "SIMULATOR=icarus")
+    assert process.returncode != 0
+    assert "answers: empty, so nothing was compared; emit the folder again" in process.stdout
     faulty.write_text(right)
 
 
 @pytest.mark.slow
 def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
-    done = make(emitted, "fit")
-    wanted = "Parameters of config.mk are for simulation only. Compile with --target ecp5-25f, ecp5-85f or ice40up5k.\n"
-    assert (done.returncode, done.stdout) == (2, wanted)
+    process = make(emitted, "fit")
+    expected = "Parameters of config.mk are for simulation only. Compile with --target ecp5-25f, ecp5-85f or ice40up5k.\n"
+    assert (process.returncode, process.stdout) == (2, expected)
 
 
 @pytest.mark.slow
@@ -217,9 +219,12 @@ def test_an_emitted_folder_packs_the_fastest_placement(tools, tmp_path):
     folder = written(tmp_path / "emitted", files)
     clocks = {"1": "1 102.5\n", "3": "1 102.5\n2 104.5\n3 101.5\n"}
     for seeds, fastest in (("3", 2), ("1", 1), ("3", 2)):
-        done = make(folder, "fit", f"SEEDS={seeds}", "-s")
-        assert (done.returncode, done.stderr.count("nextpnr 0.9")) == (0, done.stderr.count("\n"))
-        assert done.stdout.endswith(
+        process = make(folder, "fit", f"SEEDS={seeds}", "-s")
+        assert (process.returncode, process.stderr.count("nextpnr 0.9")) == (
+            0,
+            process.stderr.count("\n"),
+        )
+        assert process.stdout.endswith(
             "ulx3s-25f.bit is that of the fastest placement; seeds and clocks, in MHz:\n"
             + clocks[seeds]
         )
@@ -342,8 +347,8 @@ def test_a_core_is_placed_by_one_process_at_a_time(saved, tools, tmp_path):
         ):
             time.sleep(0.05)
         assert other.poll() is None
-        done = make(lock.with_suffix(""), "fit", "BOARD=ulx3s-25f", "SEEDS=3")
-        assert done.returncode == 0, done.stderr
+        process = make(lock.with_suffix(""), "fit", "BOARD=ulx3s-25f", "SEEDS=3")
+        assert process.returncode == 0, process.stderr
     assert other.wait() == 0
     assert (tmp_path / "placed").read_text().count("placed") == 3
 
@@ -460,7 +465,7 @@ def test_a_device_without_room_is_a_no_in_the_report(build, tools, capsys):
 )
 def test_a_bitstream_of_a_real_board(saved, capsys):
     assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["block_rams"] <= 56
-    assert found["fmax_mhz"] > 50
-    assert Path(found["bitstream"]).stat().st_size > 100_000
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["block_rams"] <= 56
+    assert figures["fmax_mhz"] > 50
+    assert Path(figures["bitstream"]).stat().st_size > 100_000

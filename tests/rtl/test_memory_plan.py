@@ -13,7 +13,7 @@ from hw_model.description.open_core import Macro
 from hw_model.errors import InputError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram
-from hw_model.rtl.memory_needs import arrays_of, repeats
+from hw_model.rtl.memory_needs import arrays_of, reads_without_repeats
 from hw_model.rtl.memory_plan import Array, Piece, plan
 from locsnn_compile.cli.compile import main as compile_main
 
@@ -88,15 +88,15 @@ MACROS = {
     ],
 )
 def test_the_cheapest_plan(array, price, row, banks, pack, area, energy):
-    (made,) = plan([array], MACROS, price)
-    assert (made.row, made.banks, made.pack) == (row, banks, pack)
-    assert (made.area_um2, made.energy_pj) == (area, energy)
-    check(list(made.pieces()), [array], MACROS)
+    (planned,) = plan([array], MACROS, price)
+    assert (planned.row, planned.banks, planned.pack) == (row, banks, pack)
+    assert (planned.area_um2, planned.energy_pj) == (area, energy)
+    check(list(planned.pieces()), [array], MACROS)
 
 
 def test_words_of_even_and_odd_banks_alternate():
-    (made,) = plan([Array("a", 40, 8, 2, {1: 10.0}, 10.0, halves=2)], MACROS, 9.0)
-    assert [(piece.first, piece.every, piece.rows) for piece in made.pieces()] == [
+    (planned,) = plan([Array("a", 40, 8, 2, {1: 10.0}, 10.0, halves=2)], MACROS, 9.0)
+    assert [(piece.first, piece.every, piece.rows) for piece in planned.pieces()] == [
         (0, 2, 16),
         (1, 2, 16),
         (32, 2, 16),
@@ -211,8 +211,8 @@ def test_the_folder_of_a_chip_has_the_plan(tmp_path):
 def test_shared_words_that_repeat_are_not_read_again():
     core = program_on_core(8)
     # Every other compartment is of a kind; a phase without compartments reads nothing.
-    assert repeats(core, CHIP.open_core, "leaks", 0) == 2 * 10
-    assert repeats(core, CHIP.open_core, "leaks", 1) == 0
+    assert reads_without_repeats(core, CHIP.open_core, "leaks", 0) == 2 * 10
+    assert reads_without_repeats(core, CHIP.open_core, "leaks", 1) == 0
 
 
 def program_on_core(compartments: int) -> CoreProgram:

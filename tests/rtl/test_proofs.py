@@ -58,7 +58,7 @@ def proved(
         proof = proof.replace(old, new)
     (folder / f"{name}_proof.sv").write_text(proof)
     (folder / "config.mk").touch()
-    done = subprocess.run(
+    process = subprocess.run(
         ["make", "-s", f"{name}.proved"],
         cwd=folder,
         capture_output=True,
@@ -67,8 +67,8 @@ def proved(
         env={**os.environ, "PATH": PATH},
     )
     log = (folder / f"{name}.log").read_text()
-    assert (done.returncode == 0) == ("Status: FAILED" not in log), (log, done.stderr)
-    return done.returncode == 0
+    assert (process.returncode == 0) == ("Status: FAILED" not in log), (log, process.stderr)
+    return process.returncode == 0
 
 
 def test_every_proof_has_faults():

@@ -34,7 +34,7 @@ def other_widths() -> hw.ChipProgram:
 
 
 def heavy_weights() -> hw.ChipProgram:
-    return hybrids.assembled(
+    return hybrids.program_of_graphs(
         benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5))
     )
 
@@ -46,7 +46,7 @@ def two_starts() -> hw.ChipProgram:
 
 
 def late_potentials() -> hw.ChipProgram:
-    return hybrids.assembled(
+    return hybrids.program_of_graphs(
         benches.CHIP, Readout(("a/y",), (1.0,), 2), branch("a", Phase("a", "time", 5, 1))
     )
 
@@ -71,7 +71,9 @@ def two_first_steps() -> hw.ChipProgram:
     x = b.add_input("x", 1)
     for name in ("y", "z"):
         b.connect(x, b.add_compartments(name, 1, decay_u=390, decay_v=300, threshold=60), [[20]])
-    return hybrids.assembled(benches.CHIP, Readout(("y", "z"), (1.0, 1.0), (1, 2)), b.graph())
+    return hybrids.program_of_graphs(
+        benches.CHIP, Readout(("y", "z"), (1.0, 1.0), (1, 2)), b.graph()
+    )
 
 
 def a_long_phase() -> hw.ChipProgram:

@@ -101,8 +101,8 @@ def no_core(tmp_path, monkeypatch):
 def test_a_missing_simulator(no_core, arguments, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert locsnn.main(arguments) == 2
-    wanted = "simulator 'icarus': iverilog is not installed. Install it with: apt-get install iverilog (Debian).\n"
-    assert capsys.readouterr().err == wanted
+    expected = "simulator 'icarus': iverilog is not installed. Install it with: apt-get install iverilog (Debian).\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_what_plays_a_built_core_is_missing(cores_of_this_run, arguments, capsys, monkeypatch):

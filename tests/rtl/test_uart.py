@@ -82,7 +82,7 @@ def test_a_recording_at_a_rate_that_is_two_percent_off(desk, host_bit):
 def test_the_tops_have_no_warning(top, tmp_path):
     names = [name for name in sources() if not name.endswith("bench.sv")]
     command = ["verilator", "--lint-only", "-Wall", "--top-module", top, *names]
-    done = subprocess.run(
+    process = subprocess.run(
         command,
         cwd=RTL,
         capture_output=True,
@@ -90,4 +90,4 @@ def test_the_tops_have_no_warning(top, tmp_path):
         check=False,
         env={**os.environ, "HOME": str(tmp_path)},
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")

@@ -12,11 +12,11 @@ from memories import Shape
 from traffic import Memory
 
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
-from hw_model.rtl.memory_needs import FLAGGED, own_bits, repeats
-from hw_model.rtl.memory_needs import OWN as OWN_FIELDS
+from hw_model.rtl.memory_needs import NOT_SHARED as OWN_FIELDS
+from hw_model.rtl.memory_needs import WORDS_PER_FLAGS, own_bits, reads_without_repeats
 
 SAME, OWN, FLAGS = "_same", "_own", "_flags"
-PLACE = (FLAGGED - 1).bit_length()
+PLACE = (WORDS_PER_FLAGS - 1).bit_length()
 """Bits of an address that choose a flag of its word."""
 
 
@@ -56,7 +56,7 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
             part = replace(memory, name=name, bits=len(bits))
             if name.endswith(SAME):
                 reads = sum(
-                    repeats(core, sizes, split.shape.name, phase)
+                    reads_without_repeats(core, sizes, split.shape.name, phase)
                     for phase in range(len(core.phases))
                 )
                 part = replace(
@@ -69,10 +69,10 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
                     seen=tuple(-(-word // 2) for word in memory.seen),
                 )
             found[name] = part
-        flags, many = split.shape.name + FLAGS, memory.reads * 2 / FLAGGED
-        words = memory.words // FLAGGED
+        flags, many = split.shape.name + FLAGS, memory.reads * 2 / WORDS_PER_FLAGS
+        words = memory.words // WORDS_PER_FLAGS
         found[flags] = Memory(
-            flags, words, FLAGGED, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False
+            flags, words, WORDS_PER_FLAGS, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False
         )
     return found
 
@@ -110,7 +110,7 @@ def verilog(split: Split) -> str:
     lines.append(f"    assign read_data = {{{shown}}};")
     return "\n".join([*lines, "endmodule", ""]) + REPEATS.format(
         name=shape.name, flags=shape.name + FLAGS, top=top, last=shape.bits - len(split.own) - 1,
-        word=FLAGGED - 1, low=PLACE - 1, bits=PLACE,
+        word=WORDS_PER_FLAGS - 1, low=PLACE - 1, bits=PLACE,
     )  # fmt: skip
 
 
