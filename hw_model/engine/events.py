@@ -91,8 +91,8 @@ def _list_line(events: Place, channel: Place, first: LlvmValue, left: LlvmValue)
 def list_row(events, low, channels, channel, listed):  # type: ignore[no-untyped-def]
     """List the events of a row of channels, bytes from ``low`` on, behind those that are ``listed`` already.
 
-    Return how many are listed then, and a number above 0 if a byte of the row, or near it, is above 1. ``channel`` has room for
-    all events and, behind them, for a line of the cache.
+    Return how many are listed then, and a number above 0 if a byte of the row, or near it, is above 1. ``channel`` has
+    room for all events and, behind them, for a line of the cache.
     """
     above_1 = np.int32(0)
     for at in range(low, low + channels, CACHE_LINE):
