@@ -51,9 +51,10 @@ def measure(
     for part in _parts(activity):
         steps = {phase: stacked(items) for phase, items in part.items()}
         times = {
-            phase: cost.step_times(program, phase, found, profile) for phase, found in steps.items()
+            phase: cost.step_times(program, phase, of_phase, profile)
+            for phase, of_phase in steps.items()
         }
-        paths = {phase: cost.critical_path(found) for phase, found in times.items()}
+        paths = {phase: cost.critical_path(of_phase) for phase, of_phase in times.items()}
         usages.append({phase: _usage(steps[phase], times[phase], paths[phase]) for phase in steps})
         for i in range(len(next(iter(part.values())))):
             latencies.append(
@@ -88,11 +89,11 @@ def _parts(
     activity: Mapping[str, Sequence[StepActivity]],
 ) -> Iterator[dict[str, Sequence[StepActivity]]]:
     """Yield recordings in parts that are small enough to hold step by step and way by way."""
-    a_recording = sum(
+    ways_of_recording = sum(
         items[0].packets.size + items[0].input_packets.size for items in activity.values()
     )
     recordings = len(next(iter(activity.values())))
-    recordings_at_a_time = max(1, MAX_TOGETHER // a_recording)
+    recordings_at_a_time = max(1, MAX_TOGETHER // ways_of_recording)
     for start in range(0, recordings, recordings_at_a_time):
         yield {
             phase: items[start : start + recordings_at_a_time] for phase, items in activity.items()

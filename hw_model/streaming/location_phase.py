@@ -191,15 +191,15 @@ def _empty_history(layout: FastLayout, steps: int) -> History:
     """Return room for every step of a phase that was never run."""
     chunks = layout.tables.chunks
     dtype = chunks.registers.dtype
-    many_chunks = len(chunks.node)
-    slots = many_chunks * LANES
+    chunk_count = len(chunks.node)
+    slots = chunk_count * LANES
     # A node may spike everywhere in every step; lists are written a vector of lanes at a time.
     most_events = steps * int(layout.tables.nodes.size.max()) + LANES
     return History(
         charge=aligned((steps, slots), dtype),
         before=aligned((steps + 1, slots * KEPT_FIELDS), dtype),
-        masks=np.zeros((steps, many_chunks), np.int32),
-        flips=np.zeros((steps, many_chunks), np.int32),
+        masks=np.zeros((steps, chunk_count), np.int32),
+        flips=np.zeros((steps, chunk_count), np.int32),
         event=np.empty(most_events, np.int32),
         row_of=np.empty(most_events, np.int32),
         spikes=aligned((slots,), dtype),
@@ -257,14 +257,14 @@ def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]
     for row in range(len(rows)):
         time = before + row
         for node in range(len(visits.rows)):
-            found = _NONE
+            events = _NONE
             for channel in range(visits.first_channel[node], visits.first_channel[node + 1]):
                 if rows[row, channel] and time < visits.rows[node]:
-                    history.event[found] = visits.first_line[channel] + time
-                    history.row_of[found] = visits.step[channel]
-                    found += 1
+                    history.event[events] = visits.first_line[channel] + time
+                    history.row_of[events] = visits.step[channel]
+                    events += 1
             for index in range(order.link_of[node], order.link_of[node + 1]):
-                _change(np.uint64(order.link[index]), found, tables.links, history)
+                _change(np.uint64(order.link[index]), events, tables.links, history)
         ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]
@@ -291,7 +291,7 @@ def _largest(at, first, history):  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _change(link, found, links, history):  # type: ignore[no-untyped-def]
+def _change(link, events, links, history):  # type: ignore[no-untyped-def]
     """Add, or take away, the charges of the spikes listed, and note from where on the target has to run again."""
     block = np.uint64(history.block_of[links.target_node[link]])
     steps = len(history.masks)
@@ -303,7 +303,7 @@ def _change(link, found, links, history):  # type: ignore[no-untyped-def]
     width = np.uint64(links.width[link])
     low = np.uint64(links.target[link])
     delay = links.delay[link]
-    for e in range(np.uint64(found)):
+    for e in range(np.uint64(events)):
         event = np.int64(history.event[e])
         sign = np.int64(1 if event >= 0 else -1)
         source = offset + (event if event >= 0 else ~event) * stride
@@ -382,35 +382,38 @@ def _run_again(block, start, phase):  # type: ignore[no-untyped-def]
 
 
 @shared
-def _run_pair(first, many, index, phase):  # type: ignore[no-untyped-def]
-    """Update two dendrites and their sum in ``many`` steps, with what its spikes pass to them one step late."""
+def _run_pair(first, rows, index, phase):  # type: ignore[no-untyped-def]
+    """Update two dendrites and their sum in ``rows`` steps, with what its spikes pass to them one step late."""
     chunks = phase.tables.chunks
     is_plain = chunks.plain[chunks.member[index]]
     if is_plain and chunks.plain[chunks.member[index + _ONE_MORE]]:
-        _advance_pair(first, many, index, phase, ())
+        _advance_pair(first, rows, index, phase, ())
     else:
-        _advance_pair(first, many, index, phase, chunks.widths)
+        _advance_pair(first, rows, index, phase, chunks.widths)
     return 0
 
 
 @absorbed
-def _advance_pair(first, many, index, phase, widths):  # type: ignore[no-untyped-def]
+def _advance_pair(first, rows, index, phase, widths):  # type: ignore[no-untyped-def]
     """Do what :func:`_run_pair` says; without ``widths``, an empty tuple, both dendrites are plain."""
     chunks = phase.tables.chunks
     registers = phase.registers
     history = phase.history
     at = index * _KEPT
     last = np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
-    one = np.uint64(chunks.member[index]) * _LANES
-    other = np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
+    slots_of_first = np.uint64(chunks.member[index]) * _LANES
+    slots_of_second = np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
     before = history.before
     charge = history.charge
     echo = chunks.echo
     spikes = history.masks[first - _ONE_MORE, last] if first > 0 else np.int32(0)
     advance_pair(
-        registers, index * _CHUNK, before, first, at, before, first + _ONE_MORE, at, charge, first, one,
-        charge, first, other, echo, one, echo, other, history.masks, first, last, history.flips, first, last,
-        history.spikes, last * _LANES, spikes, many, widths,
+        registers, index * _CHUNK,
+        before, first, at, before, first + _ONE_MORE, at,
+        charge, first, slots_of_first, charge, first, slots_of_second,
+        echo, slots_of_first, echo, slots_of_second,
+        history.masks, first, last, history.flips, first, last, history.spikes, last * _LANES,
+        spikes, rows, widths,
     )  # fmt: skip
 
 

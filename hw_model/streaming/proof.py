@@ -61,7 +61,7 @@ class Proof:
 
     def _score_bounds(self, step: IntArray) -> "_ScoreBounds":
         """Add up what all populations gave until ``step``, and what they give in the end."""
-        so_far, least, bounds = np.zeros((3, self._batch, self._classes))
+        so_far, least, most = np.zeros((3, self._batch, self._classes))
         steps_before = 0
         for phase in self._phases:
             steps_run = np.clip(step - steps_before, 0, phase.steps)
@@ -72,9 +72,9 @@ class Proof:
                 # A negative weight turns the least into the most.
                 one_end, other_end = (term.weight * end for end in ends)
                 least += np.minimum(one_end, other_end)
-                bounds += np.maximum(one_end, other_end)
+                most += np.maximum(one_end, other_end)
             steps_before += phase.steps
-        return _ScoreBounds(so_far, least, bounds)
+        return _ScoreBounds(so_far, least, most)
 
     def _winner_stands(self, scores: "_ScoreBounds") -> BoolArray:
         """Tell whether no other class can come to win in the place of the one that leads now."""

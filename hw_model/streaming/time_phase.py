@@ -79,7 +79,7 @@ class Live:
         memory = state.Memory(first_state, state.workspace(layout, TILE), paths_of(layout))
         place = np.full(layout.columns, -1, dtype=np.int64)
         place[read.columns] = np.arange(columns_read)
-        kept = state.Kept(
+        kept_registers = state.Kept(
             columns_read > 0,
             state.NO_REGISTER,
             state.NO_REGISTER,
@@ -90,7 +90,7 @@ class Live:
             read,
             layout.packed_tables,
             packed.pack(memory),
-            packed.pack(kept),
+            packed.pack(kept_registers),
             starts_late,
         )
         self._packed_phase = packed.pack(self._phase)
@@ -165,7 +165,7 @@ def _run(  # type: ignore[no-untyped-def]
     before,
     end,
     tile_at,
-    given,
+    events,
     phase,
     counts,
     at,
@@ -177,13 +177,13 @@ def _run(  # type: ignore[no-untyped-def]
     lasting = max(0, min(len(counts), end - before))
     for low in range(0, lasting, TILE):
         rows = min(TILE, lasting - low)
-        many = np.uint64(0)
+        listed = np.uint64(0)
         for m in range(len(begin) - 1):
-            room.first[0, m] = many
+            room.first[0, m] = listed
             for row in range(rows):
                 start = (low + row) * begin[-1] + begin[m]
-                many, _ = list_row(given, start, begin[m + 1] - begin[m], room.line, many)
-                room.first[row + 1, m] = many
+                listed, _ = list_row(events, start, begin[m + 1] - begin[m], room.line, listed)
+                room.first[row + 1, m] = listed
         tile = Tile(_NO_STEP, rows, _SKIP)
         arriving = Arriving(room.first, room.line)
         written = Written(room.spikes, room.sent, room.active, _NO_STEP, phase.kept)
