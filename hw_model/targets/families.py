@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from hw_model.description.chip import Chip, chip, chip_names
 from hw_model.description.read import is_yaml_path, plain_values, read_chip_file
+from hw_model.io.given import checked
 from hw_model.spinnaker.chips import (
     SpinnakerChip,
     spinnaker_chip,
@@ -109,6 +110,7 @@ def family_of(name: str) -> AnyFamily:
     return MESHES
 
 
+@checked
 def _family_of_file(path: Path) -> AnyFamily:
     """Return the family with whose files a chip file has most keys in common; meshes, where all have as many."""
     document = plain_values(read_chip_file(path), path.name)

@@ -27,11 +27,11 @@ from hw_model.xylo.fast import play_fast
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
 TESTS = Path(__file__).parents[1]
-for room in ("peers", "xylo", "lava"):
-    sys.path.insert(0, str(TESTS / room))
-from lava_folders import write_folder  # noqa: E402
+sys.path[:0] = [str(TESTS / "peers"), str(TESTS.parent)]
 from make_environments import python_of, why_missing  # noqa: E402
-from witness_files import write_networks  # noqa: E402
+
+from tests.support.lava_folders import write_folder  # noqa: E402
+from tests.support.witness_files import write_networks  # noqa: E402
 
 STEPS = 1000
 FEW_STEPS = 10

@@ -15,7 +15,7 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
-from tests.marks import first_quick
+from tests.support.marks import first_quick
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"

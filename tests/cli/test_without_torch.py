@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data import synthetic_touches, write_recordings
-from tests.marks import first_quick
+from tests.support.marks import first_quick
+from tests.support.slayer_files import LOIHI, SRM, write
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tests/frontends"))
-from slayer_files import LOIHI, SRM, write  # noqa: E402
 
 SHIPPED = sorted((ROOT / "examples/models").glob("*.pt"))
 FIXTURES = sorted((ROOT / "tests/compatibility").glob("version_*/*.pt"))

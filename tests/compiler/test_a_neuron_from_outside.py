@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from networks import recordings, single
 
 import locsnn_compile as lc
 from locsnn_compile.errors import InputError, TargetError
@@ -25,6 +24,7 @@ from locsnn_compile.passes.quantize import integers_of
 from locsnn_compile.reference.evaluate import evaluate, steps_of
 from locsnn_compile.reference.float_neurons import CubaSteps
 from locsnn_compile.verification.error_budget.forms import forms_of
+from tests.support.networks import recordings, single
 
 
 @dataclass(frozen=True, eq=False)

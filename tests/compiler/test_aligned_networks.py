@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import hybrid, on_grid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -25,6 +24,7 @@ from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import hybrid, on_grid, recordings
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import NEURON, hybrid, on_grid, single
 from scipy import sparse
 
 from locsnn_compile.errors import InputError
@@ -27,6 +26,7 @@ from locsnn_compile.network.projections import (
     with_values,
 )
 from locsnn_compile.passes.srm.quantize import refractory_count
+from tests.support.networks import NEURON, hybrid, on_grid, single
 
 
 def lif(**changes):

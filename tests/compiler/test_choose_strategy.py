@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from networks import NEURON, hybrid, on_grid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -25,6 +24,7 @@ from locsnn_compile.verification.error_bounds import (
     Losses,
     weighed_best,
 )
+from tests.support.networks import NEURON, hybrid, on_grid, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 PAIRED = "paired-dendrite"

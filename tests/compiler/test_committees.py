@@ -9,7 +9,6 @@ import pytest
 import yaml
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from networks import hybrid, on_grid, recordings
 from test_aligned_networks import aligned, late, without_biases
 
 import hw_model as hw
@@ -28,6 +27,7 @@ from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import member_words
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import hybrid, on_grid, recordings
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = st.sampled_from([None, None, 1, 2])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import hybrid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -34,7 +33,8 @@ from locsnn_compile.verification.error_budget.budget import (
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.networks import hybrid, recordings, single
+from tests.support.real_recordings import REAL, on_real_recordings
 
 CHIP = hw.chip("loihi-sim")
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import single
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS, weight_grid
@@ -21,6 +20,7 @@ from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.passes.kernels import nearest_decays
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import Rounding
+from tests.support.networks import single
 
 CHIP = hw.chip("loihi-sim")
 BITS = st.sampled_from(WEIGHT_BITS)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from networks import hybrid, recordings
 
 import hw_model as hw
 from locsnn_compile.pipeline import lower
@@ -11,6 +10,7 @@ from locsnn_compile.verification import excerpt as module
 from locsnn_compile.verification.excerpt import take_excerpt
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import hybrid, recordings
 
 CHIP = hw.chip("loihi-sim")
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 from scipy import sparse
 
 import hw_model as hw
@@ -29,6 +28,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 

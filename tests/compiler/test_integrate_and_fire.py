@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import recordings, single
 from scipy import sparse
 
 import hw_model as hw
@@ -20,6 +19,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate, evaluation_order
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import recordings, single
 
 CHIP = hw.chip("loihi-sim")
 

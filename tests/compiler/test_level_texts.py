@@ -17,9 +17,8 @@ OWN_LEVELS = ("network", "quantized", "compartments")
 
 
 def levels(case):
-    from networks import hybrid, on_grid, single
-
     from locsnn_compile.network.neurons import Cuba
+    from tests.support.networks import hybrid, on_grid, single
 
     if case == "cuba":
         neuron = Cuba.of(

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import hybrid, recordings
 
 import hw_model as hw
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.pipeline import lower
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import hybrid, recordings
 
 CHIP = hw.chip("loihi-sim")
 

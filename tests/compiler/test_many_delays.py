@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import NEURON, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
@@ -14,6 +13,7 @@ from locsnn_compile.network.projections import ChipProjection, Projection
 from locsnn_compile.passes.rounding.task import Rounding
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.networks import NEURON, single
 
 CHIP = hw.chip("loihi-sim")
 DELAYS = (0, 12, 24, 36, 48, 60)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import NEURON, hybrid, recordings
 
 import hw_model as hw
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.diagnosis import EDGES, RegisterUse, margins
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import NEURON, hybrid, recordings
 
 CHIP = hw.chip("loihi-sim")
 

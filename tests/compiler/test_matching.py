@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.baselines.operations import network_additions
@@ -14,6 +13,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.matching import PopulationMatch, ScoreMatch, compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import NEURON, hybrid, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -12,6 +11,7 @@ from locsnn_compile.data.recordings import BATCH
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import FloatRuns, evaluate
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import hybrid, recordings
 
 CHIP = hw.chip("loihi-sim")
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import on_grid, recordings, single
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import decay, effective_weight
@@ -17,6 +16,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.networks import on_grid, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from networks import hybrid, recordings
 
 from locsnn_compile.baselines.operations import ann_operations, network_additions
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.networks import hybrid, recordings
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -16,6 +15,7 @@ from locsnn_compile.verification import over_time as module
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import over_time, stop_all
 from locsnn_compile.verification.savings import savings
+from tests.support.networks import NEURON, hybrid, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 

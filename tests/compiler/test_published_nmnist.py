@@ -12,7 +12,7 @@ import torch
 
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main
-from tests.real_recordings import REAL
+from tests.support.real_recordings import REAL
 
 N_MNIST = REAL.parent / "nmnist"
 

@@ -9,7 +9,6 @@ from dataclasses import is_dataclass, replace
 
 import numpy as np
 import pytest
-from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -17,6 +16,7 @@ from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.typed import typed
+from tests.support.networks import hybrid, recordings
 
 PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}
 NEURON = {"decay_v": 0.1, "threshold": 1.0}

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import NEURON, hybrid, single
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
@@ -18,6 +17,7 @@ from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import HEADROOM, Rounding
 from locsnn_compile.pipeline import lower
+from tests.support.networks import NEURON, hybrid, single
 
 CHIP = hw.chip("loihi-sim")
 

@@ -14,7 +14,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
 SETS = {"objects": 144, "containers": 60}

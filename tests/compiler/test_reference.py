@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import hybrid, recordings
 
 import hw_model as hw
 from locsnn_compile.data.recordings import Recordings
@@ -16,6 +15,7 @@ from locsnn_compile.reference import evaluate as evaluation
 from locsnn_compile.reference.evaluate import calibrate, evaluate
 from locsnn_compile.reference.float_neurons import SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps
+from tests.support.networks import hybrid, recordings
 
 
 def srm_response(drive, neuron):

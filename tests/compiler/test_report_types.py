@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 
 import pytest
-from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.figures.typed import typed
+from tests.support.networks import hybrid, recordings
 
 
 @pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f", "locsnn-130nm"])

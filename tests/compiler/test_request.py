@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import pytest
-from networks import hybrid, recordings
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -17,6 +16,7 @@ from locsnn_compile.explore import point
 from locsnn_compile.explore.point import Study
 from locsnn_compile.request.compile_request import CompileRequest
 from locsnn_compile.settings import DIALS, Dial, Setting, setting_for
+from tests.support.networks import hybrid, recordings
 
 CHIP = hw.chip("loihi-sim")
 ASKED = {"strategy": "delay-line", "weight_bits": 4, "split_weights": 0.5}

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from networks import NEURON, hybrid, single
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import weight_grid
@@ -16,6 +15,7 @@ from locsnn_compile.passes.rounding.grades import shares
 from locsnn_compile.passes.rounding.task import Rounding, exponent_and_threshold
 from locsnn_compile.passes.srm.quantize import dendrite_charge, whole_mantissas
 from locsnn_compile.pipeline import lower
+from tests.support.networks import NEURON, hybrid, single
 
 CHIP = hw.chip("loihi-sim")
 GRID = weight_grid(8, "excitatory")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
@@ -19,6 +18,7 @@ from locsnn_compile.passes.srm.quantize import LAYOUTS, refractory_count
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 from locsnn_compile.settings import STRATEGIES, TRAINABLE
+from tests.support.networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 

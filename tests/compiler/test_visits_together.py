@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import hybrid, on_grid, recordings
 
 import hw_model as hw
 from hw_model.program.text import compartments_text
@@ -20,6 +19,7 @@ from locsnn_compile.verification.excerpt import take_excerpt
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import OverTime, over_time
+from tests.support.networks import hybrid, on_grid, recordings
 
 CHIP = hw.chip("loihi-sim")
 

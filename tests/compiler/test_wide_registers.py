@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from networks import hybrid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -18,6 +17,7 @@ from locsnn_compile.request.without_overflows import try_widths
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification import wide_registers
 from locsnn_compile.verification.wide_registers import play_wide
+from tests.support.networks import hybrid, recordings, single
 
 DOWN = 256 << 13
 """Charge of the heaviest negative weight: -256, exponent 7, in registers."""

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from write_raw_cameras import EVENTS, FILES, SIZE
 
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import camera_words, prophesee_evt3, read_recordings
@@ -14,6 +13,7 @@ from locsnn_compile.data.aedat import parse_aedat
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.data.prophesee import parse_dat, parse_raw
 from locsnn_compile.errors import InputError
+from tests.support.raw_cameras import EVENTS, FILES, SIZE
 
 HERE = Path(__file__).parent
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from published import write_preprocessed, write_slip
 
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
@@ -20,6 +19,7 @@ from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from tests.support.published_files import write_preprocessed, write_slip
 
 LABELS = [0] * 10 + [1] * 5 + [2]
 """Of the recordings below: ten, five and one of a class."""

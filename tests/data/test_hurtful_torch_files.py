@@ -9,11 +9,21 @@ import zipfile
 import numpy as np
 import pytest
 import torch
-from torch_files import NUMBERS, PERSISTENT, Pickler, Rebuilt, old_file, read, refusal, saved, whole
 
 from locsnn_compile.data.plain_pickle import MAX_VALUES
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.errors import InputError
+from tests.support.torch_files import (
+    NUMBERS,
+    PERSISTENT,
+    Pickler,
+    Rebuilt,
+    old_file,
+    read,
+    refusal,
+    saved,
+    whole,
+)
 
 DAMAGED = "file 'a.pt': it is damaged, truncated or not a torch file. Write it again."
 CODE = "file 'a.pt': it contains objects that would run code when read, so it was not read ({}). Save tensors and plain values only."

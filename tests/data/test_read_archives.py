@@ -13,7 +13,7 @@ import pytest
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Binned
 from locsnn_compile.errors import InputError
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.real_recordings import REAL, on_real_recordings
 
 RNG = np.random.default_rng(7)
 ONE = [RNG.integers(0, 2, size=(39, 2, 12)).astype(np.float32) for _ in range(12)]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from published import REACHING, START, write_slip
 
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from tests.support.published_files import REACHING, START, write_slip
 
 
 @pytest.mark.slow

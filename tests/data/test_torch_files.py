@@ -10,9 +10,9 @@ import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from torch_files import NUMBERS, Rebuilt, old_file, read, saved, whole
 
 from locsnn_compile.data.tensors import Name, Tensor
+from tests.support.torch_files import NUMBERS, Rebuilt, old_file, read, saved, whole
 
 DTYPES = [
     torch.bool,

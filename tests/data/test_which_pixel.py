@@ -22,8 +22,8 @@ import locsnn_compile as lc
 from hw_model.values import ByteArray
 from locsnn_compile.data import Recordings, from_tonic, read_recordings
 from locsnn_compile.request.recordings import recordings_for
-from tests.frontends.net_files import neuron, write_net
-from tests.frontends.slayer_files import LOIHI
+from tests.support.net_files import neuron, write_net
+from tests.support.slayer_files import LOIHI
 
 ROWS = COLUMNS = 4
 POLARITIES = 2

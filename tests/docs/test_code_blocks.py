@@ -17,13 +17,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fences import PAGES, ROOT, Fence, fences, name
 
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.compile import parser as compile_parser
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.cli.main import parser as locsnn_parser
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.fences import PAGES, ROOT, Fence, fences, name
+from tests.support.real_recordings import REAL, on_real_recordings
 
 BLOCKS = [fence for page in PAGES for fence in fences(page)]
 RUN = [fence for fence in BLOCKS if fence.language in ("python", "sh") and "ci" not in fence.words]

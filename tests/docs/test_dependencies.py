@@ -8,9 +8,9 @@ import sys
 import tomllib
 
 import pytest
-from fences import PAGES, ROOT, name
 
 from hw_model.io.extras import PACKAGES_OF_EXTRA
+from tests.support.fences import PAGES, ROOT, name
 
 NAMES = {
     "pyyaml": {"yaml"},

@@ -7,7 +7,8 @@ import re
 from pathlib import Path
 
 import pytest
-from fences import ROOT
+
+from tests.support.fences import ROOT
 
 TABLES = ROOT / "docs/research/results"
 BEST = TABLES / "best-networks.md"

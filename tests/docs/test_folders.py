@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from fences import ROOT, name
 from test_links import links
+
+from tests.support.fences import ROOT, name
 
 DOCS = ROOT / "docs"
 LISTED = ("start", "how-to", "reference", "explanation")

@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from fences import ROOT
+
+from tests.support.fences import ROOT
 
 sys.path.insert(0, str(ROOT / "docs/extensions"))
 from command_help import parsers, programs

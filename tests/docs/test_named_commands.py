@@ -8,7 +8,8 @@ import sys
 from collections.abc import Iterator
 
 import pytest
-from fences import PAGES, ROOT, name
+
+from tests.support.fences import PAGES, ROOT, name
 
 sys.path.insert(0, str(ROOT / "docs/extensions"))
 from command_help import parsers

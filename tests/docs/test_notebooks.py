@@ -7,7 +7,8 @@ import json
 import shutil
 
 import pytest
-from fences import ROOT, name
+
+from tests.support.fences import ROOT, name
 
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 

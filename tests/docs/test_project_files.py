@@ -7,9 +7,9 @@ import tomllib
 
 import pytest
 import yaml
-from fences import ROOT
 
 import locsnn_compile as lc
+from tests.support.fences import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 DEVELOPERS = "the locsnn-compile developers"

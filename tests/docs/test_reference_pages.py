@@ -6,10 +6,10 @@ import re
 import sys
 
 import pytest
-from fences import ROOT
 
 import hw_model
 import locsnn_compile
+from tests.support.fences import ROOT
 
 sys.path.insert(0, str(ROOT / "docs/extensions"))
 from command_help import help_of, programs

@@ -8,7 +8,8 @@ import sys
 from html.parser import HTMLParser
 
 import pytest
-from fences import ROOT
+
+from tests.support.fences import ROOT
 
 pytestmark = pytest.mark.minutes
 

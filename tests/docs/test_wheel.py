@@ -10,7 +10,8 @@ import venv
 from pathlib import Path
 
 import pytest
-from fences import ROOT, fences
+
+from tests.support.fences import ROOT, fences
 
 pytestmark = pytest.mark.minutes
 

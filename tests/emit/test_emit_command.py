@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import bench
 import networkx as nx
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from test_waveforms import read, values
 import hw_model as hw
 from locsnn_compile.cli.compile import main
 from locsnn_compile.emitters import EMITTERS
+from tests.support import emitted_bench as bench
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 CHOSEN = 1

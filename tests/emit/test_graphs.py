@@ -8,10 +8,10 @@ import networkx as nx
 import numpy as np
 import pydot
 import pytest
-from programs import CHIP, everything, two_phases
 
 import hw_model as hw
 from locsnn_compile.backends.graphs import dot_file, graphml_file
+from tests.support.emitted_programs import CHIP, everything, two_phases
 
 # pydot calls pyparsing by names that it deprecates.
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated:DeprecationWarning")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from programs import CHIP, everything, played_streams, small_chip, two_phases
 
 import hw_model as hw
 from locsnn_compile.backends.played import play_recording
@@ -15,6 +14,7 @@ from locsnn_compile.backends.sanafe.files import sanafe_files
 from locsnn_compile.backends.sanafe.rules import obstacles
 from locsnn_compile.backends.vectors.vectors import vectors_files
 from locsnn_compile.errors import InputError
+from tests.support.emitted_programs import CHIP, everything, played_streams, small_chip, two_phases
 
 
 def documents(played):

@@ -7,11 +7,11 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from programs import CHIP, everything, played_streams, two_phases
 
 import hw_model as hw
 from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.timeline import trace_file
+from tests.support.emitted_programs import CHIP, everything, played_streams, two_phases
 
 
 @pytest.fixture(

@@ -7,11 +7,9 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
-import bench
 import numpy as np
 import pytest
 import yaml
-from programs import CHIP, everything, played_streams, two_phases
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -19,6 +17,8 @@ from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.vectors.synapse_image import synapse_image
 from locsnn_compile.backends.vectors.vectors import vectors_files
 from locsnn_compile.errors import InputError
+from tests.support import emitted_bench as bench
+from tests.support.emitted_programs import CHIP, everything, played_streams, two_phases
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "models"
 

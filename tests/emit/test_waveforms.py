@@ -6,13 +6,13 @@ import io
 
 import numpy as np
 import pytest
-from programs import CHIP, everything, played_streams, two_phases
 from vcd.reader import TokenKind, tokenize
 
 import hw_model as hw
 from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.waves import probed, vcd_file
 from locsnn_compile.errors import InputError
+from tests.support.emitted_programs import CHIP, everything, played_streams, two_phases
 
 
 def read(content):

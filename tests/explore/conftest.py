@@ -1,5 +1,5 @@
 """Fixtures of all tests of explorations."""
 
-from small_model import cluster, divided, events, model
+from tests.support.explored_model import cluster, divided, events, model
 
 __all__ = ["cluster", "divided", "events", "model"]

@@ -4,11 +4,11 @@ import re
 from pathlib import Path
 
 import pytest
-from small_model import figures_of
 
 from locsnn_compile.cli.compile import main
 from locsnn_compile.report.format import energy, share, time
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.explored_model import figures_of
+from tests.support.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/research/accuracy/speed-error-energy.md").read_text()

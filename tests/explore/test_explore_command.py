@@ -9,7 +9,6 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from small_model import explore, explored, figures_of, lasting, narrow
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -20,6 +19,7 @@ from locsnn_compile.cli.main import parser
 from locsnn_compile.data.members import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.settings import DIALS
+from tests.support.explored_model import explore, explored, figures_of, lasting, narrow
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
 

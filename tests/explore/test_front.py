@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_model import figures, point
 
 from locsnn_compile.explore.exploration import Recommendation, on_front, recommend
 from locsnn_compile.verification.error_bounds import (
@@ -13,6 +12,7 @@ from locsnn_compile.verification.error_bounds import (
     ErrorBudget,
     default_budget,
 )
+from tests.support.explored_model import figures, point
 
 FEW = st.sampled_from([0.25, 0.5, 0.75, 1.0])
 FOUND = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW, scores=FEW)

@@ -5,7 +5,6 @@ import inspect
 from dataclasses import asdict, dataclass
 
 import pytest
-from small_model import explore, explored, narrow
 
 import locsnn_compile as lc
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
@@ -17,6 +16,7 @@ from locsnn_compile.cli.declarations.shared import add_explored
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import result
 from locsnn_compile.settings import DIALS, STRATEGIES, Dial, Setting, settings
+from tests.support.explored_model import explore, explored, narrow
 
 
 @pytest.mark.parametrize("dial", DIALS, ids=lambda dial: dial.name)

@@ -6,7 +6,6 @@ import shlex
 
 import numpy as np
 import pytest
-from small_model import explore, explored, lasting
 
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.errors import InputError
@@ -15,6 +14,7 @@ from locsnn_compile.explore.chip_points import ChipFigures
 from locsnn_compile.explore.chips import ChipsDocument, TriedChip
 from locsnn_compile.explore.chips_result import chips_files, chips_lines
 from locsnn_compile.explore.document import ExploredEvents, ExploredModel
+from tests.support.explored_model import explore, explored, lasting
 
 CHIPS = ("loihi-sim", "ecp5-85f", "spinnaker1", "xylo-audio3")
 RESET = ("--strategy", "reset")

@@ -10,7 +10,6 @@ from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
-from small_model import labelled, workers_of
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -19,6 +18,7 @@ from locsnn_compile.cli.main import main
 from locsnn_compile.cluster import spread
 from locsnn_compile.cluster.spread import AHEAD, packed, spread_over, unpacked
 from locsnn_compile.errors import InputError, TargetError
+from tests.support.explored_model import labelled, workers_of
 
 MANY = 70
 """Recordings, in five chunks."""

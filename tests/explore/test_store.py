@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from small_model import explore, figures, lasting, point
 
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
@@ -11,6 +10,7 @@ from locsnn_compile.explore import sweep as store_module
 from locsnn_compile.explore.point import Point, Timing, digest_of
 from locsnn_compile.explore.sweep import Store
 from locsnn_compile.settings import Setting
+from tests.support.explored_model import explore, figures, lasting, point
 
 KEY = "0" * 64
 POINTS = {

@@ -15,7 +15,6 @@ from functools import partial
 import distributed
 import pytest
 from distributed import LocalCluster
-from small_model import explore, lasting, narrow, setting, workers_of
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -26,6 +25,7 @@ from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.point import Point, Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import DIALS, settings
+from tests.support.explored_model import explore, lasting, narrow, setting, workers_of
 
 GRID = narrow("dendrite", "reset", bits=(2, 4, 6, 8))
 

@@ -15,11 +15,11 @@ from pathlib import Path
 import nir
 import numpy as np
 import torch
-from net_files import dense, neuron, write_net
-from nir_graphs import DT, chain, cuba, graphs, integrate, lif, linear
-from slayer_files import LOIHI, write
 
 import locsnn_compile as lc
+from tests.support.net_files import dense, neuron, write_net
+from tests.support.nir_graphs import DT, chain, cuba, graphs, integrate, lif, linear
+from tests.support.slayer_files import LOIHI, write
 
 RNG = np.random.default_rng(5)
 GRAPHS = {name: row[0] for name, row in graphs().items()}

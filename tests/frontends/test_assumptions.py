@@ -6,14 +6,14 @@ import nir
 import numpy as np
 import pytest
 import torch
-from nir_graphs import chain, graphs, lif, linear
-from slayer_files import LOIHI, write
 
 import locsnn_compile as lc
 from hw_model import chip
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.passes.quantize import quantize
+from tests.support.nir_graphs import chain, graphs, lif, linear
+from tests.support.slayer_files import LOIHI, write
 
 GRAPHS = graphs()
 RNG = np.random.default_rng(0)

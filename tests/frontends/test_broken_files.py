@@ -4,11 +4,11 @@ import h5py
 import nir
 import numpy as np
 import pytest
-from net_files import dense, write_net
-from nir_graphs import DT, chain, graphs, lif, linear
 
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main
+from tests.support.net_files import dense, write_net
+from tests.support.nir_graphs import DT, chain, graphs, lif, linear
 
 RNG = np.random.default_rng(1)
 

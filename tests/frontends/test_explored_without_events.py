@@ -7,11 +7,11 @@ from pathlib import Path
 import nir
 import numpy as np
 import pytest
-from net_files import dense, write_net
-from nir_graphs import chain, linear
-from slayer_files import write
 
 from locsnn_compile.cli.main import main as locsnn
+from tests.support.net_files import dense, write_net
+from tests.support.nir_graphs import chain, linear
+from tests.support.slayer_files import write
 
 RNG = np.random.default_rng(4)
 USUAL_ROUNDING = ["--weight-bits", "8", "--split-weights", "0"]

@@ -6,8 +6,6 @@ from pathlib import Path
 import nir
 import numpy as np
 import pytest
-from net_files import dense, write_net
-from nir_graphs import chain
 from test_nir import load
 
 import hw_model as hw
@@ -18,6 +16,8 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.network.text import network_text, quantized_text
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import dense, write_net
+from tests.support.nir_graphs import chain
 
 RECORDED = Path(__file__).parent / "floors-by-sinabs.npz"
 """``tests/peers/record_sinabs_floors.py`` says what it holds and writes it."""

@@ -5,13 +5,13 @@ import json
 import nir
 import numpy as np
 import pytest
-from nir_graphs import DT, chain, cuba, lif
 from test_torch_layers import STEPS, written
 
 import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.request.recordings import recordings_for
+from tests.support.nir_graphs import DT, chain, cuba, lif
 
 FRAMEWORKS = {
     "an image that is held, through spikingjelly": ("spikingjelly", "if1"),

@@ -5,7 +5,6 @@ from pathlib import Path
 import nir
 import numpy as np
 import pytest
-from net_files import dense, even, neuron, write_net
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -13,6 +12,7 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import dense, even, neuron, write_net
 
 IMAGE = (2, 3, 4)
 """Polarities, rows and columns."""

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from net_files import dense, even, neuron, play, write_net
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import dense, even, neuron, play, write_net
 
 RNG = np.random.default_rng(11)
 IMAGE = {"type": "input", "shape": np.array([2, 6, 6])}

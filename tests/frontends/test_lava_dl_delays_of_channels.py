@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from net_files import neuron, write_net
 
 import hw_model as hw
 import locsnn_compile as lc
+from tests.support.net_files import neuron, write_net
 
 DELAYS = (3, 0)
 KERNELS = {

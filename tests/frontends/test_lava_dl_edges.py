@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from net_files import neuron, write_net
 
 import locsnn_compile as lc
+from tests.support.net_files import neuron, write_net
 
 
 def layer(weight, **settings):

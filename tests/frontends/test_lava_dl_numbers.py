@@ -6,7 +6,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from net_files import dense, neuron, write_net
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -14,6 +13,7 @@ from locsnn_compile.cli.main import main
 from locsnn_compile.network.input_scaling import InputScaling
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.request.recordings import recordings_for
+from tests.support.net_files import dense, neuron, write_net
 
 RECORDED = Path(__file__).parent / "lava-dl-numbers"
 """Written by ``tests/peers/record_lava_dl_numbers.py``."""

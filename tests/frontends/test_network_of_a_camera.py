@@ -11,7 +11,7 @@ from locsnn_compile.reference.evaluate import evaluate
 RECORDED = Path(__file__).with_name("scene-by-spikingjelly.npz")
 """``tests/peers/record_spikingjelly_camera.py`` says what it holds and writes it."""
 SCENE = Path(__file__).parents[1] / "data" / "scene-evt3.raw"
-"""``tests/data/write_raw_cameras.py`` writes it."""
+"""``tests/support/raw_cameras.py`` writes it."""
 
 
 def network_file(folder: Path) -> Path:

@@ -3,11 +3,11 @@
 import nir
 import numpy as np
 import pytest
-from nir_forward import run
-from nir_graphs import DT, chain, graphs, lif, linear
 
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, chain, graphs, lif, linear
 
 GRAPHS = graphs()
 DEPTH = {"lif": 1, "l1": 1, "l2": 2, "out": 2, "sub.lif": 1}

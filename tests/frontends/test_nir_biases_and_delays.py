@@ -3,11 +3,11 @@
 import nir
 import numpy as np
 import pytest
-from nir_forward import run
-from nir_graphs import cuba, lif, linear
 from test_nir import load
 
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import cuba, lif, linear
 
 DT = 1e-4
 STEPS = 24

@@ -3,12 +3,12 @@
 import nir
 import numpy as np
 import pytest
-from nir_forward import run
-from nir_graphs import DT, chain, cuba, lif
 from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, chain, cuba, lif
 
 RNG = np.random.default_rng(4)
 CONV = nir.Conv2d(

@@ -7,11 +7,11 @@ CubaLIF alike, so that a graph with both keeps its time.
 import nir
 import numpy as np
 import pytest
-from nir_graphs import DT, chain, linear
 from scipy.linalg import expm
 from test_nir import load
 
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_graphs import DT, chain, linear
 
 STEPS = 50
 

@@ -4,12 +4,12 @@ import h5py
 import nir
 import numpy as np
 import pytest
-from nir_graphs import DT, chain, cuba, lif
 from test_nir import load
 
 import locsnn_compile as lc
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_graphs import DT, chain, cuba, lif
 
 RNG = np.random.default_rng(8)
 WEIGHTS = RNG.normal(0.2, 0.6, (7, 5))

@@ -3,11 +3,11 @@
 import nir
 import numpy as np
 import pytest
-from nir_graphs import chain
 from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_graphs import chain
 
 WEIGHT = 0.0625
 

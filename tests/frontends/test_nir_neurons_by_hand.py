@@ -6,7 +6,6 @@ from fractions import Fraction
 import nir
 import numpy as np
 import pytest
-from nir_graphs import DT, chain, lif, linear
 from scipy import sparse
 from test_nir import load
 
@@ -15,6 +14,7 @@ from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.neurons import Reading, neurons_of
 from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, SoftCuba
+from tests.support.nir_graphs import DT, chain, lif, linear
 
 LIF = {"tau": 4.0, "r": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
 CUBA = {

@@ -5,8 +5,6 @@ import itertools
 import nir
 import numpy as np
 import pytest
-from nir_forward import run
-from nir_graphs import DT, lif, linear
 from test_nir import load, spikes
 
 import locsnn_compile as lc
@@ -14,6 +12,8 @@ from hw_model import chip
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, lif, linear
 
 RNG = np.random.default_rng(31)
 SIZES = {"input": 10, "a": 12, "b": 11, "c": 9, "d": 7}

@@ -10,11 +10,11 @@ import nir
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from nir_forward import run
-from nir_graphs import DT, cuba, integrate, lif, linear
 
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, cuba, integrate, lif, linear
 
 STEPS = 40
 NEURONS = {

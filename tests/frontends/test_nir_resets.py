@@ -5,14 +5,14 @@ import itertools
 import nir
 import numpy as np
 import pytest
-from nir_forward import run
-from nir_graphs import DT, chain, cuba, integrate, lif, linear
 from test_nir import load, spikes
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, chain, cuba, integrate, lif, linear
 
 RNG = np.random.default_rng(21)
 RESETS = ("zero", "subtract", "late-zero", "late-subtract", "none")

@@ -9,8 +9,6 @@ import nir
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from net_files import dense, even, neuron, write_net
-from nir_graphs import DT
 from test_round_trips import assert_equal, datasets
 
 import hw_model as hw
@@ -19,6 +17,8 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.passes.quantize import quantize
+from tests.support.net_files import dense, even, neuron, write_net
+from tests.support.nir_graphs import DT
 
 CHIP = hw.chip("loihi-sim")
 RARELY = settings(max_examples=12, deadline=None)

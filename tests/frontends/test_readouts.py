@@ -3,14 +3,14 @@
 import nir
 import numpy as np
 import pytest
-from net_files import dense, neuron, write_net
-from nir_forward import run
-from nir_graphs import DT, chain, lif, linear
 from test_nir import load
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import dense, neuron, write_net
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, chain, lif, linear
 
 RNG = np.random.default_rng(31)
 TAU, ONES = RNG.uniform(4e-3, 2e-2, 5), np.ones(5)

@@ -3,14 +3,14 @@
 import nir
 import numpy as np
 import pytest
-from net_files import dense, neuron, play, write_net
-from nir_forward import run
-from nir_graphs import DT, chain, lif, linear
 from test_nir import load
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import dense, neuron, play, write_net
+from tests.support.nir_forward import run
+from tests.support.nir_graphs import DT, chain, lif, linear
 
 MEMORYLESS = neuron(i_decay=4096, v_decay=4096, threshold=10)
 

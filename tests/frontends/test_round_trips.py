@@ -4,8 +4,6 @@ import h5py
 import nir
 import numpy as np
 import pytest
-from net_files import write_net
-from nir_graphs import DT, graphs
 from test_lava_dl import NETS
 from test_nir import spikes
 
@@ -14,6 +12,8 @@ from hw_model import chip
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import write_net
+from tests.support.nir_graphs import DT, graphs
 
 GRAPHS = graphs()
 CHIP = chip("loihi-sim")

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from net_files import play, play_layer
-from slayer_files import LOIHI, SRM, kernel, srm_layer, write
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -16,6 +14,8 @@ from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.text import network_text
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.net_files import play, play_layer
+from tests.support.slayer_files import LOIHI, SRM, kernel, srm_layer, write
 
 
 def weights(outs, ins, mean=1.0):

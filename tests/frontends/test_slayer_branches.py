@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from slayer_files import srm_layer, write
 from test_slayer import spikes, weights
 
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.slayer_files import srm_layer, write
 
 STEPS, LOCATIONS, HIDDEN, CLASSES = 60, 78, 8, 4
 LAYERS = {

@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from slayer_files import LOIHI, write
 
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
+from tests.support.slayer_files import LOIHI, write
 
 RNG = np.random.default_rng(0)
 

@@ -18,12 +18,9 @@ import numpy as np
 import torch
 
 TESTS = Path(__file__).parents[1]
-sys.path[:0] = [str(TESTS / "frontends")]
+sys.path.insert(0, str(TESTS.parent))
 
 import nir  # noqa: E402
-from net_files import dense, even, write_net  # noqa: E402
-from nir_graphs import graphs  # noqa: E402
-from slayer_files import LOIHI, SRM, write  # noqa: E402
 
 import hw_model as hw  # noqa: E402
 import locsnn_compile as lc  # noqa: E402
@@ -36,6 +33,9 @@ from locsnn_compile.models.checkpoint import Checkpoint  # noqa: E402
 from locsnn_compile.models.description import InputLayout, NetworkDescription  # noqa: E402
 from locsnn_compile.models.networks import build_network  # noqa: E402
 from locsnn_compile.training.config import config_from_mapping, read_config  # noqa: E402
+from tests.support.net_files import dense, even, write_net  # noqa: E402
+from tests.support.nir_graphs import graphs  # noqa: E402
+from tests.support.slayer_files import LOIHI, SRM, write  # noqa: E402
 
 EXAMPLES = TESTS.parent / "examples"
 

@@ -1,4 +1,4 @@
-"""Write the inputs of the byte comparison: ``python same_inputs.py FOLDER``, with this tree and tests/frontends on the path.
+"""Write the inputs of the byte comparison: ``python same_inputs.py FOLDER``, with this tree on the path.
 
 Shipped models and recordings are copied; files of other tools are those that the tests of the formats write, with spikes.
 """
@@ -11,10 +11,11 @@ from pathlib import Path
 
 import nir
 import numpy as np
-import slayer_files
-from net_files import write_net
-from nir_graphs import graphs
 from test_lava_dl import NETS
+
+from tests.support import slayer_files
+from tests.support.net_files import write_net
+from tests.support.nir_graphs import graphs
 
 ROOT = Path(__file__).parents[2]
 NIR_GRAPHS = ("two layers", "biases", "conv2d", "avg pool", "delay", "recurrent", "nested", "if")

@@ -7,10 +7,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import any_phases
 import numpy as np
 import pytest
-from plain_counts import COUNTED, counts_of
 
 import hw_model as hw
 from hw_model import simulation
@@ -18,6 +16,8 @@ from hw_model.accounting.cost import energy_pj
 from hw_model.engine import reference
 from hw_model.engine.playing import Player
 from hw_model.simulation import ENGINES
+from tests.support import any_phases
+from tests.support.plain_counts import COUNTED, counts_of
 
 KINDS = ("spikes", "u", "v", "potential")
 PROBE = (*KINDS, "activity")

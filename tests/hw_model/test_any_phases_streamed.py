@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from itertools import pairwise
 
-import any_phases
 import numpy as np
 import pytest
 from test_any_phases import MANY, QUICK
@@ -13,6 +12,7 @@ from test_any_phases import MANY, QUICK
 import hw_model as hw
 from hw_model.simulation import ENGINES
 from hw_model.streaming.outcomes import StepScores
+from tests.support import any_phases
 
 
 def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int]) -> StepScores:

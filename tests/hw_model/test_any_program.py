@@ -7,17 +7,17 @@ import time
 from collections import Counter
 from dataclasses import replace
 
-import any_program
 import numpy as np
 import pytest
-from early_stops import possible_futures, with_stream_per_phase
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from sessions import check_session_after_every_step, largest_potential_so_far
 
 import hw_model as hw
 from hw_model.engine import lay_out, layout, links
 from hw_model.simulation import ENGINES
+from tests.support import any_program
+from tests.support.early_stops import possible_futures, with_stream_per_phase
+from tests.support.session_programs import check_session_after_every_step, largest_potential_so_far
 
 # What was drawn names the whole chip.
 pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")

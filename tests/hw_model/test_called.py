@@ -10,11 +10,11 @@ from collections.abc import Callable
 import numba
 import numpy as np
 import pytest
-from hybrids import random_hybrid
 
 import hw_model as hw
 from hw_model.engine import compiled, events
 from hw_model.streaming import location_phase, session, time_phase
+from tests.support.hybrids import random_hybrid
 
 FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)
 KINDS: dict[str, Callable[[np.ndarray], object]] = {

@@ -13,7 +13,7 @@ import pytest
 
 import hw_model.engine.compiled
 from hw_model.streaming import ahead
-from tests.marks import first_quick
+from tests.support.marks import first_quick
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hw_model.__file__).parent

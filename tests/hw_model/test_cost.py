@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cost_programs import FORGETS, chain, crossroads, hybrid
-from hybrids import program_of_graphs
 from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
 from hw_model.accounting.usage import measure
 from hw_model.values import added
+from tests.support.cost_programs import FORGETS, chain, crossroads, hybrid
+from tests.support.hybrids import program_of_graphs
 
 CHIP = hw.chip("loihi-sim")
 

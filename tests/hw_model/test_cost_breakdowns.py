@@ -8,7 +8,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hybrids import CHIP, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,6 +24,7 @@ from hw_model.accounting.cost import (
 from hw_model.accounting.usage import measure, total_ns
 from hw_model.description.counts import BY_CORE
 from hw_model.program.check import check_program
+from tests.support.hybrids import CHIP, random_hybrid
 
 SEEDS = st.integers(0, 2**32 - 1)
 DAVIES, SANAFE = (CHIP.profile(name) for name in ("davies2018", "sanafe"))

@@ -9,7 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from early_stops import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.description.counts import BY_CORE
+from hw_model.mapping.graph import Readout
+from tests.support.early_stops import (
     SEEDS,
     by_potentials,
     counts_by_core,
@@ -18,14 +24,8 @@ from early_stops import (
     random_layer,
     with_stream_per_phase,
 )
-from hybrids import CHIP, random_hybrid
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-import hw_model as hw
-from hw_model.description.counts import BY_CORE
-from hw_model.mapping.graph import Readout
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.hybrids import CHIP, random_hybrid
+from tests.support.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
 

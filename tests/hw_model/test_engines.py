@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import oracle
 import pytest
-from against_oracle import check_oracle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from register_units import FORGETS_AT_ONCE, KEEPS_ALL
@@ -19,6 +17,8 @@ from hw_model.description.counts import COUNTED
 from hw_model.engine.playing import Player, list_events, play
 from hw_model.engine.trace import PhaseTrace
 from hw_model.simulation import ENGINES
+from tests.support import loihi_oracle as oracle
+from tests.support.against_oracle import check_oracle
 
 CHIP = hw.chip("loihi-sim")
 SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=5))

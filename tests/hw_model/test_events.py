@@ -204,7 +204,7 @@ for channels in (*range(1, 70), 127, 128, 129, 200):
         assert found.channel.tolist() == channel.tolist(), channels
         ends = np.searchsorted(rows, np.arange(11))
         assert np.array_equal(found.first, [ends[:6], ends[5:]]), channels
-from hybrids import random_hybrid
+from tests.support.hybrids import random_hybrid
 for seed in range(12):
     program, recording = random_hybrid(seed, channels_per_step=1 + seed % 3)
     pushed = hw.Session(program).push(recording)

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hybrids import random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +18,7 @@ from hw_model.io.files import pack_arrays
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import CompartmentGraph, Input, Phase, read_only
 from hw_model.program.write import program_files
+from tests.support.hybrids import random_hybrid
 
 
 @pytest.mark.slow

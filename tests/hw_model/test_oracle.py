@@ -6,12 +6,8 @@ from collections import Counter
 from dataclasses import replace
 from functools import cache
 
-import any_phases
-import any_program
 import numpy as np
-import oracle
 import pytest
-from against_oracle import check_oracle, check_played, play_all
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from register_units import FORGETS_AT_ONCE
@@ -20,6 +16,9 @@ from test_any_program import SETTINGS
 import hw_model as hw
 from hw_model.mapping.graph import Readout
 from hw_model.simulation import ENGINES
+from tests.support import any_phases, any_program
+from tests.support import loihi_oracle as oracle
+from tests.support.against_oracle import check_oracle, check_played, play_all
 
 LARGE = (1, 9)
 """Seeds of programs that a plain engine takes long for."""

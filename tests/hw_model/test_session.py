@@ -8,16 +8,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hybrids import CHIP, graph_in_phase, program_of_graphs, random_branch, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from register_units import FORGETS_AT_ONCE
-from sessions import SEEDS, TOGETHER, check_session_after_every_step, live_program
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout, decided
 from hw_model.streaming.outcomes import StepScores
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.hybrids import (
+    CHIP,
+    graph_in_phase,
+    program_of_graphs,
+    random_branch,
+    random_hybrid,
+)
+from tests.support.real_recordings import REAL, on_real_recordings
+from tests.support.session_programs import (
+    SEEDS,
+    TOGETHER,
+    check_session_after_every_step,
+    live_program,
+)
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,22 +8,22 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
 from hypothesis import given, settings
 from register_units import FORGETS_AT_ONCE
-from sessions import (
-    SEEDS,
-    TOGETHER,
-    check_session_after_every_step,
-    largest_potential_so_far,
-    live_program,
-)
 
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.mapping.routing import InputRoute
 from hw_model.rtl.images import CoreProgram
 from hw_model.simulation import ENGINES
+from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
+from tests.support.session_programs import (
+    SEEDS,
+    TOGETHER,
+    check_session_after_every_step,
+    largest_potential_so_far,
+    live_program,
+)
 
 
 def test_a_recording_is_as_long_as_the_longest_phase_over_time():

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from hybrids import random_hybrid
 
 import hw_model as hw
 from hw_model.engine import compiled, delivery, fast, tiles
 from hw_model.streaming import location_phase, time_phase
+from tests.support.hybrids import random_hybrid
 
 
 def kinds_given(function: object) -> list[tuple[object, ...]]:

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from early_stops import SEEDS, counts_by_core, program_and_batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.description.counts import BY_CORE
+from tests.support.early_stops import SEEDS, counts_by_core, program_and_batch
 
 
 def leads_of(scores: np.ndarray) -> np.ndarray:

@@ -10,9 +10,9 @@ from threading import Barrier
 
 import numpy as np
 import pytest
-from sessions import live_program
 
 import hw_model as hw
+from tests.support.session_programs import live_program
 
 THREADS = 4
 ROWS = 20_000

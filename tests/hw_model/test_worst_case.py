@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import any_phases
-import cost_programs
 import numpy as np
 import pytest
-from hybrids import CHIP, graph_in_phase, program_of_graphs
 from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.accounting.usage import measure
 from hw_model.mapping.graph import Readout
+from tests.support import any_phases, cost_programs
+from tests.support.hostile_recordings import hostile
+from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
 
 UPDATES = 2 * 8.4
 WITHIN_TILE = 2.1
@@ -90,23 +90,6 @@ def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:
     touched = hw.worst_case(program, 2, 1)
     read_ns = 1.0
     assert touched.answer_ns - silent.answer_ns == pytest.approx(2 * 2 * (read_ns + SYNAPSE))
-
-
-def hostile(
-    program: hw.ChipProgram, rows: int, spikes: dict[str, np.ndarray], seed: int
-) -> dict[str, np.ndarray]:
-    """The recordings of a case, and others: every channel always, in turns, in one burst, at random rates."""
-    r = np.random.default_rng(seed)
-    batches = {}
-    for name, channels in program.streams.items():
-        full = np.ones((1, rows, channels), dtype=np.uint8)
-        turns = full.copy()
-        turns[:, ::2] = 0
-        burst = np.zeros_like(full)
-        burst[:, : max(1, rows // 3)] = 1
-        random = (r.random((4, rows, channels)) < r.random((4, 1, 1))).astype(np.uint8)
-        batches[name] = np.concatenate((spikes[name], full, turns, burst, random))
-    return batches
 
 
 def check_mesh(seed: int) -> int:

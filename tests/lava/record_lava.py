@@ -1,4 +1,4 @@
-"""Write what Lava does with emitted folders, and with faulty ones: ``python tests/lava/record_lava.py PYTHON``.
+"""Write what Lava does with emitted folders, and with faulty ones: ``python -m tests.lava.record_lava PYTHON``.
 
 PYTHON is one that has lava-nc 0.10.0.
 """
@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from emitter_faults import FAULTS, Arrays
-from lava_folders import (
+
+from tests.support.emitter_faults import FAULTS, Arrays
+from tests.support.lava_folders import (
     arrays_of,
     cases,
     differences,

@@ -7,8 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emitter_faults import FAULTS
-from lava_folders import (
+
+import hw_model as hw
+from locsnn_compile.emitters import bench_files
+from locsnn_compile.errors import InputError
+from tests.support.emitter_faults import FAULTS
+from tests.support.lava_folders import (
     arrays_of,
     cases,
     differences,
@@ -18,11 +22,7 @@ from lava_folders import (
     write_folder,
     write_stand_in,
 )
-from lava_programs import edge_cases, random_case, steered_case
-
-import hw_model as hw
-from locsnn_compile.emitters import bench_files
-from locsnn_compile.errors import InputError
+from tests.support.lava_programs import edge_cases, random_case, steered_case
 
 SEEDS = range(12)
 OTHER = "or emit another kind."

@@ -7,9 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emitter_faults import FAULTS, Arrays
-from lava_folders import arrays_of, cases, differences, play_file, stand_in_script, write_folder
 from record_lava import RECORDED, SEEDS
+
+from tests.support.emitter_faults import FAULTS, Arrays
+from tests.support.lava_folders import (
+    arrays_of,
+    cases,
+    differences,
+    play_file,
+    stand_in_script,
+    write_folder,
+)
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_checkpoint import DESCRIPTION, recordings, save
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
+from tests.support.small_checkpoint import DESCRIPTION, recordings, save
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:

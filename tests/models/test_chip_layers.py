@@ -9,7 +9,6 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_checkpoint import DESCRIPTION
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
@@ -18,6 +17,7 @@ from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.settings import TRAINABLE
+from tests.support.small_checkpoint import DESCRIPTION
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")

@@ -8,7 +8,6 @@ import networkx as nx
 import numpy as np
 import pytest
 import torch
-from drawn_layers import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,6 +22,7 @@ from locsnn_compile.models.graph_and_windows import (
     spread_weights,
 )
 from locsnn_compile.models.lif import GraphLayer, scan_spikes, spike
+from tests.support.drawn_layers import drawn
 
 SEEDS = st.integers(0, 2**31)
 

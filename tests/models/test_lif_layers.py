@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 import torch
-from drawn_layers import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.lif import LifLayer, scan_spikes, spike, spike_of_spikes
+from tests.support.drawn_layers import drawn
 
 SEEDS = st.integers(0, 2**31)
 

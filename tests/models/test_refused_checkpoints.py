@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from small_checkpoint import AGAIN, DESCRIPTION, save
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
+from tests.support.small_checkpoint import AGAIN, DESCRIPTION, save
 
 
 class Hostile:

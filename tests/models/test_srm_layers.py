@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from drawn_layers import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.srm import SRMLayer, respond, transpose_recording
 from locsnn_compile.network.neurons import alpha_recursion
+from tests.support.drawn_layers import drawn
 
 TAUS = st.floats(0.5, 30.0)
 

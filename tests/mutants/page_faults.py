@@ -19,12 +19,9 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-for folder in ("tests/hw_model", "tests/rtl", "tests/mutants", ""):
+for folder in ("tests/rtl", "tests/mutants", ""):
     sys.path.insert(0, str(ROOT / folder))
 
-import any_phases  # noqa: E402
-import benches  # noqa: E402
-import oracle  # noqa: E402
 from faults import Fault, faults_of  # noqa: E402
 from test_any_phases_on_core import FEW  # noqa: E402
 from tested import reasons  # noqa: E402
@@ -32,6 +29,8 @@ from tested import reasons  # noqa: E402
 import hw_model as hw  # noqa: E402
 from hw_model.rtl.cosimulation import play_on_core  # noqa: E402
 from hw_model.rtl.simulators import sources  # noqa: E402
+from tests.support import any_phases, benches  # noqa: E402
+from tests.support import loihi_oracle as oracle  # noqa: E402
 
 MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi", "on_integers"))
 """In the order of their imports."""

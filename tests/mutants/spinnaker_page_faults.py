@@ -13,15 +13,15 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-for folder in ("tests/spinnaker", "tests/mutants", ""):
+for folder in ("tests/mutants", ""):
     sys.path.insert(0, str(ROOT / folder))
 
 from faults import Fault, faults_of  # noqa: E402
-from machine_files import RECORDED, case_of, differences, read  # noqa: E402
-from random_spinnaker import PHASE  # noqa: E402
 
 from hw_model.arithmetic import spinnaker  # noqa: E402
 from hw_model.spinnaker.reference import play_reference  # noqa: E402
+from tests.support.machine_files import RECORDED, case_of, differences, read  # noqa: E402
+from tests.support.random_spinnaker import PHASE  # noqa: E402
 
 MODULE = "hw_model.arithmetic.spinnaker"
 OF_THE_STEP = {

@@ -18,16 +18,16 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-for folder in ("tests/xylo", "tests/mutants", ""):
+for folder in ("tests/mutants", ""):
     sys.path.insert(0, str(ROOT / folder))
 
-import xylo_oracle  # noqa: E402
 from faults import Fault, faults_of  # noqa: E402
 from tested import reasons  # noqa: E402
-from witness_files import RECORDED, REGISTERS, network_of, read  # noqa: E402
 
 from hw_model.arithmetic import xylo  # noqa: E402
 from hw_model.xylo.reference import play_xylo  # noqa: E402
+from tests.support import xylo_oracle  # noqa: E402
+from tests.support.witness_files import RECORDED, REGISTERS, network_of, read  # noqa: E402
 
 MODULE = "hw_model.arithmetic.xylo"
 OF_THE_STEP = {

@@ -1,7 +1,7 @@
 """Play emitted folders to Lava's fixed-point models in one process: ``drive_lava_models.py SCRIPT FOLDERS RESULT``.
 
 Lava starts a process for each of its own, which takes seconds. Here its models, the classes that compute, take turns in
-the order of ``tests/lava/lava_stand_in.py``, so that a thousand programs take minutes. ``drive_lava.py`` plays programs
+the order of ``tests/support/lava_stand_in.py``, so that a thousand programs take minutes. ``drive_lava.py`` plays programs
 in Lava as a whole.
 """
 
@@ -14,7 +14,7 @@ from lava.proc.dense.models import PyDelayDenseModelBitAcc, PyDenseModelBitAcc
 from lava.proc.lif.models import PyLifModelBitAcc
 from lava.utils.weightutils import SignMode
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "lava"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 import lava_stand_in as stand_in
 
 SCRIPT_AT = drive_lava.script_at

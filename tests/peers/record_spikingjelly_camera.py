@@ -15,8 +15,8 @@ from spikingjelly.activation_based.neuron import LIFNode
 from spikingjelly.activation_based.nir_exchange import export_to_nir
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(TESTS / "data"))
-from write_raw_cameras import SIZE, scene  # noqa: E402
+sys.path.insert(0, str(TESTS.parent))
+from tests.support.raw_cameras import SIZE, scene  # noqa: E402
 
 STEPS = 50
 STEP_MICROSECONDS = 1_000

@@ -7,7 +7,6 @@ A thousand random programs are played by Lava's models in one process, and some 
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,10 +15,8 @@ from recorded_sets import RECORDINGS, few_recordings, shipped_network
 
 import hw_model as hw
 import locsnn_compile as lc
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "lava"))
-from lava_folders import arrays_of, cases, differences, write_folder
-from record_lava import DRIVER, ask_lava
+from tests.lava.record_lava import DRIVER, ask_lava
+from tests.support.lava_folders import arrays_of, cases, differences, write_folder
 
 pytestmark = pytest.mark.peers
 

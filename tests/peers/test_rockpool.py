@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from make_environments import python_of, why_missing
+from recorded_sets import RECORDINGS
+from trained_for_xylo import CHIP, SETS, compiled_for
 
 import locsnn_compile as lc
-from locsnn_compile.emitters import ShownRecording
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "xylo"))
-from record import ask_witness
-from recorded_sets import RECORDINGS
-from small_networks import NETWORKS, touches
-from trained_for_xylo import CHIP, SETS, compiled_for
-from witness_files import REGISTERS
-
 from hw_model.xylo.fast import play_fast
 from hw_model.xylo.playing import rows_of
+from locsnn_compile.emitters import ShownRecording
+from tests.support.small_xylo_networks import NETWORKS, touches
+from tests.support.witness_files import REGISTERS
+from tests.xylo.record import ask_witness
 
 pytestmark = pytest.mark.peers
 

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from make_environments import python_of, why_missing
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "spinnaker"))
-from machine_files import differences, values_of
-from random_spinnaker import PHASE, random_case
-from record_machine import DRIVER, ask_machine
-
 from hw_model.arithmetic import spinnaker
 from hw_model.spinnaker.fast import play_fast
+from tests.spinnaker.record_machine import DRIVER, ask_machine
+from tests.support.machine_files import differences, values_of
+from tests.support.random_spinnaker import PHASE, random_case
 
 pytestmark = pytest.mark.peers
 

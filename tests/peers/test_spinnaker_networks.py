@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +18,9 @@ from hw_model.spinnaker.playing import play_recording
 from hw_model.spinnaker.program import SpinnakerProgram
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.emitters import ShownRecording
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "spinnaker"))
-from machine_files import differences, values_of
-from random_spinnaker import PHASE, Case
-from record_machine import ask_machine
+from tests.spinnaker.record_machine import ask_machine
+from tests.support.machine_files import differences, values_of
+from tests.support.random_spinnaker import PHASE, Case
 
 pytestmark = pytest.mark.peers
 

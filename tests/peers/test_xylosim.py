@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 from make_environments import python_of, why_missing
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "xylo"))
-from random_xylo import random_xylo
-from record import ask_witness, compiled_cases
-from witness_files import REGISTERS
-
 from hw_model.xylo.fast import play_fast
 from hw_model.xylo.reference import play_xylo
+from tests.support.random_xylo import random_xylo
+from tests.support.witness_files import REGISTERS
+from tests.xylo.record import ask_witness, compiled_cases
 
 pytestmark = pytest.mark.peers
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_checks import bounds, error_budget, margins, over_time, overflows
-from small_costs import ann, energy, latency
 
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 from locsnn_compile.verification.matching import Divergence
+from tests.support.small_checks import bounds, error_budget, margins, over_time, overflows
+from tests.support.small_costs import ann, energy, latency
 
 
 @pytest.fixture

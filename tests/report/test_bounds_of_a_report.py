@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from small_checks import bounds_at
-from small_report import figures
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.report.sections.bounds import bound_facts, bounds_table
 from locsnn_compile.report.sections.worst_time import worst_time
-
-sys.path.append(str(Path(__file__).parents[1] / "compiler"))
-
-from networks import hybrid, recordings
+from tests.support.networks import hybrid, recordings
+from tests.support.small_checks import bounds_at
+from tests.support.small_report import figures
 
 
 def test_the_summary_says_what_no_recording_exceeds(document: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ import pytest
 import hw_model as hw
 from locsnn_compile.baselines.operations import ARITHMETICS
 from locsnn_compile.report.words import words
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/explanation/energy.md").read_text(encoding="utf-8")

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_report import figures
 
 from locsnn_compile.cli.compile import main
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.gates import GATES, check_gates
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses
+from tests.support.small_report import figures
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid-loihi.pt"
 ROWS = [

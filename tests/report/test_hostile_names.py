@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import shutil
-import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -18,9 +17,7 @@ import locsnn_compile as lc
 from hw_model.io.build_folder import default_folder, write_build
 from locsnn_compile.cli.compile import main
 from locsnn_compile.emitters import LEVEL_KINDS
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
-from networks import hybrid, recordings
+from tests.support.networks import hybrid, recordings
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 NAMES = {

@@ -24,7 +24,7 @@ from locsnn_compile.report.renderers.markdown import verdicts_markdown
 
 sys.path.append(str(Path(__file__).parents[1] / "compiler"))
 
-from networks import hybrid, recordings
+from tests.support.networks import hybrid, recordings
 
 USED = {"luts": 20, "flip_flops": 31, "block_rams": 4, "multipliers": 2}
 AVAILABLE = {"luts": 100, "flip_flops": 200, "block_rams": 5, "multipliers": 8}

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from chromium import Chromium, find_chromium, started
-from small_report import figures
 
 from locsnn_compile.cli.compile import main
 from locsnn_compile.report.compose import compose
@@ -18,6 +16,8 @@ from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.sections.builds import Build
 from locsnn_compile.report.sections.comparison import comparison
 from locsnn_compile.verification.excerpt import Excerpt
+from tests.support.chromium import Chromium, find_chromium, started
+from tests.support.small_report import figures
 
 ROOT = Path(__file__).parents[2]
 ENTER, TAB = ("Enter", 13), ("Tab", 9)

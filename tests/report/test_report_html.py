@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 from typing import Any
 
 import pytest
-from small_report import figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.html import prose, render_html
 from locsnn_compile.verification.excerpt import Excerpt
+from tests.support.small_report import figures
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "wbr"}
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from small_report import figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Bar, Plot, Section, Table
 from locsnn_compile.report.renderers.html import render_html
+from tests.support.small_report import figures
 
 
 def _section(document: dict[str, Any]) -> Section:

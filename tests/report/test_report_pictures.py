@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import sparse
-from small_report import figures
 
 import locsnn_compile as lc
 from locsnn_compile.network.neurons import Cuba
@@ -29,9 +26,8 @@ from locsnn_compile.verification.excerpt import (
     Excerpt,
     SpikeRows,
 )
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
-from networks import single
+from tests.support.networks import single
+from tests.support.small_report import figures
 
 
 def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None) -> Section:

@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 from rich.console import Console
-from small_report import figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Fact
 from locsnn_compile.report.renderers.markdown import render_markdown, text
 from locsnn_compile.report.renderers.terminal import render_terminal
 from locsnn_compile.verification.excerpt import Excerpt
+from tests.support.small_report import figures
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -3,12 +3,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from small_report import costs_of, figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Bullets, Table
 from locsnn_compile.report.sections.build import provenance
 from locsnn_compile.report.sections.verdict import against, costs, fits, matches, notices, pace
+from tests.support.small_report import costs_of, figures
 
 POPULATIONS = ["time_output", "location_output"]
 SILENT = {

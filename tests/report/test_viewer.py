@@ -5,13 +5,10 @@ from __future__ import annotations
 import base64
 import json
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from chromium import find_chromium, started
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -20,9 +17,8 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.viewer import values as viewer
 from locsnn_compile.report.viewer.page import render_viewer
 from locsnn_compile.verification.observation import Observed
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
-from networks import hybrid, recordings
+from tests.support.chromium import find_chromium, started
+from tests.support.networks import hybrid, recordings
 
 NETWORK = hybrid(scale=30.0, channels=8, steps=20, hidden=5)
 PLAYED = recordings(NETWORK, samples=12, rate=0.6)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("tests/hw_model", "docs/research/hardware", "docs/research/energy-130nm")
+FOLDERS = ("docs/research/hardware", "docs/research/energy-130nm")
 sys.path[:0] = [str(ROOT / folder) for folder in FOLDERS]
 
 

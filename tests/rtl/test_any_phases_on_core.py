@@ -5,14 +5,13 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 
-import any_phases
-import benches
 import pytest
 
 import hw_model as hw
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.refused import refuse_unplayable
 from hw_model.rtl.simulators import Simulator, sources
+from tests.support import any_phases, benches
 
 icarus = pytest.mark.skipif(
     shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"

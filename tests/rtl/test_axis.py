@@ -5,14 +5,14 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from benches import LATER, SIZES
-from desk import LAST, STOP, Desk
 
 import hw_model as hw
 from hw_model.rtl.board import spike_numbers
 from hw_model.rtl.cosimulation import ANSWER, END, TICK
 from hw_model.rtl.simulators import sources
-from tests.marks import first_quick
+from tests.support.benches import LATER, SIZES
+from tests.support.desk import LAST, STOP, Desk
+from tests.support.marks import first_quick
 
 pytestmark = [
     pytest.mark.usefixtures("cores_of_this_run"),

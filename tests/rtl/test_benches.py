@@ -15,9 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from benches import CHIP, LATER, SIZES, all_benches, windows
-from desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
-from hybrids import graph_in_phase, program_of_graphs
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
@@ -25,7 +22,10 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import END, TICK
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
-from tests.marks import first_quick, sampled
+from tests.support.benches import CHIP, LATER, SIZES, all_benches, windows
+from tests.support.desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
+from tests.support.hybrids import graph_in_phase, program_of_graphs
+from tests.support.marks import first_quick, sampled
 
 pytestmark = [
     pytest.mark.usefixtures("cores_of_this_run"),

@@ -6,10 +6,16 @@ import shutil
 from contextlib import closing
 from dataclasses import replace
 
-import benches
 import numpy as np
 import pytest
-from desk import (
+
+import hw_model as hw
+from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
+from hw_model.rtl.cosimulation import ANSWER, END, TICK
+from hw_model.rtl.frames import ANSWER as ANSWERED
+from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
+from tests.support import benches
+from tests.support.desk import (
     PATIENCE,
     PRESS,
     REFUSED_LOADS,
@@ -21,13 +27,7 @@ from desk import (
     say,
     stream_words,
 )
-
-import hw_model as hw
-from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
-from hw_model.rtl.cosimulation import ANSWER, END, TICK
-from hw_model.rtl.frames import ANSWER as ANSWERED
-from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
-from tests.marks import first_quick
+from tests.support.marks import first_quick
 
 pytestmark = [
     pytest.mark.usefixtures("cores_of_this_run"),

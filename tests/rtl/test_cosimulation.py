@@ -6,9 +6,6 @@ import shutil
 from collections import Counter
 from dataclasses import replace
 
-import any_program
-import benches
-import hybrids
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
@@ -20,6 +17,7 @@ import locsnn_compile as lc
 from hw_model.rtl import cosimulation
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import command_of, said, sources
+from tests.support import any_program, benches, hybrids
 
 NO_VERILATOR = pytest.mark.skipif(
     shutil.which("verilator") is None, reason="Verilator is not installed"

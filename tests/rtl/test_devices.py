@@ -7,7 +7,6 @@ import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import benches
 import numpy as np
 import pytest
 
@@ -29,6 +28,7 @@ from locsnn_compile.training.config import config_from_mapping, read_config
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
 from locsnn_compile.verification.error_bounds import Losses
+from tests.support import benches
 
 MODELS = Path(__file__).parents[2] / "examples/models"
 NEEDS_ICARUS = pytest.mark.skipif(

@@ -12,7 +12,6 @@ import sys
 import time
 from pathlib import Path
 
-import benches
 import numpy as np
 import pytest
 
@@ -22,6 +21,7 @@ from hw_model.io.partial import locked
 from hw_model.rtl.folder import board_files, rtl_files
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
+from tests.support import benches
 
 MODELS = Path(__file__).parents[2] / "examples/models"
 KEYS = [

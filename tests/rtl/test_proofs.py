@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from hw_model.rtl.simulators import sources
-from tests.marks import sampled, slow
+from tests.support.marks import sampled, slow
 
 HERE = Path(__file__).parent
 BOARDS = HERE.parents[1] / "hw_model/rtl/boards"

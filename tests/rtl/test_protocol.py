@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 
-import benches
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from hw_model.rtl.cosimulation import ANSWER, END, TICK, words_of
 from hw_model.rtl.images import CoreProgram, sizes_for
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import built, run, sources
+from tests.support import benches
 
 pytestmark = [
     pytest.mark.usefixtures("cores_of_this_run"),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import benches
-import hybrids
 import numpy as np
 import pytest
 from register_units import KEEPS_ALL
@@ -13,6 +11,7 @@ from register_units import KEEPS_ALL
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.rtl.images import CoreProgram
+from tests.support import benches, hybrids
 
 CHANNELS = 3
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 
-import benches
 import numpy as np
 import pytest
 
 from hw_model.rtl import simulators
 from hw_model.rtl.cosimulation import UNKNOWN, bench_numbers
 from locsnn_compile.cli import main as locsnn
+from tests.support import benches
 
 pytestmark = pytest.mark.skipif(
     shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"

@@ -6,12 +6,12 @@ import re
 import shutil
 from dataclasses import replace
 
-import benches
 import pytest
 from test_benches import STOPPING, differ
 
 from hw_model.rtl.simulators import sources
-from tests.marks import sampled
+from tests.support import benches
+from tests.support.marks import sampled
 
 pytestmark = [
     pytest.mark.minutes,

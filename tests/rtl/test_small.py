@@ -7,8 +7,6 @@ from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import benches
-import hybrids
 import numpy as np
 import pytest
 from test_benches import differ
@@ -28,6 +26,7 @@ from hw_model.rtl.streaming import stream
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
+from tests.support import benches, hybrids
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = replace(benches.SIZES, join=0, one_port=1, phase_words=8)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import benches
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ import hw_model as hw
 from hw_model.rtl import images
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.steps import FURTHEST, NEAREST, in_steps
+from tests.support import benches
 
 PROGRAMS = benches.all_benches()
 

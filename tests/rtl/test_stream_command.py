@@ -8,10 +8,8 @@ import sys
 import types
 from pathlib import Path
 
-import benches
 import numpy as np
 import pytest
-from desk import Desk
 from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
@@ -19,6 +17,8 @@ from hw_model.rtl import ports, streaming
 from hw_model.rtl.images import SIMULATED
 from locsnn_compile.cli import main as locsnn
 from locsnn_compile.cli.compile import main as compile_main
+from tests.support import benches
+from tests.support.desk import Desk
 
 ROOT = Path(__file__).parents[2]
 icarus = pytest.mark.skipif(

@@ -8,14 +8,14 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from desk import PATIENCE, Desk, rates, said, say
 
 import hw_model as hw
 from hw_model.rtl.board import Board
 from hw_model.rtl.frames import ERROR, HELLO, WELCOME
 from hw_model.rtl.ports import SimulatedBoard
 from hw_model.rtl.simulators import sources
-from tests.marks import first_quick
+from tests.support.desk import PATIENCE, Desk, rates, said, say
+from tests.support.marks import first_quick
 
 RTL = Path(hw.__file__).parent / "rtl"
 icarus = pytest.mark.skipif(

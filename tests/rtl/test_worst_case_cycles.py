@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import any_phases
 import numpy as np
 import pytest
-from test_worst_case import hostile
 
 import hw_model as hw
 from hw_model.accounting.worst_case import buffered_events
 from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import SIMULATED, CoreProgram
 from hw_model.rtl.worst_case import core_costs
+from tests.support import any_phases
+from tests.support.hostile_recordings import hostile
 
 SIZES = (
     SIMULATED,

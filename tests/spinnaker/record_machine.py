@@ -1,4 +1,4 @@
-"""Write what the machine code does with random networks: ``python tests/spinnaker/record_machine.py PYTHON``.
+"""Write what the machine code does with random networks: ``python -m tests.spinnaker.record_machine PYTHON``.
 
 PYTHON is one that has sPyNNaker and unicorn.
 """
@@ -12,8 +12,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from machine_files import RECORDED, read, write_cases
-from random_spinnaker import Case, random_case
+
+from tests.support.machine_files import RECORDED, read, write_cases
+from tests.support.random_spinnaker import Case, random_case
 
 DRIVER = Path(__file__).parents[1] / "peers" / "drive_spinnaker.py"
 SEEDS = (3, 6, 12, 20, 25, 31, 50, 60, 70, 115, 117, 142)

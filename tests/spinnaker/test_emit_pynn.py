@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_graphs import cells, graph, synapses
 
 import locsnn_compile as lc
 from hw_model.arithmetic.spinnaker_inverse import shift_for
@@ -21,6 +20,7 @@ from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.spinnaker.compile import quantize_for
 from locsnn_compile.spinnaker.grid import grid_of
 from locsnn_compile.spinnaker.lower import lower_to_spinnaker
+from tests.support.small_spinnaker_graphs import cells, graph, synapses
 
 CHIP = spinnaker_chip("spinnaker1")
 STAND_IN = Path(__file__).with_name("pynn_stand_in.py")

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from machine_files import RECORDED, case_of, differences, read
-from random_spinnaker import PHASE
 
 from hw_model.arithmetic import spinnaker
 from hw_model.arithmetic.spinnaker import ONE, SPAN
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.reference import play_reference
+from tests.support.machine_files import RECORDED, case_of, differences, read
+from tests.support.random_spinnaker import PHASE
 
 WITNESSES = read(RECORDED)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import poisson
-from small_spinnaker import network, population, projection
 
 from locsnn_compile.spinnaker.own_choice import (
     Incoming,
@@ -14,6 +13,7 @@ from locsnn_compile.spinnaker.own_choice import (
     own_shifts,
     with_shifts,
 )
+from tests.support.small_spinnaker import network, population, projection
 
 
 def test_equal_delays_take_the_largest_weight_times_the_most_synapses():

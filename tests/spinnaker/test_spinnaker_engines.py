@@ -6,13 +6,13 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from random_spinnaker import PHASE, random_case
-from small_spinnaker import network, population, projection
 
 from hw_model.arithmetic.spinnaker import EVENTS
 from hw_model.errors import InputError
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.reference import play_reference
+from tests.support.random_spinnaker import PHASE, random_case
+from tests.support.small_spinnaker import network, population, projection
 
 REGISTERS = ("spikes", "potential", "v", "current", "refractory")
 

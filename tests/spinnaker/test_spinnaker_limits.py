@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_spinnaker import network, parameters, population, projection
 
 from hw_model.errors import InputError, TargetError
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.spinnaker.chips import spinnaker_chip, spinnaker_chip_names
 from hw_model.spinnaker.program import SpinnakerProgram
+from tests.support.small_spinnaker import network, parameters, population, projection
 
 CHIP = spinnaker_chip("spinnaker1")
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_graphs import LAST, cells, graph, synapses
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -20,6 +19,7 @@ from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.spinnaker.fits import check_neurons
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker, lower_to_spinnaker
+from tests.support.small_spinnaker_graphs import LAST, cells, graph, synapses
 
 CHIP = spinnaker_chip("spinnaker1")
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_spinnaker import network, parameters, population, projection
 
 from hw_model.errors import InputError
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.playing import play_program, play_recording
 from hw_model.spinnaker.program import SpinnakerProgram
+from tests.support.small_spinnaker import network, parameters, population, projection
 
 CHIP = spinnaker_chip("spinnaker1")
 STRONG = (projection((0, 0, 60000, 1), (1, 0, 60000, 1)),)

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from random_spinnaker import random_case
-from small_spinnaker import network, population, projection
 
 from hw_model.errors import InputError
 from hw_model.io.files import pack_arrays
@@ -18,6 +16,8 @@ from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.files import load_spinnaker, save_spinnaker, spinnaker_files
 from hw_model.spinnaker.playing import play_program
 from hw_model.spinnaker.program import SpinnakerProgram
+from tests.support.random_spinnaker import random_case
+from tests.support.small_spinnaker import network, population, projection
 
 CHIP = spinnaker_chip("spinnaker1")
 

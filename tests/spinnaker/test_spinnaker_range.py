@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from random_spinnaker import PHASE, random_case
-from small_spinnaker import network, parameters, population, projection
 
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.range import reach_of, safe_period
+from tests.support.random_spinnaker import PHASE, random_case
+from tests.support.small_spinnaker import network, parameters, population, projection
 
 SEEDS = range(3000, 3120)
 

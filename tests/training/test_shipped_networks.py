@@ -25,7 +25,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers
-from tests.real_recordings import REAL, on_real_recordings
+from tests.support.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("objects", "containers")

@@ -1,4 +1,4 @@
-"""Write what xylosim says of random and of compiled networks: ``python tests/xylo/record.py PYTHON``.
+"""Write what xylosim says of random and of compiled networks: ``python -m tests.xylo.record PYTHON``.
 
 PYTHON is one that has xylosim.
 """
@@ -12,13 +12,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from random_xylo import random_xylo
-from small_networks import NETWORKS, touches
-from witness_files import RECORDED, RECORDED_COMPILED, read, write_networks
 
 import locsnn_compile as lc
 from hw_model.xylo.network import XyloNetwork
 from hw_model.xylo.playing import rows_of
+from tests.support.random_xylo import random_xylo
+from tests.support.small_xylo_networks import NETWORKS, touches
+from tests.support.witness_files import RECORDED, RECORDED_COMPILED, read, write_networks
 
 DRIVER = Path(__file__).parents[1] / "peers" / "drive_xylosim.py"
 SEEDS = (2, 3, 5, 6, 8, 10, 16, 18, 20, 23, 33, 39)

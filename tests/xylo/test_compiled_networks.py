@@ -7,7 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_networks import (
+
+import locsnn_compile as lc
+from hw_model.arithmetic import xylo, xylo_inverse
+from hw_model.xylo.chips import xylo_chip
+from hw_model.xylo.playing import play_program, rows_of
+from hw_model.xylo.reference import play_xylo
+from locsnn_compile.xylo.quantize import float_peak
+from tests.support.small_xylo_networks import (
     NETWORKS,
     STEPS,
     TIME,
@@ -17,14 +24,7 @@ from small_networks import (
     soft,
     touches,
 )
-from witness_files import RECORDED_COMPILED, REGISTERS, network_of, read
-
-import locsnn_compile as lc
-from hw_model.arithmetic import xylo, xylo_inverse
-from hw_model.xylo.chips import xylo_chip
-from hw_model.xylo.playing import play_program, rows_of
-from hw_model.xylo.reference import play_xylo
-from locsnn_compile.xylo.quantize import float_peak
+from tests.support.witness_files import RECORDED_COMPILED, REGISTERS, network_of, read
 
 WITNESS = dict(zip(NETWORKS, read(RECORDED_COMPILED), strict=True))
 WEIGHTS = ("weights_in", "weights_hidden", "weights_out", "shift_in", "shift_hidden", "shift_out")

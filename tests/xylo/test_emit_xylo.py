@@ -9,11 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_networks import INPUTS, NETWORKS, STEPS, memoryless_network, small_network, touches
 
 import locsnn_compile as lc
 from hw_model.errors import InputError
 from locsnn_compile.emitters import ShownRecording
+from tests.support.small_xylo_networks import (
+    INPUTS,
+    NETWORKS,
+    STEPS,
+    memoryless_network,
+    small_network,
+    touches,
+)
 
 CHIPS = {
     "xylo-audio2": "rockpool.devices.xylo.syns61201",

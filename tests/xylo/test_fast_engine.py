@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from random_xylo import random_xylo
-from witness_files import RECORDED, RECORDED_COMPILED, REGISTERS, network_of, read
 
 from hw_model.arithmetic import xylo
 from hw_model.errors import InputError
 from hw_model.xylo.fast import play_fast
 from hw_model.xylo.reference import play_xylo
+from tests.support.random_xylo import random_xylo
+from tests.support.witness_files import RECORDED, RECORDED_COMPILED, REGISTERS, network_of, read
 
 WITNESSES = [*read(RECORDED), *read(RECORDED_COMPILED)]
 

@@ -6,10 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_networks import INPUTS, STEPS, TIME, network, small_network, soft, touches
 
 import locsnn_compile as lc
 from hw_model.errors import InputError, TargetError
+from tests.support.small_xylo_networks import (
+    INPUTS,
+    STEPS,
+    TIME,
+    network,
+    small_network,
+    soft,
+    touches,
+)
 
 
 def one_layer(neuron: lc.SoftCuba | lc.Cuba | lc.SrmAlpha | lc.ChipCuba, **changes: object):

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from xylo_oracle import play
 
 import locsnn_compile as lc
 from hw_model.xylo.playing import rows_of
@@ -23,6 +22,7 @@ from locsnn_compile.models.xylo_network import XyloSnn, network_of_integers
 from locsnn_compile.network.network import Network
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.train import train
+from tests.support.xylo_oracle import play
 
 CHANNELS = 7
 STEPS = 24

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_xylo import random_xylo
-from xylo_oracle import play
 
 import locsnn_compile as lc
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from locsnn_compile.network.projections import ChipProjection, matrix
 from locsnn_compile.network.xylo_neurons import XyloNeuron
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.random_xylo import random_xylo
+from tests.support.xylo_oracle import play
 
 SEEDS = range(40)
 

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xylo_oracle
-from random_xylo import random_xylo
-from witness_files import RECORDED, REGISTERS, network_of, read
 
 from hw_model.arithmetic import xylo, xylo_inverse
 from hw_model.arithmetic.xylo import Counted, State
@@ -16,6 +13,9 @@ from hw_model.errors import InputError, TargetError
 from hw_model.xylo.chips import xylo_chip, xylo_chip_names
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.reference import play_xylo
+from tests.support import xylo_oracle
+from tests.support.random_xylo import random_xylo
+from tests.support.witness_files import RECORDED, REGISTERS, network_of, read
 
 WITNESS = read(RECORDED)
 

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from random_xylo import random_xylo
-from small_networks import memoryless_network, touches
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -21,6 +19,8 @@ from hw_model.xylo.chips import xylo_chip
 from hw_model.xylo.files import load_xylo, save_xylo, xylo_files
 from hw_model.xylo.playing import play_program
 from hw_model.xylo.program import NamedPart, XyloProgram
+from tests.support.random_xylo import random_xylo
+from tests.support.small_xylo_networks import memoryless_network, touches
 
 
 def random_program(seed: int) -> tuple[XyloProgram, np.ndarray]:

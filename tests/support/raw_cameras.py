@@ -41,7 +41,7 @@ if __name__ == "__main__":
     import expelliarmus
     import faery
 
-    folder = Path(__file__).parent
+    folder = Path(__file__).parents[1] / "data"
     events = np.array(list(EVENTS), dtype=faery.EVENTS_DTYPE)
     for name, version in FILES.items():
         path = folder / name

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import oracle
 
 import hw_model as hw
 from hw_model.mapping.graph import CompartmentGraph
+from tests.support import loihi_oracle as oracle
 
 Recordings = Mapping[str, np.ndarray]
 """Recordings (batch, rows, channels) by stream."""

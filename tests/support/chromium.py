@@ -1,7 +1,7 @@
 """Headless Chromium driven over a pipe by the DevTools protocol: no package, no port, no network.
 
 As a script it takes the pictures of a report that the documentation shows, and, with ``whole``, whole pages:
-``python tests/report/chromium.py build/objects-hybrid/report.html docs/images``.
+``python tests/support/chromium.py build/objects-hybrid/report.html docs/images``.
 The README shows the first of them, taken of ``objects-best``, as ``report-best.png``.
 """
 

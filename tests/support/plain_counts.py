@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from any_phases import Case
-from played_events import extent, played
 
 import hw_model as hw
 from hw_model.program.chip_program import Core
+from tests.support.any_phases import Case
+from tests.support.played_events import extent, played
 
 COUNTED = (
     "input_events", "transpose_events", "events_dropped", "synaptic_ops", "synaptic_ops_after_end", "neuron_updates",

@@ -8,8 +8,6 @@ from contextlib import closing
 from pathlib import Path
 from unittest.mock import patch
 
-import benches
-
 from hw_model.rtl import ports
 from hw_model.rtl.board import Answer, Board
 from hw_model.rtl.cosimulation import END, TICK, words_of
@@ -18,6 +16,7 @@ from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.ports import SimulatedBoard
 from hw_model.rtl.simulators import built, run
+from tests.support import benches
 
 PRESS = 513
 LAST, STOP = 1 << 32, 3 << 16

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 
-import hybrids
 import numpy as np
 from hypothesis import strategies as st
 from register_units import FORGETS_AT_ONCE, KEEPS_ALL
@@ -20,6 +19,7 @@ from hw_model.arithmetic.loihi import voltage_maxima, voltage_minima
 from hw_model.description.chip import check_chip
 from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.program.builder import Node
+from tests.support import hybrids
 
 LOIHI = hw.chip("loihi-sim")
 MANY_CHILDREN = 260

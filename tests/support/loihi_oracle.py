@@ -11,10 +11,10 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 
 import numpy as np
-from played_events import Recording, extent, inputs_of, played, rows_of
 
 import hw_model as hw
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Phase
+from tests.support.played_events import Recording, extent, inputs_of, played, rows_of
 
 KINDS = ("spikes", "u", "v", "potential")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")

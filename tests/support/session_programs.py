@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from hybrids import CHIP
 from hypothesis import strategies as st
 from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
+from tests.support.hybrids import CHIP
 
 SEEDS = st.integers(0, 2**32 - 1)
 TOGETHER = st.integers(1, 3)

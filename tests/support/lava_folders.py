@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from emitter_faults import Arrays
-from lava_programs import Case, edge_cases, random_case
 
 from locsnn_compile.emitters import bench_files
+from tests.support.emitter_faults import Arrays
+from tests.support.lava_programs import Case, edge_cases, random_case
 
-HERE = Path(__file__).parent
+ROOT = Path(__file__).parents[2]
 MODULES = {
     "magma/core/run_conditions": ("RunSteps",),
     "magma/core/run_configs": ("Loihi2SimCfg",),
@@ -42,7 +42,7 @@ def write_stand_in(folder: Path) -> Path:
     for module, names in MODULES.items():
         path = folder / "lava" / f"{module}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"from lava_stand_in import {', '.join(names)}\n")
+        path.write_text(f"from tests.support.lava_stand_in import {', '.join(names)}\n")
     return folder
 
 
@@ -50,7 +50,7 @@ def run_script(folder: Path, packages: Path) -> subprocess.CompletedProcess[str]
     """Run the script of a folder with the stand-in."""
     return subprocess.run(
         [sys.executable, str(folder / "network.py")],
-        env={"PYTHONPATH": f"{packages}:{HERE}"},
+        env={"PYTHONPATH": f"{packages}:{ROOT}"},
         capture_output=True,
         text=True,
         check=False,

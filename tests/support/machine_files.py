@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from random_spinnaker import PHASE, Case
 
 from hw_model.arithmetic.spinnaker import Constants, Parameters
 from hw_model.mapping.graph import Input, Phase
@@ -17,9 +16,10 @@ from hw_model.spinnaker.network import (
     SpinnakerProjection,
 )
 from hw_model.spinnaker.reference import SpinnakerResult
+from tests.support.random_spinnaker import PHASE, Case
 
-RECORDED = Path(__file__).parent / "recorded-by-machine-code.npz"
-"""Networks, their inputs, and what the machine code did: ``python tests/spinnaker/record_machine.py`` writes it."""
+RECORDED = Path(__file__).parents[1] / "spinnaker/recorded-by-machine-code.npz"
+"""Networks, their inputs, and what the machine code did: ``python -m tests.spinnaker.record_machine`` writes it."""
 REGISTERS = ("fired", "recorded_v", "v", "current", "refractory")
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import hybrids
 import numpy as np
 from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import CompartmentGraph, Phase, Readout
 from hw_model.rtl.images import Sizes
+from tests.support import hybrids
 
 CHIP = hw.chip("loihi-sim")
 FAULT = ("update.sv", "6'b0}) < sum7;", "6'b0}) >= sum7;")

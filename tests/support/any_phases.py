@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
 
-import any_program
-import hybrids
 import numpy as np
 import yaml
 
@@ -22,6 +20,7 @@ from hw_model.arithmetic.loihi import voltage_maxima, voltage_minima
 from hw_model.description.chip import parse_chip
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import AXES, CompartmentGraph, Phase, Readout
+from tests.support import any_program, hybrids
 
 WEIGHTS = [0.0, -0.0, 1.0, -1.0, 0.1, 0.2, 0.3, -0.7, 1e-300, 1e100, 3.5, 1 / 3, 1e16, -1e16]
 """Weights of readouts; sums of several depend on their order."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from hybrids import CHIP, random_hybrid
 from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.description.counts import BY_CORE
 from hw_model.mapping.graph import Readout
+from tests.support.hybrids import CHIP, random_hybrid
 
 SEEDS = st.integers(0, 2**32 - 1)
 

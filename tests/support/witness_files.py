@@ -10,9 +10,10 @@ import numpy as np
 
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
-RECORDED = Path(__file__).parent / "recorded-by-xylosim.npz"
-"""Twelve networks, their inputs, and what xylosim 0.1.3 did: ``python tests/xylo/record.py`` writes it."""
-RECORDED_COMPILED = Path(__file__).parent / "compiled-by-xylosim.npz"
+XYLO = Path(__file__).parents[1] / "xylo"
+RECORDED = XYLO / "recorded-by-xylosim.npz"
+"""Twelve networks, their inputs, and what xylosim 0.1.3 did: ``python -m tests.xylo.record`` writes it."""
+RECORDED_COMPILED = XYLO / "compiled-by-xylosim.npz"
 """Networks that the compiler made, recordings, and what xylosim 0.1.3 did with them, by ``record.py`` as well."""
 REGISTERS = ("spikes", "output_spikes", "i", "v", "output_i", "output_v")
 
