@@ -6,7 +6,6 @@ from pathlib import Path
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -17,7 +16,7 @@ from locsnn_compile.network.text import network_text, quantized_text
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.net_files import dense, write_net
-from tests.support.nir_graphs import chain
+from tests.support.nir_graphs import chain, load_graph
 
 RECORDED = Path(__file__).parent / "floors-by-sinabs.npz"
 """``tests/peers/record_sinabs_floors.py`` says what it holds and writes it."""
@@ -90,7 +89,7 @@ def integrators(folder: Path, floor: float | None, thresholds=(1.0, 1.0), reset=
     ]
     weights = [nir.Linear(np.array([[0.5, -0.75], [0.25, -2.0]])), nir.Linear(np.eye(2))]
     nodes = [("fc1", weights[0]), ("if1", layers[0]), ("fc2", weights[1]), ("if2", layers[1])]
-    return load(chain((2,), *nodes), folder, reset=reset, floor=floor, **more)
+    return load_graph(chain((2,), *nodes), folder, reset=reset, floor=floor, **more)
 
 
 GIVEN = np.array([[[0, 1], [0, 1], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0]]], np.uint8)
@@ -137,7 +136,7 @@ def test_populations_of_different_floors_are_on_different_cores(reset, tmp_path)
 def test_thresholds_that_differ_share_one_floor(tmp_path):
     node = nir.IF(r=np.ones(3), v_threshold=np.array([1.0, 1.7, 3.1]), v_reset=np.zeros(3))
     weights = nir.Linear(np.array([[0.5], [-0.75], [1.0]]))
-    network = load(chain((1,), ("fc", weights), ("if", node)), tmp_path, floor=-0.7)
+    network = load_graph(chain((1,), ("fc", weights), ("if", node)), tmp_path, floor=-0.7)
     (q,) = lower(network, hw.chip("loihi-sim"), 8).quantized.populations
     assert len(set(q.neuron.vmin.tolist())) == 1
     np.testing.assert_allclose(q.neuron.vmin / q.scale, -0.7, rtol=1e-2)
@@ -183,7 +182,7 @@ def net_of_one_layer(folder: Path) -> Path:
 
 def readout_of_leaks(folder, **options):
     leak = nir.LI(tau=np.full(2, 1e-3), r=np.ones(2), v_leak=np.zeros(2))
-    return load(chain((2,), ("fc", nir.Linear(np.eye(2))), ("li", leak)), folder, **options)
+    return load_graph(chain((2,), ("fc", nir.Linear(np.eye(2))), ("li", leak)), folder, **options)
 
 
 REFUSED = [

@@ -7,7 +7,7 @@ import pytest
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import DT, chain, graphs, lif, linear
+from tests.support.nir_graphs import DT, chain, graphs, lif, linear, load_graph, random_spikes
 
 GRAPHS = graphs()
 DEPTH = {"lif": 1, "l1": 1, "l2": 2, "out": 2, "sub.lif": 1}
@@ -19,16 +19,6 @@ POPULATIONS = {
     "conv2d": ["lif", "out"],
     "nested": ["sub.lif", "lif"],
 }
-
-
-def spikes(shape, steps=60, rate=0.25, seed=3):
-    return (np.random.default_rng(seed).random((steps, *shape)) < rate).astype(np.uint8)
-
-
-def load(graph, tmp_path, **options):
-    path = tmp_path / "graph.nir"
-    nir.write(path, graph)
-    return lc.load(path, **{"dt": DT} | options)
 
 
 def flattened(graph):
@@ -52,9 +42,9 @@ def flattened(graph):
 @pytest.mark.parametrize("name", GRAPHS)
 def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
     graph, shape = GRAPHS[name]
-    given = spikes(shape)
+    given = random_spikes(shape)
     wanted = run(flattened(graph), given, DT)
-    network = load(graph, tmp_path)
+    network = load_graph(graph, tmp_path)
     found = evaluate(network, given.reshape(1, len(given), -1)).spikes
     assert [p.name for p in network.populations if p.name != "nir/bias"] == POPULATIONS.get(
         name, [p.name for p in network.populations][:1]
@@ -75,16 +65,18 @@ def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
 @pytest.mark.parametrize("name", GRAPHS)
 def test_every_graph_compiles_and_the_chip_follows_it(name, tmp_path):
     graph, shape = GRAPHS[name]
-    given = spikes(shape).reshape(1, 60, -1)
-    compiled = lc.compile(load(graph, tmp_path), events=given, diagnosis=False)
+    given = random_spikes(shape).reshape(1, 60, -1)
+    compiled = lc.compile(load_graph(graph, tmp_path), events=given, diagnosis=False)
     assert compiled.match.spikes.agreement > 0.85
 
 
 def test_populations_of_any_length_play_recordings_as_long_as_they_are(tmp_path):
     compiled = lc.compile(
-        load(GRAPHS["lif"][0], tmp_path), events=spikes((10,), 33)[None], diagnosis=False
+        load_graph(GRAPHS["lif"][0], tmp_path),
+        events=random_spikes((10,), 33)[None],
+        diagnosis=False,
     )
-    assert lc.verify(compiled, spikes((10,), 150)[None]).spikes.reference_spikes > 100
+    assert lc.verify(compiled, random_spikes((10,), 150)[None]).spikes.reference_spikes > 100
 
 
 def test_potentials_are_counted_from_v_reset_and_settle_at_v_leak(tmp_path):
@@ -93,7 +85,7 @@ def test_potentials_are_counted_from_v_reset_and_settle_at_v_leak(tmp_path):
         ("fc", linear(np.random.default_rng(0), 3, 4)),
         ("lif", lif(np.random.default_rng(1), 3, v_leak=-0.5, v_reset=-0.8, v_threshold=0.4)),
     )
-    neuron = load(graph, tmp_path).populations[0].neuron
+    neuron = load_graph(graph, tmp_path).populations[0].neuron
     np.testing.assert_allclose(neuron.threshold, 1.2)
     np.testing.assert_allclose(neuron.bias / neuron.decay_v, 0.3)
 
@@ -102,7 +94,7 @@ def test_a_bias_settles_where_the_equation_does(tmp_path):
     rng = np.random.default_rng(0)
     affine = nir.Affine(rng.normal(0, 1, (3, 4)), np.array([0.1, 0.0, -0.2]))
     neuron = lif(rng, 3)
-    network = load(chain((4,), ("fc", affine), ("lif", neuron)), tmp_path)
+    network = load_graph(chain((4,), ("fc", affine), ("lif", neuron)), tmp_path)
     brought = next(p for p in network.projections if p.source == "nir/bias").weights
     np.testing.assert_allclose(
         brought[:, 0] / network.populations[0].neuron.decay_v, neuron.r * affine.bias
@@ -130,15 +122,15 @@ def test_several_inputs_are_lines_one_after_the_other_by_name(tmp_path):
         **ends,
     }
     edges = [("a", "w"), ("b", "v"), ("w", "n"), ("v", "n"), ("n", "output")]
-    network = load(nir.NIRGraph(two, edges, type_check=False), tmp_path)
+    network = load_graph(nir.NIRGraph(two, edges, type_check=False), tmp_path)
     joined = chain(
         (7,), ("w", nir.Linear(np.hstack([first.weight, second.weight]))), ("n", neurons)
     )
-    given = spikes((7,))
+    given = random_spikes((7,))
     assert (network.channels, [v.name for v in network.views]) == (7, ["nir/inputs"])
     np.testing.assert_array_equal(
         evaluate(network, given[None]).spikes["n"],
-        evaluate(load(joined, tmp_path), given[None]).spikes["n"],
+        evaluate(load_graph(joined, tmp_path), given[None]).spikes["n"],
     )
 
 
@@ -170,9 +162,9 @@ def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_pat
         ("w", linear(rng, 3, 8)),
         ("read", node),
     )
-    given = spikes((10,))
+    given = random_spikes((10,))
     wanted = run(graph, given, DT)["read"]
-    compiled = lc.compile(load(graph, tmp_path), events=given[None], diagnosis=False)
+    compiled = lc.compile(load_graph(graph, tmp_path), events=given[None], diagnosis=False)
     result = hw.simulate(compiled.program, given, probe=("spikes", "v"))
     found = result.v["read"] / compiled.levels.quantized.population("read").scale
     assert result.spikes["read"].sum() == 0
@@ -190,7 +182,7 @@ def impulse(kind, tau, tau_syn, how, tmp_path):
         if kind == "LI"
         else nir.CubaLI(tau_syn=tau_syn * one, tau_mem=tau * one, r=one, v_leak=0 * one, w_in=one)
     )
-    network = load(
+    network = load_graph(
         chain((1,), ("fc", nir.Linear(np.ones((1, 1)))), ("read", node)),
         tmp_path,
         discretisation=how,

@@ -3,11 +3,10 @@
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import cuba, lif, linear
+from tests.support.nir_graphs import cuba, lif, linear, load_graph
 
 DT = 1e-4
 STEPS = 24
@@ -53,7 +52,7 @@ BY_HAND = {
 
 @pytest.mark.parametrize(("graph", "steps"), BY_HAND.values(), ids=BY_HAND)
 def test_a_bias_behind_a_delay_waits_as_long_as_a_spike(graph, steps, tmp_path):
-    network = load(graph, tmp_path, dt=DT)
+    network = load_graph(graph, tmp_path, dt=DT)
     spikes = evaluate(network, np.zeros((1, STEPS, 1), np.uint8)).spikes["n"]
     assert np.flatnonzero(spikes[0, :, 0]).tolist() == steps
 
@@ -79,7 +78,7 @@ def test_random_graphs_with_delays_after_biases_equal_their_equations(seed, tmp_
     random_graph = nir.NIRGraph({**ends, **nodes}, [*edges, ("last", "output")], type_check=False)
     spikes = (rng.random((STEPS, 4)) < 0.3).astype(np.uint8)
     by_the_book = run(random_graph, spikes, 1e-3)
-    network = load(random_graph, tmp_path, dt=1e-3)
+    network = load_graph(random_graph, tmp_path, dt=1e-3)
     ours = evaluate(network, np.pad(spikes, ((0, 3), (0, 0)))[None]).spikes
     assert by_the_book["n"].sum() > 0
     for depth, name in ((1, "n"), (2, "last")):

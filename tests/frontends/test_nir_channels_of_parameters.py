@@ -3,12 +3,11 @@
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import DT, chain, cuba, lif
+from tests.support.nir_graphs import DT, chain, cuba, lif, load_graph
 
 RNG = np.random.default_rng(4)
 CONV = nir.Conv2d(
@@ -34,14 +33,14 @@ def test_numbers_of_a_channel_are_those_of_its_neurons(nodes, tmp_path):
     graph = chain((2, 8, 8), ("conv", CONV), *nodes)
     given = (RNG.random((30, 2, 8, 8)) < 0.3).astype(np.uint8)
     wanted = run(graph, given, DT)["n"].reshape(30, -1)
-    spikes = evaluate(load(graph, tmp_path), given.reshape(1, 30, -1)).spikes["n"][0]
+    spikes = evaluate(load_graph(graph, tmp_path), given.reshape(1, 30, -1)).spikes["n"][0]
     assert wanted.sum() > 100
     assert np.array_equal(spikes[1:], wanted[:-1])
 
 
 def test_numbers_of_other_channels_are_refused(tmp_path):
     with pytest.raises(InputError) as refused:
-        load(chain((2, 8, 8), ("conv", CONV), ("n", lif(RNG, 3, 1, 1))), tmp_path)
+        load_graph(chain((2, 8, 8), ("conv", CONV), ("n", lif(RNG, 3, 1, 1))), tmp_path)
     assert str(refused.value) == (
         "model 'graph.nir', node 'n': its parameters do not fit its input "
         "((3, 1, 1) against (4, 8, 8)). Give one number per neuron."

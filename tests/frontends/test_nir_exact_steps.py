@@ -8,10 +8,9 @@ import nir
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from test_nir import load
 
 from locsnn_compile.reference.evaluate import evaluate
-from tests.support.nir_graphs import DT, chain, linear
+from tests.support.nir_graphs import DT, chain, linear, load_graph
 
 STEPS = 50
 
@@ -54,7 +53,7 @@ def test_layers_of_both_kinds_equal_the_solution_step_by_step(first, last, tmp_p
     weights = linear(rng, 8, 6), linear(rng, 4, 8)
     layers = neurons(first, rng, 8), neurons(last, rng, 4)
     named = [("w1", weights[0]), ("first", layers[0]), ("w2", weights[1]), ("last", layers[1])]
-    network = load(chain((6,), *named), tmp_path, discretisation="exact")
+    network = load_graph(chain((6,), *named), tmp_path, discretisation="exact")
     given = (rng.random((STEPS, 6)) < 0.4).astype(np.uint8)
     ours = evaluate(network, np.pad(given, ((0, 2), (0, 0)))[None]).spikes
     hidden = solved(layers[0], given @ weights[0].weight.T)
@@ -73,7 +72,7 @@ def test_a_current_that_is_gone_at_once_makes_a_cuba_lif_a_lif(tmp_path):
     for name, node in (("lif", lif), ("cuba", cuba)):
         graph = chain((1,), ("w", nir.Linear(np.ones((1, 1)))), ("n", node))
         (tmp_path / name).mkdir()
-        network = load(graph, tmp_path / name, discretisation="exact")
+        network = load_graph(graph, tmp_path / name, discretisation="exact")
         given = np.zeros((1, 20, 1), np.uint8)
         given[0, 3] = 1
         potentials.append(evaluate(network, given, potentials=True).potential["n"])

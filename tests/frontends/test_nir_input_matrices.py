@@ -4,12 +4,11 @@ import h5py
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 import locsnn_compile as lc
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
-from tests.support.nir_graphs import DT, chain, cuba, lif
+from tests.support.nir_graphs import DT, chain, cuba, lif, load_graph
 
 RNG = np.random.default_rng(8)
 WEIGHTS = RNG.normal(0.2, 0.6, (7, 5))
@@ -26,7 +25,7 @@ def with_matrix(path, weights: np.ndarray) -> None:
 def test_an_input_matrix_equals_a_linear_before_a_w_in_of_1(tmp_path):
     neurons = cuba(np.random.default_rng(1), 7)
     neurons.w_in = np.ones(7)
-    apart = load(chain((5,), ("w", nir.Linear(WEIGHTS)), ("n", neurons)), tmp_path)
+    apart = load_graph(chain((5,), ("w", nir.Linear(WEIGHTS)), ("n", neurons)), tmp_path)
     with_matrix(tmp_path / "matrix.nir", WEIGHTS)
     together = lc.load(tmp_path / "matrix.nir", dt=DT)
     spikes = (RNG.random((1, 60, 5)) < 0.5).astype(np.uint8)

@@ -3,11 +3,10 @@
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.reference.evaluate import evaluate
-from tests.support.nir_graphs import chain
+from tests.support.nir_graphs import chain, load_graph
 
 WEIGHT = 0.0625
 
@@ -27,7 +26,7 @@ def first_spike_steps(network) -> list[int | None]:
 
 @pytest.mark.parametrize("dt", [None, 1e-4, 1.0], ids=["no step is given", "1e-4", "1"])
 def test_with_r_1_a_spike_adds_its_weight(dt, tmp_path):
-    network = load(integrators(1.0), tmp_path, dt=dt)
+    network = load_graph(integrators(1.0), tmp_path, dt=dt)
     assert first_spike_steps(network) == [17]
     assert not [said for said in network.assumptions if "IF node" in said]
 
@@ -35,7 +34,7 @@ def test_with_r_1_a_spike_adds_its_weight(dt, tmp_path):
 @pytest.mark.parametrize("r", [1.001, 2.0])
 def test_another_r_is_refused_without_a_step(r, tmp_path):
     with pytest.raises(InputError) as refused:
-        load(integrators(1.0, r), tmp_path, dt=None)
+        load_graph(integrators(1.0, r), tmp_path, dt=None)
     assert str(refused.value) == (
         "model 'graph.nir', node 'n': r is neither 1 nor 1 / dt, so what a spike adds is not known "
         f"(r {r:g}). Give --dt: a spike then adds r * dt times its weight."
@@ -44,7 +43,7 @@ def test_another_r_is_refused_without_a_step(r, tmp_path):
 
 def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
     """r * dt is 0.5 in the second neuron: it needs 33 inputs of 0.03125 to pass 1."""
-    network = load(integrators(1.0, 500.0, 2.0, 2.0, 1000.0), tmp_path, dt=1e-3)
+    network = load_graph(integrators(1.0, 500.0, 2.0, 2.0, 1000.0), tmp_path, dt=1e-3)
     assert first_spike_steps(network) == [17, 33, None, None, 17]
     (said,) = [said for said in network.assumptions if "IF node" in said]
     assert said == (
@@ -55,6 +54,6 @@ def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
 
 
 def test_r_of_one_over_the_step_needs_no_word(tmp_path):
-    network = load(integrators(1000.0), tmp_path, dt=1e-3)
+    network = load_graph(integrators(1000.0), tmp_path, dt=1e-3)
     assert first_spike_steps(network) == [17]
     assert not [said for said in network.assumptions if "IF node" in said]

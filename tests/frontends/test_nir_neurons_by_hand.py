@@ -7,14 +7,13 @@ import nir
 import numpy as np
 import pytest
 from scipy import sparse
-from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.neurons import Reading, neurons_of
 from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, SoftCuba
-from tests.support.nir_graphs import DT, chain, lif, linear
+from tests.support.nir_graphs import DT, chain, lif, linear, load_graph
 
 LIF = {"tau": 4.0, "r": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
 CUBA = {
@@ -133,7 +132,7 @@ def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_p
         (3,), ("d", nir.Delay(np.full(3, delay * DT))), ("w", linear(RNG, 3, 3)), ("n", lif(RNG, 3))
     )
     with pytest.raises(InputError) as caught:
-        load(graph, tmp_path)
+        load_graph(graph, tmp_path)
     assert str(caught.value) == (
         "model 'graph.nir', node 'd': a delay is not a whole number of steps from 0 to 1e+06 "
         f"({measured} steps of 0.001 s). Correct it, or give another --dt."
@@ -147,7 +146,7 @@ def test_delays_are_the_nearest_whole_steps(dt, off, tmp_path):
     steps = np.arange(1, 60)
     delay = nir.Delay((steps + off) * dt)
     graph = chain((59,), ("d", delay), ("w", nir.Linear(np.eye(59))), ("n", lif(RNG, 59)))
-    (projection,) = load(graph, tmp_path, dt=dt).projections
+    (projection,) = load_graph(graph, tmp_path, dt=dt).projections
     assert np.asarray(projection.delay).ravel().tolist() == steps.tolist()
     assert [round(Fraction(float(one)) / Fraction(dt)) for one in delay.delay] == steps.tolist()
 
@@ -170,5 +169,7 @@ def test_potentials_count_from_where_the_deepest_readout_begins(tmp_path):
         ("w2", "far"),
         ("near", "output"),
     ]
-    network = load(nir.NIRGraph(nodes, [*edges, ("far", "output")], type_check=False), tmp_path)
+    network = load_graph(
+        nir.NIRGraph(nodes, [*edges, ("far", "output")], type_check=False), tmp_path
+    )
     assert (network.readout.populations, network.readout.potentials_from) == (("near", "far"), 2)

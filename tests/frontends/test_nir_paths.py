@@ -5,7 +5,6 @@ import itertools
 import nir
 import numpy as np
 import pytest
-from test_nir import load, spikes
 
 import locsnn_compile as lc
 from hw_model import chip
@@ -13,7 +12,7 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import DT, lif, linear
+from tests.support.nir_graphs import DT, lif, linear, load_graph, random_spikes
 
 RNG = np.random.default_rng(31)
 SIZES = {"input": 10, "a": 12, "b": 11, "c": 9, "d": 7}
@@ -64,9 +63,9 @@ GRAPHS = {
 
 @pytest.mark.parametrize(("ways", "depths"), GRAPHS.values(), ids=GRAPHS)
 def test_paths_that_meet_are_aligned(ways, depths, tmp_path):
-    made, given = graph(*ways), spikes((10,))
+    made, given = graph(*ways), random_spikes((10,))
     wanted = run(made, given, DT)
-    found = evaluate(load(made, tmp_path), given[None]).spikes
+    found = evaluate(load_graph(made, tmp_path), given[None]).spikes
     for node, depth in zip("abcd", depths, strict=True):
         assert wanted[node].sum() > 10
         np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
@@ -83,7 +82,7 @@ def test_paths_that_meet_are_aligned(ways, depths, tmp_path):
 )
 def test_a_loop_that_is_slower_than_a_frameworks_is_told(way, said, tmp_path):
     start = "A loop over several populations takes a step for each of them here, and one step in a framework"
-    assert load(graph(*CHAIN, way), tmp_path).assumptions[2:] == tuple(
+    assert load_graph(graph(*CHAIN, way), tmp_path).assumptions[2:] == tuple(
         f"{start}: {text}." for text in said
     )
 
@@ -134,7 +133,7 @@ def written(quantized, path):
 
 @pytest.mark.parametrize("name", [name for name in CHIPS if name != "two that feed each other"])
 def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
-    quantized, given = by_hand(CHIPS[name]), spikes((6,))
+    quantized, given = by_hand(CHIPS[name]), random_spikes((6,))
     found = run(written(quantized, tmp_path / "model.nir"), given, 1e-4)
     wanted = evaluate(quantized.on_grid(), given[None]).spikes
     for population in quantized.network.populations:
@@ -146,7 +145,7 @@ def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "held"), list(zip(CHIPS, HELD, strict=True)), ids=CHIPS)
 def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name, held, tmp_path):
-    quantized, given = by_hand(CHIPS[name]), spikes((6,))
+    quantized, given = by_hand(CHIPS[name]), random_spikes((6,))
     graph = written(quantized, tmp_path / "model.nir")
     delays = [
         node.delay[0] / 1e-4
@@ -170,7 +169,7 @@ def test_every_name_of_a_population_can_be_written(names, tmp_path):
     """A slash made a file that cannot be read; a name of a node that is added was overwritten."""
     chained = by_hand({f"{a} {b}": 0 for a, b in itertools.pairwise(["input", *names])}, names)
     written(chained, tmp_path / "model.nir")
-    given = spikes((6,))[None]
+    given = random_spikes((6,))[None]
     wanted, found = (
         evaluate(n, given).spikes for n in (chained.on_grid(), lc.load(tmp_path / "model.nir"))
     )

@@ -5,14 +5,22 @@ import itertools
 import nir
 import numpy as np
 import pytest
-from test_nir import load, spikes
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import DT, chain, cuba, integrate, lif, linear
+from tests.support.nir_graphs import (
+    DT,
+    chain,
+    cuba,
+    integrate,
+    lif,
+    linear,
+    load_graph,
+    random_spikes,
+)
 
 RNG = np.random.default_rng(21)
 RESETS = ("zero", "subtract", "late-zero", "late-subtract", "none")
@@ -54,9 +62,9 @@ def two_layers(neuron, bias=True):
 @pytest.mark.parametrize("reset", RESETS)
 @pytest.mark.parametrize("name", NEURONS)
 def test_the_reference_is_the_equation_with_every_reset(name, reset, tmp_path):
-    graph, given = two_layers(NEURONS[name]), spikes((10,))
+    graph, given = two_layers(NEURONS[name]), random_spikes((10,))
     wanted = run(graph, given, DT, reset=reset)
-    found = evaluate(load(graph, tmp_path, reset=reset), given[None]).spikes
+    found = evaluate(load_graph(graph, tmp_path, reset=reset), given[None]).spikes
     for depth, node in enumerate(("first", "second"), start=1):
         assert wanted[node].sum() > 10
         np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
@@ -66,8 +74,8 @@ def test_the_reference_is_the_equation_with_every_reset(name, reset, tmp_path):
 @pytest.mark.parametrize("reset", RESETS)
 @pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
 def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
-    given = spikes((10,), 80)[None]
-    network = load(two_layers(NEURONS[name]), tmp_path, reset=reset)
+    given = random_spikes((10,), 80)[None]
+    network = load_graph(two_layers(NEURONS[name]), tmp_path, reset=reset)
     compiled = lc.compile(network, events=given, diagnosis=reset == "subtract")
     by_population = compiled.match.by_population
     assert min(by_population[node].agreement for node in ("first", "second")) > 0.6
@@ -79,7 +87,7 @@ def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
 
 
 def test_what_a_spike_takes_is_exact_but_for_the_current_that_is_left(tmp_path):
-    network = load(two_layers(NEURONS["CubaLIF"], bias=False), tmp_path, reset="subtract")
+    network = load_graph(two_layers(NEURONS["CubaLIF"], bias=False), tmp_path, reset="subtract")
     q = lower(network, hw.chip("loihi-sim"), 8).quantized.population("first")
     assert q.strategy == "delay-line"
     assert q.fit.refractory_max < 2e-3
@@ -89,7 +97,9 @@ def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
     sizes = {}
     for kind in ("LIF", "CubaLIF"):
         levels = lower(
-            load(two_layers(NEURONS[kind]), tmp_path, reset="subtract"), hw.chip("loihi-sim"), 8
+            load_graph(two_layers(NEURONS[kind]), tmp_path, reset="subtract"),
+            hw.chip("loihi-sim"),
+            8,
         )
         sizes[kind] = [g.name for g in levels.compartments.groups if g.name.startswith("first")]
     assert sizes == {"LIF": ["first"], "CubaLIF": ["first", "first/dendrite"]}
@@ -98,16 +108,18 @@ def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
 def test_a_potential_that_no_spike_resets_has_room_below(tmp_path):
     weights = np.where(np.arange(10) < 5, 1.0, -6.0) * np.ones((12, 1))
     graph = chain((10,), ("fc", nir.Linear(weights)), ("lif", lif(RNG, 12)))
-    given = spikes((10,), 100, rate=0.6)[None]
-    compiled = lc.compile(load(graph, tmp_path, reset="subtract"), events=given, diagnosis=False)
+    given = random_spikes((10,), 100, rate=0.6)[None]
+    compiled = lc.compile(
+        load_graph(graph, tmp_path, reset="subtract"), events=given, diagnosis=False
+    )
     assert compiled.match.wraps_and_clips == {}
 
 
 @pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
 def test_inputs_held_for_a_step(name, tmp_path):
-    graph, given = two_layers(NEURONS[name]), spikes((10,))
+    graph, given = two_layers(NEURONS[name]), random_spikes((10,))
     wanted = run(graph, given, DT, how="hold")
-    found = evaluate(load(graph, tmp_path, discretisation="hold"), given[None]).spikes
+    found = evaluate(load_graph(graph, tmp_path, discretisation="hold"), given[None]).spikes
     for depth, node in enumerate(("first", "second"), start=1):
         np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
 
@@ -115,9 +127,9 @@ def test_inputs_held_for_a_step(name, tmp_path):
 @pytest.mark.parametrize("dt", [1e-4, 1e-3, 1.0])
 def test_integrators_of_r_1_add_weights_whatever_the_step(dt, tmp_path):
     neuron = nir.IF(r=np.ones(12), v_threshold=np.full(12, 1.5), v_reset=np.zeros(12))
-    graph, given = chain((10,), ("fc", linear(RNG, 12, 10)), ("if", neuron)), spikes((10,))
+    graph, given = chain((10,), ("fc", linear(RNG, 12, 10)), ("if", neuron)), random_spikes((10,))
     wanted = run(graph, given, 1.0)["if"]
-    found = evaluate(load(graph, tmp_path, dt=dt), given[None]).spikes["if"]
+    found = evaluate(load_graph(graph, tmp_path, dt=dt), given[None]).spikes["if"]
     assert wanted.sum() > 10
     np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
 
@@ -132,10 +144,10 @@ def test_a_tau_without_end_integrates(kind, tmp_path):
         else nir.CubaLIF(tau_mem=endless, tau_syn=zero + DT, w_in=zero + 1, **common)
     )
     integrator = nir.IF(r=zero + 1 / DT, v_threshold=zero + 1.5, v_reset=zero)
-    weights, given = linear(RNG, 12, 10), spikes((10,))
+    weights, given = linear(RNG, 12, 10), random_spikes((10,))
     wanted = run(chain((10,), ("fc", weights), ("n", integrator)), given, DT)["n"]
     found = evaluate(
-        load(chain((10,), ("fc", weights), ("n", node)), tmp_path), given[None]
+        load_graph(chain((10,), ("fc", weights), ("n", node)), tmp_path), given[None]
     ).spikes["n"]
     np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
 
@@ -146,10 +158,10 @@ def test_a_tau_of_a_step_is_one_only_up_to_rounding(shorter_by, tmp_path):
     node = nir.LIF(tau=tau * one, r=one, v_leak=0 * one, v_threshold=one, v_reset=0 * one)
     graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", node))
     if shorter_by < 1e-6:
-        assert (load(graph, tmp_path).populations[0].neuron.decay_v == 1).all()
+        assert (load_graph(graph, tmp_path).populations[0].neuron.decay_v == 1).all()
         return
     with pytest.raises(lc.InputError) as caught:
-        load(graph, tmp_path)
+        load_graph(graph, tmp_path)
     assert str(caught.value) == (
         f"model 'graph.nir', node 'lif': tau is shorter than a step ({tau:g} s against 0.001 s). "
         "Give a smaller --dt, or --discretisation exact or hold."
@@ -166,7 +178,7 @@ REFUSED = [
 def test_neurons_that_spike_for_ever_are_refused(reset, more, what, tmp_path):
     graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, **more)))
     with pytest.raises(lc.InputError) as caught:
-        load(graph, tmp_path, reset=reset)
+        load_graph(graph, tmp_path, reset=reset)
     message = f"model 'graph.nir', node 'lif': {what}. Train with a threshold above v_reset and v_leak, and above 0."
     assert str(caught.value) == message
 
@@ -186,11 +198,13 @@ TONIC = {
 def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_themselves(
     name, how, reset, tmp_path
 ):
-    graph, given = two_layers(TONIC[name]), spikes((10,))
+    graph, given = two_layers(TONIC[name]), random_spikes((10,))
     graph.nodes["second"] = TONIC[name]
     graph.nodes["fc2"] = linear(RNG, 12, 12, 0.3)
     wanted = run(graph, given, DT, how=how, reset=reset)
-    found = evaluate(load(graph, tmp_path, reset=reset, discretisation=how), given[None]).spikes
+    found = evaluate(
+        load_graph(graph, tmp_path, reset=reset, discretisation=how), given[None]
+    ).spikes
     for depth, node in enumerate(("first", "second"), start=1):
         assert wanted[node][0].any()
         np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
@@ -208,6 +222,8 @@ def test_weights_of_several_delays_fit_the_formats_of_a_core(reset, tmp_path):
         layer |= {f"d{delay}": nir.Delay(np.full(10, delay * DT)), f"w{delay}": linear(RNG, 12, 10)}
         edges += [("input", f"d{delay}"), (f"d{delay}", f"w{delay}"), (f"w{delay}", "n")]
     graph = nir.NIRGraph({**layer, "back": BACK}, edges, type_check=False)
-    given = spikes((10,))[None]
-    match = lc.compile(load(graph, tmp_path, reset=reset), events=given, diagnosis=False).match
+    given = random_spikes((10,))[None]
+    match = lc.compile(
+        load_graph(graph, tmp_path, reset=reset), events=given, diagnosis=False
+    ).match
     assert match.spikes.agreement > 0.7

@@ -3,14 +3,13 @@
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.net_files import dense, neuron, write_net
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import DT, chain, lif, linear
+from tests.support.nir_graphs import DT, chain, lif, linear, load_graph
 
 RNG = np.random.default_rng(31)
 TAU, ONES = RNG.uniform(4e-3, 2e-2, 5), np.ones(5)
@@ -29,7 +28,7 @@ def graph(kind):
 @pytest.mark.parametrize("kind", READOUTS)
 def test_the_class_is_that_of_the_largest_potential_of_the_equations(kind, tmp_path):
     made = graph(kind)
-    network = load(made, tmp_path)
+    network = load_graph(made, tmp_path)
     wanted = [run(made, given[:-2], DT)["read"].max(axis=0).argmax() for given in GIVEN]
     assert network.readout.potentials_from == 2
     found = evaluate(network, GIVEN)
@@ -40,7 +39,7 @@ def test_the_class_is_that_of_the_largest_potential_of_the_equations(kind, tmp_p
 
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
 def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path):
-    compiled = lc.compile(load(graph(kind), tmp_path), events=GIVEN)
+    compiled = lc.compile(load_graph(graph(kind), tmp_path), events=GIVEN)
     assert compiled.match.prediction_agreement >= 0.9
     compiled.program.save(tmp_path / "program")
     predicted = compiled.match.chip_prediction
@@ -57,13 +56,13 @@ def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path
 
 
 def test_neurons_of_a_readout_share_a_scale(tmp_path):
-    compiled = lc.compile(load(graph("LI"), tmp_path), events=GIVEN, diagnosis=False)
+    compiled = lc.compile(load_graph(graph("LI"), tmp_path), events=GIVEN, diagnosis=False)
     assert len(set(compiled.levels.quantized.population("read").scale.tolist())) == 1
 
 
 def test_potentials_start_at_rest(tmp_path):
     made = graph("LI at rest off 0")
-    network = load(made, tmp_path)
+    network = load_graph(made, tmp_path)
     found = evaluate(network, GIVEN[:1], potentials=True).potential["read"][0, 2:]
     np.testing.assert_allclose(found, run(made, GIVEN[0], DT)["read"][:-2], atol=1e-9)
 
@@ -80,7 +79,7 @@ def test_the_last_layer_of_a_lava_dl_file_that_never_spikes_is_a_readout(tmp_pat
 def test_a_readout_without_leak_is_refused(tmp_path):
     endless = nir.LI(tau=np.full(5, np.inf), r=np.full(5, np.inf), v_leak=0 * ONES)
     with pytest.raises(lc.InputError) as caught:
-        load(chain((10,), ("w", linear(RNG, 5, 10)), ("read", endless)), tmp_path)
+        load_graph(chain((10,), ("w", linear(RNG, 5, 10)), ("read", endless)), tmp_path)
     message = "model 'graph.nir', node 'read': a readout without leak overflows every register. Give it a tau."
     assert str(caught.value) == message
 
@@ -88,7 +87,7 @@ def test_a_readout_without_leak_is_refused(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
 def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
-    program = lc.compile(load(graph(kind), tmp_path), events=GIVEN, diagnosis=False).program
+    program = lc.compile(load_graph(graph(kind), tmp_path), events=GIVEN, diagnosis=False).program
     whole = hw.simulate(program, GIVEN, probe=("potential",))
     session = hw.Session(program)
     for recording, potential, prediction in zip(
@@ -122,7 +121,7 @@ PROBES = {
 @pytest.mark.parametrize("engine", ["fast", "reference"])
 @pytest.mark.parametrize("probes", PROBES.values(), ids=PROBES)
 def test_probes_and_readout_are_kept_side_by_side(probes, engine, tmp_path):
-    program = lc.compile(load(graph("LI"), tmp_path), events=GIVEN, diagnosis=False).program
+    program = lc.compile(load_graph(graph("LI"), tmp_path), events=GIVEN, diagnosis=False).program
     plain = hw.simulate(program, GIVEN, engine=engine)
     every = hw.simulate(program, GIVEN, probe=("potential",), engine=engine).potential
     found = hw.simulate(program, GIVEN, probe=probes, engine=engine)

@@ -3,14 +3,13 @@
 import nir
 import numpy as np
 import pytest
-from test_nir import load
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.net_files import dense, neuron, play, write_net
 from tests.support.nir_forward import run
-from tests.support.nir_graphs import DT, chain, lif, linear
+from tests.support.nir_graphs import DT, chain, lif, linear, load_graph
 
 MEMORYLESS = neuron(i_decay=4096, v_decay=4096, threshold=10)
 
@@ -81,13 +80,13 @@ def test_relays_carry_the_delays_of_a_nir_graph(tmp_path):
     layers = (("d", delays), ("w", linear(rng, 6, 8)), ("n", lif(rng, 6)))
     graph = chain((8,), *layers)
     given = (rng.random((300, 8)) < 0.3).astype(np.uint8)
-    network = load(graph, tmp_path, relay_delays=True)
+    network = load_graph(graph, tmp_path, relay_delays=True)
     wanted = run(graph, given, DT)["n"]
     ours = evaluate(network, given[None]).spikes["n"][0]
     assert wanted.sum() > 50
     assert np.array_equal(ours[1:], wanted[:-1])
     with pytest.raises(lc.TargetError, match="a delay is out of range"):
-        lc.compile(load(graph, tmp_path), events=given[None], diagnosis=False)
+        lc.compile(load_graph(graph, tmp_path), events=given[None], diagnosis=False)
     assert lc.compile(network, events=given[None], diagnosis=False).match.spikes.agreement > 0.95
 
 

@@ -4,16 +4,14 @@ import h5py
 import nir
 import numpy as np
 import pytest
-from test_lava_dl import NETS
-from test_nir import spikes
 
 import locsnn_compile as lc
 from hw_model import chip
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
-from tests.support.net_files import write_net
-from tests.support.nir_graphs import DT, graphs
+from tests.support.net_files import NETS, write_net
+from tests.support.nir_graphs import DT, graphs, random_spikes
 
 GRAPHS = graphs()
 CHIP = chip("loihi-sim")
@@ -96,7 +94,7 @@ def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
         after = next(p.neuron for p in again.populations if p.name == before.name)
         np.testing.assert_allclose(4096 * after.decay_v, before.neuron.decay_v)
         np.testing.assert_allclose(after.threshold, 64 * before.neuron.threshold)
-    given = spikes((network.channels,))[None]
+    given = random_spikes((network.channels,))[None]
     first = network.populations[0].name
     exact, floats = (evaluate(n, given).spikes[first] for n in (network, again))
     assert (exact & floats).sum() > 0.9 * exact.sum()
@@ -123,7 +121,7 @@ EVEN = 2 * np.random.default_rng(5).integers(-60, 128, (3, 10))
 def test_integers_go_to_lava_dl_and_back_spike_for_spike(tmp_path):
     quantized = chain(EVEN)
     (tmp_path / "model.net").write_bytes(exchange_file("net", quantized))
-    given = spikes((10,))[None]
+    given = random_spikes((10,))[None]
     found = evaluate(lc.load(tmp_path / "model.net"), given).spikes["layer1"]
     assert found.any()
     np.testing.assert_array_equal(found, evaluate(quantized.on_grid(), given).spikes["cells"])

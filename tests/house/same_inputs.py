@@ -11,10 +11,9 @@ from pathlib import Path
 
 import nir
 import numpy as np
-from test_lava_dl import NETS
 
 from tests.support import slayer_files
-from tests.support.net_files import write_net
+from tests.support.net_files import NETS, write_net
 from tests.support.nir_graphs import graphs
 
 ROOT = Path(__file__).parents[2]

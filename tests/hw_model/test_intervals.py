@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_engines import SMALL, random_program
 
 import hw_model as hw
 from tests.support.intervals import CoreIntervals
+from tests.support.random_programs import SMALL, random_program
 
 
 @pytest.mark.parametrize("seed", range(12))

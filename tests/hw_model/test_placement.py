@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from register_units import FORGETS_AT_ONCE
-from test_engines import random_program
 
 import hw_model as hw
+from tests.support.random_programs import random_program
 
 CHIP = hw.chip("loihi-sim")
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from test_engines import SMALL, random_program
 
 import hw_model as hw
 from hw_model.simulation import ENGINES
+from tests.support.random_programs import SMALL, random_program
 
 
 @pytest.fixture(scope="module")

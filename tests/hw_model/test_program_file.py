@@ -10,10 +10,10 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_engines import SMALL, random_program
 
 import hw_model as hw
 from hw_model.program.write import program_files
+from tests.support.random_programs import SMALL, random_program
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,8 @@ import itertools
 import nir
 import numpy as np
 
+import locsnn_compile as lc
+
 DT = 1e-3
 
 
@@ -131,3 +133,15 @@ def graphs():
         "recurrent": (two, (6,)),
         "nested": (chain((6,), ("sub", inner), ("fc", nir.Linear(rng.uniform(0, 1.5, (4, 7)))), ("lif", lif(rng, 4))), (6,)),
     }  # fmt: skip
+
+
+def random_spikes(shape, steps=60, rate=0.25, seed=3):
+    """Return spikes (steps, *shape) of 0 and 1: in each step, each channel spikes with a chance of ``rate``."""
+    return (np.random.default_rng(seed).random((steps, *shape)) < rate).astype(np.uint8)
+
+
+def load_graph(graph, tmp_path, **options):
+    """Write a graph to a file, and load it as a network with steps of :data:`DT`; ``options`` are those of ``lc.load``."""
+    path = tmp_path / "graph.nir"
+    nir.write(path, graph)
+    return lc.load(path, **{"dt": DT} | options)
