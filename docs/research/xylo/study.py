@@ -207,8 +207,8 @@ def run(
 
 def witnessed(network: Any, recordings: np.ndarray, python: str) -> tuple[int, int]:
     """Return how many registers and spikes xylosim was compared in, and how many differ."""
-    sys.path.insert(0, str(HERE.parents[2] / "tests" / "xylo"))
-    from record import ask_witness
+    sys.path.insert(0, str(HERE.parents[2]))
+    from tests.xylo.record import ask_witness
 
     rows = [rows_of(recording) for recording in recordings]
     with tempfile.TemporaryDirectory() as name:
