@@ -10,7 +10,6 @@ from scipy import sparse
 
 from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import Axis
-from hw_model.values import picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
 from locsnn_compile.frontends.xylo_checkpoint import add_xylo
@@ -24,27 +23,39 @@ from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, matrix, row_sums
 
 LAYERS = 2
-"""Number of steps from an event to the outputs."""
+"""Layers of windows, and so the number of steps from an event to the outputs."""
 UNREACHED = 1.1
-"""The threshold of an output, as a multiple of all that can come at once: it never spikes, rounded weights or not."""
+"""The threshold of an output, as a multiple of all that can come at once: it never spikes.
+
+A tenth more leaves room for the rounding of weights, which may enlarge their sum.
+"""
+TWO_UNITS_MANTISSA = 128
+"""With the exponent -6, a weight mantissa of 128 charges 128 * 64 / 2^6 = 128 units: twice the unit of thresholds."""
 
 
 def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     """Add the branch that counts events in windows; next to others it has a phase of its own."""
     description = checkpoint.description
-    branch, (weight, offset) = description.structure.window_branch, description.window_names
+    chip = checkpoint.chip
+    branch = description.structure.window_branch
+    weight, offset = description.window_names
     phase = "" if branch == "location" else branch
-    layout, windows = description.input, description.windows
-    lines = layout.channels * layout.steps
-    name, start = "touch_windows" if phase else VIEW_NAMES["location"], description.align_events
+    layout = description.input
+    windows = description.windows
+    # All channels are visited in one step, each with a line for every time step.
     view = InputView(
-        name, "location", lines, description.walk, layout.channels, LAYERS, phase, start
+        name="touch_windows" if phase else VIEW_NAMES["location"],
+        axis="location",
+        lines=layout.channels * layout.steps,
+        walk=description.walk,
+        together=layout.channels,
+        silence=LAYERS,
+        own_phase=phase,
+        align_events=description.align_events,
     )
     synapses = windows.synapses(layout.steps, layout.channels)
-    levels, chip = (
-        np.tile(windows.levels, synapses.shape[0] // len(windows.levels)),
-        checkpoint.chip,
-    )
+    # The number of events from which a counting neuron spikes, (counting neurons,).
+    levels = np.tile(windows.levels, synapses.shape[0] // len(windows.levels))
     first, *outputs = description.populations(branch)
     counting: Neuron
     neuron: Neuron
@@ -58,7 +69,11 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
             len(levels), decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=2 * levels - 1
         )
         onto = ChipProjection(
-            view.name, first, matrix(128 * synapses, np.int64), exponent=-6, weight_bits=1
+            view.name,
+            first,
+            matrix(TWO_UNITS_MANTISSA * synapses, np.int64),
+            exponent=-6,
+            weight_bits=1,
         )
     hidden = Population(first, "location", len(levels), counting, own_phase=phase)
     parts.views.append(view)
@@ -71,10 +86,9 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
         if chip is None:
             # A share for each, so that none has to hold it all.
             bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
-            most = float(row_sums(heard).max() + np.abs(bias).max())
-            neuron = Cuba.of(
-                len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias
-            )
+            largest = float(row_sums(heard).max() + np.abs(bias).max())
+            threshold = UNREACHED * largest if largest > 0 else 1.0
+            neuron = Cuba.of(len(bias), decay_v=1.0, threshold=threshold, bias=bias)
         else:
             neuron = chip.window_output((weight, offset), checkpoint.weights)
             # In units of the float network, as spikes are.
@@ -86,12 +100,12 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
         parts.outputs[name] = LAYERS
 
 
-def network_of_models(held: Checkpoint | Pack, name: str) -> Network:
+def network_of_models(content: Checkpoint | Pack, name: str) -> Network:
     """Return the network of a checkpoint, or of all members of a pack, joined under this name."""
-    if isinstance(held, Checkpoint):
-        return network_of(held)
-    members = [network_of(member) for member in held.members]
-    return replace(committee(members, held.weights, name), sha256=held.sha256)
+    if isinstance(content, Checkpoint):
+        return network_of(content)
+    members = [network_of(member) for member in content.members]
+    return replace(committee(members, content.weights, name), sha256=content.sha256)
 
 
 def network_of(checkpoint: Checkpoint) -> Network:
@@ -111,14 +125,23 @@ def network_of(checkpoint: Checkpoint) -> Network:
         _add_branches(parts, checkpoint)
     if description.structure.window_branch:
         _add_windows(parts, checkpoint)
-    said = picked(
-        description.input, "channels", "steps", "step_seconds", "sensor", "event_threshold"
+    chip = checkpoint.chip
+    layout = description.input
+    return parts.network(
+        name=description.name,
+        channels=layout.channels,
+        steps=layout.steps,
+        step_seconds=layout.step_seconds,
+        sensor=layout.sensor,
+        sha256=checkpoint.sha256,
+        recordings=checkpoint.recordings,
+        event_threshold=layout.event_threshold,
+        class_names=description.class_names,
+        psi=_psi(checkpoint),
+        trained_on={} if chip is None else {chip.target: astuple(chip.registers)},
+        event_times=checkpoint.event_times,
+        recorded=checkpoint.recorded,
     )
-    said |= picked(description, "name", "class_names") | picked(checkpoint, "sha256", "recordings")
-    said |= picked(checkpoint, "event_times", "recorded")
-    if chip := checkpoint.chip:
-        said["trained_on"] = {chip.target: astuple(chip.registers)}
-    return parts.network(**said, psi=_psi(checkpoint))
 
 
 def _psi(checkpoint: Checkpoint) -> float | None:
@@ -134,9 +157,11 @@ def _add_branches(parts: Parts, checkpoint: Checkpoint) -> None:
         if axis not in description.branches or axis == description.structure.window_branch:
             continue
         layout = description.input
-        lines, walk = (
-            (layout.channels, None) if axis == "time" else (layout.steps, description.walk)
-        )
+        lines = layout.channels
+        walk = None
+        if axis == "location":
+            lines = layout.steps
+            walk = description.walk
         view = InputView(VIEW_NAMES[axis], axis, lines, walk, align_events=description.align_events)
         parts.views.append(view)
         for source, target in pairwise((view.name, *description.populations(axis))):
@@ -154,19 +179,23 @@ def _layer(
     There is a projection for each delay, all from the same lines; their weights lie side by side in the checkpoint.
     Those of a graph convolution are spread over its neurons, and become sparse.
     """
-    chip, description = checkpoint.chip, checkpoint.description
+    chip = checkpoint.chip
+    description = checkpoint.description
     weights: Matrix = checkpoint.weights[target]
     if description.graph is not None and target == description.populations(axis)[0]:
         weights = spread_weights(weights, description.graph_of(axis))
-    size, delays = weights.shape[0], description.delays_onto(target)
-    parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
-    rows = zip(delays, parts, strict=True)
+    delays = description.delays_onto(target)
+    by_delay = [weights]
+    if delays != (0,):
+        by_delay = np.split(np.asarray(weights), len(delays), axis=1)
+    rows = zip(delays, by_delay, strict=True)
     onto = [_onto(checkpoint, source, target, part, of=target, delay=delay) for delay, part in rows]
-    neuron = (
-        chip.populations[target].neurons(chip.strategy, size)
-        if chip
-        else _neuron(checkpoint, axis, size)
-    )
+    size = weights.shape[0]
+    neuron: Neuron
+    if chip is None:
+        neuron = _neuron(checkpoint, axis, size)
+    else:
+        neuron = chip.populations[target].neurons(chip.strategy, size)
     return Population(target, axis, size, neuron), onto
 
 
@@ -177,14 +206,23 @@ def _onto(
     if checkpoint.chip is None:
         return Projection(source, target, matrix(weights, np.float64), delay)
     numbers = checkpoint.chip.populations[of]
-    form = numbers.exponent, numbers.weight_bits
-    return ChipProjection(source, target, matrix(weights, np.int64), *form, delay=delay)
+    return ChipProjection(
+        source,
+        target,
+        matrix(weights, np.int64),
+        exponent=numbers.exponent,
+        weight_bits=numbers.weight_bits,
+        delay=delay,
+    )
 
 
 def _neuron(checkpoint: Checkpoint, axis: Axis, size: int) -> SrmAlpha | Cuba:
     """Return the float neuron: TLIF and LLIF keep nothing of a current, and of the voltage what they do not lose."""
-    n = checkpoint.description.neuron_of(axis)
-    if isinstance(n, LifParameters):
-        return Cuba.of(size, decay_v=1.0 - n.decay, threshold=n.threshold)
-    n = checkpoint.description.srm(axis)
-    return SrmAlpha(theta=n.theta, tau_sr=n.tau_sr, tau_ref=n.tau_ref, scale_ref=n.scale_ref)
+    parameters = checkpoint.description.neuron_of(axis)
+    if isinstance(parameters, LifParameters):
+        # Their ``decay`` is the share that is kept.
+        return Cuba.of(size, decay_v=1.0 - parameters.decay, threshold=parameters.threshold)
+    srm = checkpoint.description.srm(axis)
+    return SrmAlpha(
+        theta=srm.theta, tau_sr=srm.tau_sr, tau_ref=srm.tau_ref, scale_ref=srm.scale_ref
+    )

@@ -19,6 +19,10 @@ MAX_SIZE = 1_000_000
 """Largest number of neurons or lines of one layer: as many as eight chips of 128 cores hold."""
 
 
+MAX_PADDING = 10_000
+"""Most silent pixels at an end of an axis: more than an image of :data:`MAX_SIZE` pixels is wide, if it is square."""
+
+
 def check_shape(shape: Shape, where: str) -> None:
     """Refuse a layer without neurons or lines, or with too many."""
     if math.prod(shape) > MAX_SIZE or min(shape, default=0) < 1:
@@ -48,9 +52,9 @@ class Window(Frozen):
     @classmethod
     def padded(cls, stride: Ints, padding: Ints, dilation: Ints, fill: Ints = (0, 0)) -> "Window":
         """Return a window with the same padding before and after an axis, and ``fill`` more after it."""
-        return cls(
-            stride, tuple((p, p + more) for p, more in zip(padding, fill, strict=False)), dilation
-        )
+        # Without a fill, (0, 0) stands for as many zeros as there are axes.
+        ends = tuple((p, p + more) for p, more in zip(padding, fill, strict=False))
+        return cls(stride, ends, dilation)
 
 
 def convolution(
@@ -64,32 +68,43 @@ def convolution(
     outs, per_group, *kernel = weight.shape
     spatial = input_shape[1:]
     axes = list(zip(spatial, kernel, window.stride, window.ends, window.dilation, strict=True))
+    # As torch documents it: floor((n + padding - dilation * (kernel - 1) - 1) / stride + 1).
     out_spatial = tuple((n + sum(ends) - d * (k - 1) - 1) // s + 1 for n, k, s, ends, d in axes)
     if min(out_spatial) < 1:
         measured = f"{tuple(kernel)} against {spatial}"
         raise InputError(
             where, "the kernel is larger than its input", measured=measured, fix="Pad the input."
         )
-    size_out, size_in = math.prod(out_spatial), math.prod(spatial)
+    size_out = math.prod(out_spatial)
+    size_in = math.prod(spatial)
     check_entries(weight.size * size_out, where)
     # For each output pixel and tap of the kernel: which input pixel it is, and whether that lies inside the image.
     grid = np.indices((*out_spatial, *kernel), sparse=True)
-    taps = zip(grid, grid[len(axes) :], axes, strict=False)
-    at = [o * s - lead + k * d for o, k, (_, _, s, (lead, _), d) in taps]
-    inside = functools.reduce(
-        np.logical_and, [(0 <= a) & (a < n) for a, n in zip(at, spatial, strict=True)]
+    of_output = grid[: len(axes)]
+    of_kernel = grid[len(axes) :]
+    coordinates = [
+        output * stride - before + tap * dilation
+        for output, tap, (_, _, stride, (before, _), dilation) in zip(
+            of_output, of_kernel, axes, strict=True
+        )
+    ]
+    is_inside = functools.reduce(
+        np.logical_and,
+        [(0 <= at) & (at < size) for at, size in zip(coordinates, spatial, strict=True)],
     )
-    pixel = np.ravel_multi_index(np.broadcast_arrays(*at), spatial, mode="clip")
-    channel = (np.arange(outs) // (outs // groups))[:, None] * per_group + np.arange(per_group)
-    held, *parts = np.broadcast_arrays(
-        inside.reshape(size_out, -1),
+    pixel = np.ravel_multi_index(np.broadcast_arrays(*coordinates), spatial, mode="clip")
+    group = np.arange(outs) // (outs // groups)
+    channel = group[:, None] * per_group + np.arange(per_group)
+    # One entry for each output channel, input channel of its group, output pixel and tap.
+    is_connected, values, rows, columns = np.broadcast_arrays(
+        is_inside.reshape(size_out, -1),
         weight.reshape(outs, per_group, 1, -1),
         np.arange(outs * size_out).reshape(outs, 1, size_out, 1),
         channel[:, :, None, None] * size_in + pixel.reshape(size_out, -1),
     )
-    values, rows, columns = (part[held] for part in parts)
+    ends = (rows[is_connected], columns[is_connected])
     shape = (outs * size_out, input_shape[0] * size_in)
-    return sparse.csr_array((values, (rows, columns)), shape=shape), (outs, *out_spatial)
+    return sparse.csr_array((values[is_connected], ends), shape=shape), (outs, *out_spatial)
 
 
 def pooling(
@@ -138,6 +153,6 @@ def _check_convolution(
         raise InputError(
             where, "stride or dilation is below 1", measured=measured, fix="Correct it."
         )
-    if not all(0 <= end <= 10_000 for ends in window.ends for end in ends):
+    if not all(0 <= end <= MAX_PADDING for ends in window.ends for end in ends):
         fix = "Give numbers from 0 up."
         raise InputError(where, "its padding is not valid", measured=f"{window.ends}"[:80], fix=fix)

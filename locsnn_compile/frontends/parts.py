@@ -1,36 +1,64 @@
 """The parts of a network that a frontend collects, and made-up recordings for files that carry none."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from hw_model.mapping.graph import Axis, Readout
+from hw_model.values import Frozen
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
-from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.network import HostLayers, InputView, Network, Population
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, Signs, values_of
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 STEPS = 100
 """Steps of synthetic recordings if the file does not give them."""
 SAMPLES = 8
+"""Synthetic recordings that a network carries: enough to check it in seconds."""
 RATE = 0.05
 """Share of channels that spike in each step."""
-_MOST = 10_000_000
+_MOST_VALUES = 10_000_000
+"""Most values of all synthetic recordings together; wide networks get fewer than :data:`SAMPLES`."""
 _FEWEST_STEPS = 30
-"""A shorter touch has no distinct phases."""
+"""A touch of fewer steps is too short to come down, stroke and lift."""
+
+
+class FileFacts(Frozen, eq=False):
+    """What a frontend says of another tool's file besides the network's parts: fields of :class:`Network`."""
+
+    any_length: bool
+    assumptions: tuple[str, ...]
+    inputs: Channels | None
+    origin: object | None = None
+    host: HostLayers | None = None
+
+    def behind(self, host: HostLayers) -> Self:
+        """Return the facts of a network whose first layers run on the host.
+
+        Its channels are spikes of these layers, not the file's pixels, and it can't be written as this file again.
+        """
+        return replace(
+            self,
+            host=host,
+            inputs=None,
+            origin=None,
+            assumptions=(*self.assumptions, host.sentence),
+        )
 
 
 @dataclass(eq=False)
 class Parts:
-    """The parts of a network so far; ``outputs``: the first step whose potentials count, or None if spikes count.
+    """The parts of a network so far.
 
-    ``weights``: the factors of outputs whose scores are not weighed by 1.
+    - ``outputs``: populations that are read, and the first step whose potentials count, or None if spikes count
+    - ``weights``: the factors of outputs whose scores are not weighed by 1
     """
 
     views: list[InputView] = field(default_factory=list)
@@ -44,40 +72,63 @@ class Parts:
     @property
     def readout(self) -> Readout:
         """The weighted sum of all outputs."""
-        first = tuple(self.outputs.values())
         weights = tuple(self.weights.get(name, 1.0) for name in self.outputs)
-        from_step = first[0] if len(set(first)) == 1 else first
+        from_steps = tuple(self.outputs.values())
+        all_from_one_step = len(set(from_steps)) == 1
+        from_step = from_steps[0] if all_from_one_step else from_steps
         return Readout(tuple(self.outputs), weights, from_step, self.tie_class)
 
-    def network(self, **said: Any) -> Network:
-        """Return the network of these parts; ``said`` holds its other fields."""
-        said |= {"views": tuple(self.views), "populations": tuple(self.populations)}
-        return Network(**said, projections=tuple(self.projections), readout=self.readout)
+    def network(self, **other_fields: Any) -> Network:
+        """Return the network of these parts; ``other_fields`` are the rest of :class:`Network`'s."""
+        return Network(
+            **other_fields,
+            views=tuple(self.views),
+            populations=tuple(self.populations),
+            projections=tuple(self.projections),
+            readout=self.readout,
+        )
 
     def network_of_file(
-        self, path: Path, data: bytes, channels: int, steps: int, seconds: float | None, **said: Any
+        self,
+        path: Path,
+        data: bytes,
+        *,
+        channels: int,
+        steps: int,
+        step_seconds: float | None,
+        facts: FileFacts,
     ) -> Network:
         """Return the network in the bytes of another tool's file, with made-up recordings to check it on.
 
-        ``seconds``: the length of a step that the file states, which recordings and options override.
+        ``step_seconds``: the length of a step that the file states, which recordings and options override.
         """
-        said |= {"name": path.stem, "channels": channels, "steps": steps}
-        said["usual_step_seconds"] = seconds
-        recordings, digest = (
-            synthetic_recordings(channels, steps, seconds),
-            hashlib.sha256(data).hexdigest(),
+        return self.network(
+            name=path.stem,
+            channels=channels,
+            steps=steps,
+            usual_step_seconds=step_seconds,
+            sha256=hashlib.sha256(data).hexdigest(),
+            recordings=synthetic_recordings(channels, steps, step_seconds),
+            any_length=facts.any_length,
+            inputs=facts.inputs,
+            origin=facts.origin,
+            host=facts.host,
+            assumptions=facts.assumptions,
         )
-        return self.network(**said, sha256=digest, recordings=recordings)
 
 
 def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Signs:
     """Return the signs with which 8-bit formats hold these mantissas; refuse mantissas that no format holds."""
     values = values_of(mantissa)
-    low, high = int(values.min(initial=0)), int(values.max(initial=0))
-    if -256 <= low and high <= 254 and not (values % 2).any():
+    lowest = int(values.min(initial=0))
+    highest = int(values.max(initial=0))
+    # Mixed: one list, with a sign bit in place of the lowest bit. Apart: a list for each sign, with all 8 bits.
+    all_even = not (values % 2).any()
+    if -256 <= lowest and highest <= 254 and all_even:
         return "mixed"
-    if max(-low, high) > 255:
-        what, measured = "a weight does not fit an 8-bit synapse", f"{low}..{high} against {limits}"
+    if max(-lowest, highest) > 255:
+        what = "a weight does not fit an 8-bit synapse"
+        measured = f"{lowest}..{highest} against {limits}"
         raise InputError(where, what, measured=measured, fix=fix)
     return "apart"
 
@@ -92,8 +143,20 @@ def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) 
     fingertips = touch_fingertips(channels)
     if fingertips is not None and steps >= _FEWEST_STEPS:
         touches = synthetic_touches(SAMPLES, steps=steps, fingertips=fingertips, seed=0)
-        return Recordings(touches.spikes, None, step_seconds, touches.source, touches.origin)
-    samples = int(np.clip(_MOST // (channels * steps), 1, SAMPLES))
+        return Recordings(
+            touches.spikes,
+            labels=None,
+            step_seconds=step_seconds,
+            source=touches.source,
+            origin=touches.origin,
+        )
+    samples = int(np.clip(_MOST_VALUES // (channels * steps), 1, SAMPLES))
     spikes = np.random.default_rng(0).random((samples, steps, channels), dtype=np.float32) < RATE
     source = f"synthetic spikes, {100 * RATE:g} % per step"
-    return Recordings(spikes.astype(np.uint8), None, step_seconds, source, "made up")
+    return Recordings(
+        spikes.astype(np.uint8),
+        labels=None,
+        step_seconds=step_seconds,
+        source=source,
+        origin="made up",
+    )

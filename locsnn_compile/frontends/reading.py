@@ -78,11 +78,11 @@ def load(
 
 def with_channel_order(network: Network, channel_order: str | None) -> Network:
     """Return the network with the numbering of its inputs that its user states; refuse another than its own."""
-    asked = parse_numbering(channel_order)
-    if asked is None or asked == network.numbering:
+    numbering = parse_numbering(channel_order)
+    if numbering is None or numbering == network.numbering:
         return network
     if network.numbering is not None:
-        measured = f"got {asked} against {network.numbering}"
+        measured = f"got {numbering} against {network.numbering}"
         what = f"model {network.name!r} has another"
         raise InputError("channel_order", what, measured=measured, fix="Leave it out.")
-    return replace(network, channel_order=asked)
+    return replace(network, channel_order=numbering)

@@ -32,8 +32,10 @@ DELAY_MAX = 62
 """Longest delay of a synapse of Loihi, in steps: 64 accumulator slots less two."""
 STEPS_OF_A_RELAY = DELAY_MAX + 1
 """Steps by which a relay puts a spike off: the longest delay, and the step that every spike takes."""
+RELAY_THRESHOLD = 1
+"""The threshold mantissa of a relay on the grid: 64 units of the register."""
 RELAY_MANTISSA = 2
-"""A weight that alone lifts a relay on the grid above a threshold of 1."""
+"""The weight mantissa onto a relay on the grid: 128 units of the register, which alone exceed its threshold."""
 
 
 class _Synapses(Frozen, eq=False):
@@ -94,7 +96,7 @@ def add_relays(parts: Parts) -> tuple[str, ...]:
     projections: list[AnyProjection] = []
     sentences: list[str] = []
     for source in dict.fromkeys(projection.source for projection in parts.projections):
-        of_source = {p: held for p, held in synapses.items() if p.source == source}
+        of_source = {p: listed for p, listed in synapses.items() if p.source == source}
         relays = _relays_behind(source, of_source.values())
         if relays:
             sentences.append(_sentence(source, relays, of_source.values()))
@@ -105,18 +107,18 @@ def add_relays(parts: Parts) -> tuple[str, ...]:
             parts.populations.append(_neurons(relay, on_grid=on_grid))
             projections.append(_repeated(before, relay, on_grid=on_grid))
             before = relay
-        for projection, held in of_source.items():
-            projections += _through_relays(projection, held, relays)
+        for projection, listed in of_source.items():
+            projections += _through_relays(projection, listed, relays)
     parts.projections = projections
     return tuple(sentences)
 
 
 def _relays_behind(source: str, synapses: Collection[_Synapses]) -> list[_Relay]:
     """Return the relays of a source, the nearest first; each repeats what it or a later one sends on."""
-    most = max(int(held.relays_passed.max(initial=0)) for held in synapses)
+    count = max(int(listed.relays_passed.max(initial=0)) for listed in synapses)
     relays = []
-    for number in range(1, most + 1):
-        lines = [held.source[held.relays_passed >= number] for held in synapses]
+    for number in range(1, count + 1):
+        lines = [listed.source[listed.relays_passed >= number] for listed in synapses]
         relays.append(_Relay(f"{source}/relay{number}", np.unique(np.concatenate(lines))))
     return relays
 
@@ -124,7 +126,7 @@ def _relays_behind(source: str, synapses: Collection[_Synapses]) -> list[_Relay]
 def _sentence(source: str, relays: list[_Relay], synapses: Collection[_Synapses]) -> str:
     """Return what is assumed of the delays behind a source."""
     neurons = counted(sum(relay.size for relay in relays), "relay neuron")
-    longest = max(int(held.delay.max(initial=0)) for held in synapses)
+    longest = max(int(listed.delay.max(initial=0)) for listed in synapses)
     return (
         f"Delays of up to {longest} steps behind {source!r} use {neurons} (--relay-delays): a "
         f"synapse delays by at most {DELAY_MAX}."
@@ -135,9 +137,10 @@ def _neurons(relay: _Relay, *, on_grid: bool) -> Population:
     """Return neurons without memory that every spike lifts above their threshold."""
     if on_grid:
         chip_neuron = ChipCuba.of(
-            relay.size, decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=1
+            relay.size, decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=RELAY_THRESHOLD
         )
         return Population(relay.name, "time", relay.size, chip_neuron, helper=True)
+    # Half of the weight of 1 that every relay gets.
     neuron = Cuba.of(relay.size, decay_u=1.0, decay_v=1.0, threshold=0.5)
     return Population(relay.name, "time", relay.size, neuron, helper=True)
 
@@ -150,7 +153,15 @@ def _repeated(before: _Relay, relay: _Relay, *, on_grid: bool) -> AnyProjection:
     if on_grid:
         mantissas = np.full(relay.size, RELAY_MANTISSA, dtype=np.int64)
         on_lines = matrix(sparse.csr_array((mantissas, entries), shape=shape), np.int64)
-        return ChipProjection(before.name, relay.name, on_lines, 0, 8, "mixed", DELAY_MAX)
+        return ChipProjection(
+            before.name,
+            relay.name,
+            on_lines,
+            exponent=0,
+            weight_bits=8,
+            signs="mixed",
+            delay=DELAY_MAX,
+        )
     weights = matrix(sparse.csr_array((np.ones(relay.size), entries), shape=shape), np.float64)
     return Projection(before.name, relay.name, weights, DELAY_MAX)
 
@@ -182,5 +193,5 @@ def _with_sender(
     if isinstance(projection, ChipProjection):
         mantissa = matrix(weights, np.int64)
         return replace(projection, source=source, mantissa=mantissa, delay=delay)
-    held = matrix(weights, np.float64)
-    return replace(projection, source=source, weights=held, delay=delay)
+    in_float = matrix(weights, np.float64)
+    return replace(projection, source=source, weights=in_float, delay=delay)

@@ -21,19 +21,22 @@ SAVE_A_STATE_DICT = "Save net.state_dict() with torch.save."
 _STATE_KEYS = ("state_dict", "model_state_dict", "net", "model")
 
 
-def state_tensors(held: object, where: str, dtypes: Collection[str] = FLOATS) -> dict[str, Any]:
+def state_tensors(content: object, where: str, dtypes: Collection[str] = FLOATS) -> dict[str, Any]:
     """Return the tensors of a state dict as arrays of float64, by name, in order.
 
     Raises ``InputError`` for what is not a state dict, and for tensors of other types than ``dtypes``,
     that are not finite, or too large.
     """
-    if isinstance(held, dict):
-        held = next((held[key] for key in _STATE_KEYS if isinstance(held.get(key), dict)), held)
-    if not isinstance(held, dict) or not held:
-        measured = f"a {type(held).__name__}"
+    if isinstance(content, dict):
+        for key in _STATE_KEYS:
+            if isinstance(content.get(key), dict):
+                content = content[key]
+                break
+    if not isinstance(content, dict) or not content:
+        measured = f"a {type(content).__name__}"
         raise InputError(where, "it is not a state dict", measured=measured, fix=SAVE_A_STATE_DICT)
     arrays: dict[str, Any] = {}
-    for key, tensor in held.items():
+    for key, tensor in content.items():
         is_text = isinstance(key, str)
         if is_text and (isinstance(tensor, Tensor) or key.endswith(WEIGHT_ENDS)):
             place = f"{where}, entry {key[:80]!r}"

@@ -44,6 +44,8 @@ class Cell:
 
 
 def graph(made: nir.NIRGraph) -> Callable[[Path], tuple[Path, ...]]:
+    """Return what writes a NIR graph into a folder, and returns its path."""
+
     def write_graph(folder):
         nir.write(folder / "model.nir", made)
         return (folder / "model.nir",)
@@ -52,6 +54,8 @@ def graph(made: nir.NIRGraph) -> Callable[[Path], tuple[Path, ...]]:
 
 
 def net(*layers) -> Callable[[Path], tuple[Path, ...]]:
+    """Return what writes a lava-dl network of these layers into a folder, and returns its path."""
+
     def write_layers(folder):
         write_net(folder / "model.net", layers)
         return (folder / "model.net",)
@@ -60,10 +64,12 @@ def net(*layers) -> Callable[[Path], tuple[Path, ...]]:
 
 
 def slayer(weights, *rest, **more) -> Callable[[Path], tuple[Path, ...]]:
+    """Return what writes a slayerPytorch checkpoint and its YAML into a folder, and returns their paths."""
     return lambda folder: write(folder, weights, *rest, **more)
 
 
 def neurons(node, *behind):
+    """Return what writes a graph of 10 inputs, 12 neurons of this node, and more nodes behind them."""
     named = [(f"after{i}", other) for i, other in enumerate(behind)]
     return graph(
         chain((10,), ("fc", linear(np.random.default_rng(1), 12, 10)), ("n", node), *named)
@@ -71,6 +77,7 @@ def neurons(node, *behind):
 
 
 def works(format, feature, made, **options):
+    """A cell of the table for a feature whose file is compiled; options are those of ``lc.load``."""
     return Cell(format, feature, made, options)
 
 
@@ -79,10 +86,12 @@ def loses(format, feature, made, lost, shows, **options):
 
 
 def refused(format, feature, made, message, **options):
+    """A cell for a feature that is refused with this message, which comes behind the name of the model."""
     return Cell(format, feature, made, options, message=message)
 
 
 def spread(n, value):
+    """One number for each of n neurons."""
     return np.full(n, value)
 
 

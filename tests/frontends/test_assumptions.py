@@ -96,6 +96,7 @@ def test_a_step_that_is_not_known_is_not_written_as_if_it_were(dt, tmp_path):
 
 
 def weights(outs, ins):
+    """Random weights (outs, ins), of which most excite."""
     return RNG.normal(1, 2, (outs, ins))
 
 

@@ -33,6 +33,8 @@ def edges(*rows):
 
 
 def put(path, value):
+    """Return what sets a dataset of an HDF5 file."""
+
     def change(file):
         if path in file:
             del file[path]

@@ -25,6 +25,7 @@ def floats(size, **given):
 
 
 def integers(size, **given):
+    """Neurons in the chip's integers, without a current; by default they lose 400 of 4096 parts per step."""
     return lc.ChipCuba.of(size, **{"decay_u": 4096, "decay_v": 400, "threshold": 60} | given)
 
 

@@ -60,7 +60,7 @@ def test_without_a_floor_it_is_another_network(name, tmp_path):
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_chip_plays_the_integers_of_the_reference_to_the_bit(name, tmp_path):
-    levels = lower(network_of(name, tmp_path), hw.chip("loihi-sim"), 8)
+    levels = lower(network_of(name, tmp_path), hw.chip("loihi-sim"), weight_bits=8)
     wanted = evaluate(levels.quantized.on_grid(), given_to(name), potentials=True)
     for engine in ("fast", "reference"):
         probe = ("spikes", "potential")
@@ -75,7 +75,7 @@ def test_the_chip_plays_the_integers_of_the_reference_to_the_bit(name, tmp_path)
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_chip_spikes_nearly_as_sinabs_does(name, tmp_path):
-    program = lower(network_of(name, tmp_path), hw.chip("loihi-sim"), 8).program
+    program = lower(network_of(name, tmp_path), hw.chip("loihi-sim"), weight_bits=8).program
     found = hw.simulate(program, given_to(name)).spikes["1"][0, 1:]
     wanted = HELD[f"{name}.first"][:-1]
     assert 2 * (found & wanted).sum() / (found.sum() + wanted.sum()) >= CHIP_LEAST
@@ -118,7 +118,7 @@ def test_potentials_by_hand(floor, potentials, reset, tmp_path):
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 def test_populations_of_different_floors_are_on_different_cores(reset, tmp_path):
     network = integrators(tmp_path, -1.0, thresholds=(1.0, 5.0), reset=reset)
-    levels = lower(network, hw.chip("loihi-sim"), 8)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
     limits = {q.population.name: set(q.neuron.vmin.tolist()) for q in levels.quantized.populations}
     assert len(limits["if1"]) == len(limits["if2"]) == 1
     assert limits["if1"] != limits["if2"]
@@ -137,7 +137,7 @@ def test_thresholds_that_differ_share_one_floor(tmp_path):
     node = nir.IF(r=np.ones(3), v_threshold=np.array([1.0, 1.7, 3.1]), v_reset=np.zeros(3))
     weights = nir.Linear(np.array([[0.5], [-0.75], [1.0]]))
     network = load_graph(chain((1,), ("fc", weights), ("if", node)), tmp_path, floor=-0.7)
-    (q,) = lower(network, hw.chip("loihi-sim"), 8).quantized.populations
+    (q,) = lower(network, hw.chip("loihi-sim"), weight_bits=8).quantized.populations
     assert len(set(q.neuron.vmin.tolist())) == 1
     np.testing.assert_allclose(q.neuron.vmin / q.scale, -0.7, rtol=1e-2)
     np.testing.assert_allclose(64 * q.neuron.threshold / q.scale, [1.0, 1.7, 3.1])
@@ -166,10 +166,10 @@ def test_the_report_says_the_floor_and_explains_every_difference(
 
 @pytest.mark.slow
 def test_levels_show_the_floor(tmp_path):
-    levels = lower(integrators(tmp_path, -1.0), hw.chip("loihi-sim"), 8)
+    levels = lower(integrators(tmp_path, -1.0), hw.chip("loihi-sim"), weight_bits=8)
     assert "refractory 1, floor -1" in network_text(levels.network)
     assert "refractory 1, vmin -262143" in quantized_text(levels.quantized)
-    soft = lower(integrators(tmp_path, -1.0, reset="subtract"), hw.chip("loihi-sim"), 8)
+    soft = lower(integrators(tmp_path, -1.0, reset="subtract"), hw.chip("loihi-sim"), weight_bits=8)
     assert "a spike takes 1, floor -1" in network_text(soft.network)
     assert ", vmin -" in quantized_text(soft.quantized)
 
@@ -204,14 +204,14 @@ REFUSED = [
         id="nothing but a readout",
     ),
     pytest.param(
-        lambda folder: lower(integrators(folder, -1e6), hw.chip("loihi-sim"), 8),
+        lambda folder: lower(integrators(folder, -1e6), hw.chip("loihi-sim"), weight_bits=8),
         "population 'if1': no scale holds both the threshold and the floor of the potential (a floor of -1e+06 "
         "thresholds would move by 8.69e+05). Use a floor nearer to the threshold, or thresholds that differ less.",
         id="out of reach of the register",
     ),
     pytest.param(
         lambda folder: exchange_file(
-            "nir", lower(integrators(folder, -1.0), hw.chip("loihi-sim"), 8).quantized
+            "nir", lower(integrators(folder, -1.0), hw.chip("loihi-sim"), weight_bits=8).quantized
         ),
         "--emit nir, population 'if1': the format cannot hold a floor of the potential. "
         "Emit another kind.",
@@ -219,7 +219,7 @@ REFUSED = [
     ),
     pytest.param(
         lambda folder: exchange_file(
-            "net", lower(integrators(folder, -1.0), hw.chip("loihi-sim"), 8).quantized
+            "net", lower(integrators(folder, -1.0), hw.chip("loihi-sim"), weight_bits=8).quantized
         ),
         "--emit net, population 'if1': the format cannot hold a floor of the potential. "
         "Emit another kind.",
@@ -244,6 +244,6 @@ def test_a_floor_that_cannot_be_held_is_refused(refused, said, tmp_path):
 @pytest.mark.parametrize("value", ["zero", "late-zero", "subtract", "late-subtract", "none"])
 def test_the_stop_proof_holds_with_a_floor(value, tmp_path):
     network = integrators(tmp_path, -0.5, reset=value)
-    program = lower(replace(network, steps=8), hw.chip("loihi-sim"), 8).program
+    program = lower(replace(network, steps=8), hw.chip("loihi-sim"), weight_bits=8).program
     stops = stop_when_proven(program, GIVEN)
     np.testing.assert_array_equal(stops.prediction, stops.final)

@@ -11,6 +11,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.request.recordings import recordings_for
+from tests.support.host_layer_messages import BAD_NUMBERS
 from tests.support.nir_graphs import DT, chain, cuba, lif
 
 FRAMEWORKS = {
@@ -154,14 +155,7 @@ def slow_cuba(size):
 
 
 BAD_LAYERS = {
-    "no layer": (
-        "0",
-        "it is not a number of layers from 1 to 2 (0, of 3 layers). Leave one for the chip.",
-    ),
-    "all layers": (
-        "3",
-        "it is not a number of layers from 1 to 2 (3, of 3 layers). Leave one for the chip.",
-    ),
+    **BAD_NUMBERS,
     "a name that does not exist": ("lif9", "there is no layer 'lif9'. Did you mean 'lif3'?"),
     "the last layer by name": ("lif3", "no neurons are left for the chip. Name fewer layers."),
 }

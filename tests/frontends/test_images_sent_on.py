@@ -43,7 +43,7 @@ def sent_on(path: Path, folder: Path, **options) -> tuple[lc.Network, Path]:
     """Return a network, and the NIR file of it."""
     network = lc.load(path, **options)
     written = folder / "sent.nir"
-    levels = lower(network, hw.chip("loihi-sim"), 8)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
     written.write_bytes(exchange_file("nir", levels.quantized))
     return network, written
 

@@ -13,6 +13,7 @@ from locsnn_compile.cli.main import main
 from locsnn_compile.network.input_scaling import InputScaling
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.request.recordings import recordings_for
+from tests.support.host_layer_messages import BAD_NUMBERS
 from tests.support.net_files import dense, neuron, write_net
 
 RECORDED = Path(__file__).parent / "lava-dl-numbers"
@@ -156,14 +157,7 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
 
 
 BAD_LAYERS = {
-    "no layer": (
-        "0",
-        "it is not a number of layers from 1 to 2 (0, of 3 layers). Leave one for the chip.",
-    ),
-    "all layers": (
-        "3",
-        "it is not a number of layers from 1 to 2 (3, of 3 layers). Leave one for the chip.",
-    ),
+    **BAD_NUMBERS,
     "a name that does not exist": ("layer7", "there is no layer 'layer7'. Did you mean 'layer2'?"),
     "the last layer by name": (
         "layer0,layer2",

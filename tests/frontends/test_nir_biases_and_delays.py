@@ -25,6 +25,7 @@ def delay(steps: float) -> nir.Delay:
 
 
 def graph(nodes: dict, edges: list[tuple[str, str]]) -> nir.NIRGraph:
+    """A graph of these nodes between one input and one output."""
     ends = {"input": nir.Input(np.array([1])), "output": nir.Output(np.array([1]))}
     return nir.NIRGraph({**ends, **nodes}, edges, type_check=False)
 

@@ -28,12 +28,14 @@ CUBA = {
 LI = {"tau": 2.0, "r": 1.0, "v_leak": 0.0}
 
 
-def stated(kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,)), constant=0.0):
-    """Two neurons behind weights and a constant, in steps of 1 s."""
+def two_neurons(
+    kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,)), constant=0.0
+):
+    """Read a node of two neurons behind weights and a constant, in steps of 1 s."""
     node = NirNode(kind, {name: np.array(value) for name, value in parameters.items()})
     matrix = sparse.csr_array(np.array(weights))
     signal = Signal.of_source("x", matrix.shape[1]).through(matrix, constant, "n")
-    return neurons_of(node, signal, 2, Reading(1.0, how, reset), "n")
+    return neurons_of(node, signal, 2, Reading(dt=1.0, discretisation=how, reset=reset), "n")
 
 
 REFUSED = {
@@ -56,22 +58,25 @@ REFUSED = {
 @pytest.mark.parametrize(("kind", "parameters", "how", "message"), REFUSED.values(), ids=REFUSED)
 def test_parameters_that_are_refused(kind, parameters, how, message):
     with pytest.raises(InputError) as caught:
-        stated(kind, parameters, how)
+        two_neurons(kind, parameters, how)
     assert str(caught.value) == message
 
 
 @pytest.mark.parametrize(
-    ("leak", "first"), [(0.5, 0.5), (1.0, 0.0), (1.5, 0.0)], ids=["below", "at", "above"]
+    ("leak", "start"), [(0.5, 0.5), (1.0, 0.0), (1.5, 0.0)], ids=["below", "at", "above"]
 )
-def test_neurons_start_at_rest_where_that_is_below_the_threshold(leak, first):
-    assert stated("LIF", LIF | {"v_leak": leak}).first.tolist() == [first, first]
+def test_neurons_start_at_rest_where_that_is_below_the_threshold(leak, start):
+    neurons = two_neurons("LIF", LIF | {"v_leak": leak})
+    assert neurons.start_potential.tolist() == [start, start]
 
 
 @pytest.mark.parametrize(
     ("tau_syn", "kind"), [([1.0, 1.0], Cuba), ([1.0, 2.0], SoftCuba)], ids=["none has", "one has"]
 )
 def test_a_current_of_any_neuron_makes_them_soft(tau_syn, kind):
-    assert type(stated("CubaLIF", CUBA | {"tau_syn": tau_syn}, reset="subtract").neuron) is kind
+    assert (
+        type(two_neurons("CubaLIF", CUBA | {"tau_syn": tau_syn}, reset="subtract").neuron) is kind
+    )
 
 
 @pytest.mark.parametrize(
@@ -80,28 +85,28 @@ def test_a_current_of_any_neuron_makes_them_soft(tau_syn, kind):
     ids=["one for all", "one each"],
 )
 def test_potentials_of_a_readout_are_counted_from_rest_where_that_is_one_for_all(leak, above):
-    found = stated("LI", LI | {"v_leak": leak})
-    assert (found.first.tolist(), found.neuron.bias.tolist()) == (
-        above,
-        [value / 2 for value in above],
-    )
+    readout = two_neurons("LI", LI | {"v_leak": leak})
+    assert readout.start_potential.tolist() == above
+    # A bias of v_leak * dt / tau, with a tau of 2 steps, holds the potential there.
+    assert readout.neuron.bias.tolist() == [value / 2 for value in above]
 
 
 def test_a_readout_has_the_threshold_that_no_input_of_any_neuron_reaches():
-    """Half of a weight arrives and half of it is lost in every step, so that the second neuron settles at -13 at least."""
-    found = stated("LI", LI, weights=[[1.0, -1.0], [3.0, -9.0]], constant=-4.0)
-    assert found.neuron.threshold.tolist() == [13.0 * 1.1] * 2
+    """Half of what arrives is added and half of the potential lost in every step: all input at once settles at its sum.
+
+    The most is that of the second neuron, downwards: -9 by a spike and -4 by the constant. 1.1 leaves room for rounding.
+    """
+    readout = two_neurons("LI", LI, weights=[[1.0, -1.0], [3.0, -9.0]], constant=-4.0)
+    assert readout.neuron.threshold.tolist() == [13.0 * 1.1] * 2
 
 
 def test_the_exact_answer_of_equal_time_constants():
-    found = (
-        stated("CubaLIF", CUBA | {"tau_syn": [4.0, 2.0]}, how="exact")
-        .signal.terms[0]
-        .weights.toarray()
-        .ravel()
-    )
-    apart = (math.exp(-1 / 4) - math.exp(-1 / 2)) / 2
-    assert found == pytest.approx([math.exp(-1 / 4) / 16, apart], rel=1e-12)
+    """With tau_mem 4: exp(-1/4) / 4^2 where tau_syn is 4 too, else the quotient of the docstring of ``_alpha``."""
+    neurons = two_neurons("CubaLIF", CUBA | {"tau_syn": [4.0, 2.0]}, how="exact")
+    gains = neurons.signal.terms[0].weights.toarray().ravel()
+    of_equal_taus = math.exp(-1 / 4) / 4**2
+    of_other_taus = (math.exp(-1 / 4) - math.exp(-1 / 2)) / (4 - 2)
+    assert gains == pytest.approx([of_equal_taus, of_other_taus], rel=1e-12)
 
 
 def test_a_constant_goes_through_what_follows():

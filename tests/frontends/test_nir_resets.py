@@ -88,7 +88,7 @@ def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
 
 def test_what_a_spike_takes_is_exact_but_for_the_current_that_is_left(tmp_path):
     network = load_graph(two_layers(NEURONS["CubaLIF"], bias=False), tmp_path, reset="subtract")
-    q = lower(network, hw.chip("loihi-sim"), 8).quantized.population("first")
+    q = lower(network, hw.chip("loihi-sim"), weight_bits=8).quantized.population("first")
     assert q.strategy == "delay-line"
     assert q.fit.refractory_max < 2e-3
 
@@ -99,7 +99,7 @@ def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
         levels = lower(
             load_graph(two_layers(NEURONS[kind]), tmp_path, reset="subtract"),
             hw.chip("loihi-sim"),
-            8,
+            weight_bits=8,
         )
         sizes[kind] = [g.name for g in levels.compartments.groups if g.name.startswith("first")]
     assert sizes == {"LIF": ["first"], "CubaLIF": ["first", "first/dendrite"]}

@@ -145,4 +145,4 @@ def test_weights_that_lava_dl_has_no_place_for(mantissas, what):
 def test_float_weights_above_their_threshold_do_not_go_to_lava_dl(tmp_path):
     nir.write(tmp_path / "model.nir", GRAPHS["lif"][0])
     with pytest.raises(lc.InputError, match="not even numbers of 8 bits"):
-        exchange_file("net", quantize(lc.load(tmp_path / "model.nir", dt=DT), CHIP, 6))
+        exchange_file("net", quantize(lc.load(tmp_path / "model.nir", dt=DT), CHIP, weight_bits=6))

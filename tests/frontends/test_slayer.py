@@ -19,11 +19,13 @@ from tests.support.slayer_files import LOIHI, SRM, kernel, srm_layer, write
 
 
 def weights(outs, ins, mean=1.0):
+    """Random weights (outs, ins) that a float32 holds, as a file of torch does."""
     rng = np.random.default_rng((4, outs, ins))  # alike in whichever order the tests run
     return rng.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
 
 
 def spikes(lines, steps=60, rate=0.15):
+    """Random spikes of lines, (steps, lines)."""
     return (np.random.default_rng(8).random((steps, lines)) < rate).astype(np.uint8)
 
 
@@ -56,7 +58,7 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
     whole, cut = evaluate(full, given[None]).spikes["fc1"], found["fc1"]
     assert 0.7 < 2 * (whole & cut).sum() / (whole.sum() + cut.sum()) < 1
     # Not for calibration recordings: what rounding makes of those depends on the kernels of the reference.
-    lowered = [lower(one, hw.chip("loihi-sim"), 8).program for one in (network, full)]
+    lowered = [lower(one, hw.chip("loihi-sim"), weight_bits=8).program for one in (network, full)]
     played = [hw.simulate(program, given).spikes["fc2"] for program in lowered]
     np.testing.assert_array_equal(*played)
     compiled = lc.compile(network, events=given[None], strategy="dendrite", diagnosis=False)

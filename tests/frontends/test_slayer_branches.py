@@ -40,6 +40,7 @@ def of_time(given):
 
 
 def of_locations(given):
+    """The location branch of the checkpoint by SLAYER's own kernels: its inputs are time steps."""
     return srm_layer(LAYERS["locationFc2"], srm_layer(LAYERS["locationFc1"], given.T))
 
 

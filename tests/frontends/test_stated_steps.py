@@ -24,7 +24,7 @@ def network(tmp_path):
 
 def bins(step_seconds):
     spikes = (RNG.random((2, 50, 6)) < 0.2).astype(np.uint8)
-    return Recordings(spikes, None, step_seconds, "bins")
+    return Recordings(spikes, labels=None, step_seconds=step_seconds, source="bins")
 
 
 AS_STATED = "A step lasts 0.001 s, as the model states it, unless --step-seconds gives another."

@@ -11,6 +11,7 @@ DT = 1e-3
 
 
 def lif(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0, kind=nir.LIF):
+    """A LIF node of random time constants, 4 to 20 ms; its resistances, near ``tau / DT``, make a spike add its weight."""
     tau = rng.uniform(4e-3, 2e-2, shape)
     full = {
         "v_leak": np.full(shape, v_leak),
@@ -40,6 +41,7 @@ def integrate(rng, *shape):
 
 
 def linear(rng, outs, ins, scale=0.5):
+    """A Linear node of random weights around 0.1, so that neurons behind it spike."""
     return nir.Linear(rng.normal(0.1, scale, (outs, ins)))
 
 

@@ -81,29 +81,28 @@ def export_again(where: str, what: str, measured: str) -> InputError:
 def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
     """Return the layers of a file, and its bytes; ``InputError`` if it is not a lava-dl network."""
     with open_hdf5(path, where) as (root, data):
-        held = root.group("layer")
-        names = held.names()
+        layer_groups = root.group("layer")
+        names = layer_groups.names()
         if not all(name.isascii() and name.isdecimal() and len(name) < 6 for name in names):
             raise export_again(where, "its layers are not numbered", f"{names[:4]}"[:80])
-        if not 0 < len(names) <= MAX_LAYERS or sorted(int(name) for name in names) != list(
-            range(len(names))
-        ):
+        numbers = sorted(int(name) for name in names)
+        if not 0 < len(names) <= MAX_LAYERS or numbers != list(range(len(names))):
             raise export_again(
                 where, "its layers are not numbered 0, 1, 2, ...", counted(len(names), "layer")
             )
         layers = []
         for name in sorted(names, key=int):
-            group = held.group(name, f"{where}, layer {name}")
+            group = layer_groups.group(name, f"{where}, layer {name}")
             layers.append(NetLayer(int(name), group.text("type"), _values(group, ""), group.where))
         simulation = _values(root.group("simulation"), "") if "simulation" in root else {}
         return NetFile(tuple(layers), simulation), data
 
 
 def _values(group: Group, prefix: str) -> dict[str, Array | str]:
-    found: dict[str, Array | str] = {}
+    values: dict[str, Array | str] = {}
     for name in group.names():
         if not prefix and name in ("neuron", "weight") and group.is_group(name):
-            found |= _values(group.group(name, f"{group.where}, {name}"), f"{name}/")
+            values |= _values(group.group(name, f"{group.where}, {name}"), f"{name}/")
         else:
-            found[prefix + name] = group.value(name)
-    return found
+            values[prefix + name] = group.value(name)
+    return values

@@ -14,7 +14,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -34,7 +33,7 @@ from locsnn_compile.frontends.linear_maps import (
     convolution,
     pooling,
 )
-from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
+from locsnn_compile.frontends.parts import STEPS, FileFacts, Parts, eight_bit_signs
 from locsnn_compile.frontends.relays import DELAY_MAX, add_relays
 from locsnn_compile.network.chip_neurons import ChipCuba, HostCuba, integers
 from locsnn_compile.network.input_scaling import InputScaling
@@ -60,9 +59,13 @@ INPUT = "input"
 LONGEST_DELAY = 1000
 """Longest delay that relays carry, in steps: longer ones are cut, and said to be."""
 THRESHOLD_MAX = 2**17 - 1
+"""Largest threshold mantissa: times 64, it is 2^23 - 64 units, just below the end of the voltage register."""
 BIAS_EXPONENT = 6
+"""Biases of a file are in units of weights, 2^6 of the register."""
 SILENT = 2**18 - 1
-"""The threshold that lava-dl writes for neurons that must not spike."""
+"""The threshold mantissa that lava-dl writes for neurons that must not spike: more than its register holds."""
+MAX_STATED_STEPS = 10_000
+"""Steps of a recording that a file may state; made-up recordings that are longer take too long to play."""
 INPUT_WEIGHT = 64
 """The weight of an event at the neurons of an input layer: the value 1, as slayer scales it in training.
 
@@ -122,17 +125,23 @@ def load_lava_dl(
         raise InputError(
             where, "it has no layer of neurons", fix="Export a network with a dense or conv layer."
         )
-    lines = built.views[0].lines
     seconds, steps = _simulation(file, f"{where}, simulation")
     built.outputs = {built.source: _potentials_from(file, built)}
     relayed = add_relays(built) if relay_delays else ()
-    said: dict[str, Any] = {"origin": file, "any_length": True}
-    said["inputs"] = image_channels(built.input_shape)
-    said["assumptions"] = (*built.assumed, *relayed)
-    if host is not None:
-        said |= {"host": host, "inputs": None, "origin": None}
-        said["assumptions"] += (host.sentence,)
-    return built.network_of_file(path, data, lines, steps, seconds, **said)
+    facts = FileFacts(
+        any_length=True,
+        inputs=image_channels(built.input_shape),
+        origin=file,
+        assumptions=(*built.assumed, *relayed),
+    )
+    return built.network_of_file(
+        path,
+        data,
+        channels=built.views[0].lines,
+        steps=steps,
+        step_seconds=seconds,
+        facts=facts if host is None else facts.behind(host),
+    )
 
 
 def _border(file: NetFile, host_layers: str, place: str) -> int:
@@ -148,18 +157,18 @@ def _border(file: NetFile, host_layers: str, place: str) -> int:
 
 def _host_layers(chip: _Built, layers: Sequence[NetLayer]) -> HostLayers:
     """Return the first layers as those of the host; the chip begins with the shape of what they send."""
-    first = _Built(relay_delays=chip.relay_delays, on_host=True)
+    on_host = _Built(relay_delays=chip.relay_delays, on_host=True)
     for layer in layers:
-        _add(first, layer, last=False)
-    first.outputs = {first.source: None}
-    numbers = first.views[0].lines
-    network = first.network(name="host", channels=numbers, steps=STEPS, any_length=True)
-    chip.shape = first.shape
-    chip.assumed += first.assumed
-    if first.scaling is not None:
-        chip.assumed.append(first.scaling.sentence)
-    sends = (HostOutput(first.source, depth=0),)
-    return HostLayers(network, sends, first.input_shape or (numbers,), first.scaling)
+        _add(on_host, layer, last=False)
+    on_host.outputs = {on_host.source: None}
+    numbers = on_host.views[0].lines
+    network = on_host.network(name="host", channels=numbers, steps=STEPS, any_length=True)
+    chip.shape = on_host.shape
+    chip.assumed += on_host.assumed
+    if on_host.scaling is not None:
+        chip.assumed.append(on_host.scaling.sentence)
+    sends = (HostOutput(on_host.source, depth=0),)
+    return HostLayers(network, sends, on_host.input_shape or (numbers,), on_host.scaling)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
@@ -174,14 +183,18 @@ def _potentials_from(file: NetFile, built: _Built) -> int | None:
 
 def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
     """Return the seconds per step (Ts is in milliseconds) and the steps of a recording."""
-    held = {key: file.simulation.get(key, np.array(math.nan)) for key in ("Ts", "tSample")}
-    for key, value in held.items():
+    entries = {key: file.simulation.get(key, np.array(math.nan)) for key in ("Ts", "tSample")}
+    for key, value in entries.items():
         if isinstance(value, str) or value.size != 1 or (value <= 0).any():
             measured = repr(value[:40]) if isinstance(value, str) else f"{value.reshape(-1)[:4]}"
             raise export_again(where, f"{key!r} must be one number above 0", measured)
-    ts, samples = (float(np.asarray(value).reshape(-1)[0]) for value in held.values())
-    steps = samples / ts
-    return (ts / 1000 if ts > 0 else None), int(steps) if 1 <= steps <= 10_000 else STEPS
+    ts = float(np.asarray(entries["Ts"]).reshape(-1)[0])
+    recording_ms = float(np.asarray(entries["tSample"]).reshape(-1)[0])
+    seconds = ts / 1000 if ts > 0 else None
+    # Not a number where either is missing.
+    steps = recording_ms / ts
+    is_usable = 1 <= steps <= MAX_STATED_STEPS
+    return seconds, int(steps) if is_usable else STEPS
 
 
 def _add(built: _Built, layer: NetLayer, *, last: bool) -> None:
@@ -264,38 +277,43 @@ def _append(
             f"The delays of layer {layer.number} hold back its inputs and not its biases, as in netx; "
             "slayer delays what it sends."
         )
-    held = _projection(built.source, name, mantissa, delay, layer.where)
-    built.projections.append(_in_float(held) if takes_numbers else held)
+    projection = _projection(built.source, name, mantissa, delay, layer.where)
+    built.projections.append(_in_float(projection) if takes_numbers else projection)
     built.source = name
     built.shape = shape
 
 
 def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
     """Return the mantissas (n, n_source), the layer's shape and n_source."""
-    weight, shape, where = layer.whole("weight"), _shape(layer), layer.where
+    weight = layer.whole("weight")
+    shape = _shape(layer)
+    where = layer.where
     check_entries(weight.size, where)
     if layer.kind in ("dense", "dense_rec"):
         size = math.prod(shape)
-        rows_first = weight.size > 0 and size in (1, len(weight) if weight.ndim else 1)
-        held = weight.reshape(size, -1) if rows_first else weight
-        source = held.shape[1] if rows_first else -1
-        if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
+        rows = len(weight) if weight.ndim else 1
+        has_a_row_each = weight.size > 0 and size in (1, rows)
+        inputs = weight.size // size if has_a_row_each else 0
+        is_other_input = built.shape is not None and math.prod(built.shape) != inputs
+        if inputs < 1 or is_other_input:
             measured = f"{weight.shape} for {counted(size, 'neuron')} and an input of {built.shape}"
             raise layer.fault("its weight has the wrong shape", measured)
-        return matrix(held, np.int64), shape, source
-    given = built.shape or _image_before(layer, weight.shape, shape)
-    built.input_shape = built.input_shape or given
-    kernel, (stride, padding, dilation) = _kernel(layer, weight), _strides(layer)
-    if kernel.ndim != 4 or len(given) != 3:
+        return matrix(weight.reshape(size, inputs), np.int64), shape, inputs
+    image = built.shape or _image_before(layer, weight.shape, shape)
+    built.input_shape = built.input_shape or image
+    kernel = _kernel(layer, weight)
+    stride, padding, dilation = _strides(layer)
+    if kernel.ndim != 4 or len(image) != 3:
         raise layer.fault("it is not a layer of images", f"weight {weight.shape}")
     if layer.kind == "pool":
-        window = Window.padded(stride, padding, dilation, _fill(given, shape, stride))
-        found, out = pooling(kernel[:1, :1], given, window, where=where)
+        window = Window.padded(stride, padding, dilation, _fill(image, shape, stride))
+        mantissas, out = pooling(kernel[:1, :1], image, window, where=where)
     else:
         window = Window.padded(stride, padding, dilation)
-        found, out = convolution(kernel, given, window, groups=layer.one("groups", 1), where=where)
+        groups = layer.one("groups", 1)
+        mantissas, out = convolution(kernel, image, window, groups=groups, where=where)
     check_same(shape, out, where, "its shape and its output differ", fix="Export again.")
-    return matrix(found, np.int64), shape, math.prod(given)
+    return matrix(mantissas, np.int64), shape, math.prod(image)
 
 
 def _kernel(layer: NetLayer, weight: IntArray) -> IntArray:
@@ -352,13 +370,20 @@ def _projection(
 ) -> ChipProjection:
     fix = "Export it again, with quantised weights."
     signs = eight_bit_signs(mantissa, where, "-256..254, even, or -255..255", fix)
-    return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
+    return ChipProjection(
+        source, target, mantissa, exponent=0, weight_bits=8, signs=signs, delay=delay
+    )
 
 
-def _in_float(held: ChipProjection) -> Projection:
+def _in_float(projection: ChipProjection) -> Projection:
     """Return the charge of each weight, in the unit of the registers, as a factor of numbers."""
-    charges: FloatArray = loihi.in_registers(values_of(held.mantissa).astype(np.float64))
-    return Projection(held.source, held.target, with_values(held.mantissa, charges), held.delay)
+    charges: FloatArray = loihi.in_registers(values_of(projection.mantissa).astype(np.float64))
+    return Projection(
+        projection.source,
+        projection.target,
+        with_values(projection.mantissa, charges),
+        projection.delay,
+    )
 
 
 def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
@@ -423,11 +448,9 @@ def _sums_of_arriving_weights(layer: NetLayer, size: int) -> ChipCuba:
 def _neurons(layer: NetLayer, shape: Shape, *, takes_numbers: bool) -> ChipCuba:
     kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
-        what = (
-            f"{kind[:40]!r} neurons do not fit into one compartment of the chip"
-            if kind
-            else "it has no neurons"
-        )
+        what = "it has no neurons"
+        if kind:
+            what = f"{kind[:40]!r} neurons do not fit into one compartment of the chip"
         raise InputError(layer.where, what, fix="Use CUBA neurons.")
     if layer.one("neuron/gradedSpike", 0):
         raise InputError(layer.where, "its spikes are graded", fix="Train with graded_spike=False.")

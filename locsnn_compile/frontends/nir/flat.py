@@ -28,6 +28,8 @@ from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
 """Nodes that become populations; the last two never spike."""
 READOUTS = ("LI", "CubaLI")
+PASSING = ("Output", "Pass", "Flatten")
+"""Nodes that send on what they get, spikes or potentials, unchanged."""
 
 
 class FlatGraph(Frozen, eq=False):
@@ -89,18 +91,19 @@ def _spreads(own: Shape, shape: Shape) -> bool:
 
 def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
     """Return the nodes, each after those that feed it in the same step; ``CycleError`` for a circle of no neuron."""
-    within = {
-        name: [one for one in found if nodes[one].kind not in NEURONS]
-        for name, found in sources.items()
+    # A neuron ends a path of linear nodes: its spikes arrive in a later step.
+    linear_sources = {
+        target: [source for source in feeding if nodes[source].kind not in NEURONS]
+        for target, feeding in sources.items()
     }
-    return list(TopologicalSorter(within).static_order())
+    return list(TopologicalSorter(linear_sources).static_order())
 
 
 def targets_of(sources: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
     """Return the nodes that each node feeds, by name, in file order."""
     targets: dict[str, list[str]] = {name: [] for name in sources}
-    for target, found in sources.items():
-        for source in found:
+    for target, feeding in sources.items():
+        for source in feeding:
             targets[source].append(target)
     return targets
 
@@ -108,38 +111,46 @@ def targets_of(sources: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
 def _flat(
     graph: NirGraph, where: str, prefix: str, *, top: bool = False
 ) -> tuple[dict[str, NirNode], list[Edge]]:
+    """Return the nodes of a graph and of the graphs inside it, and the edges between them.
+
+    Names get ``prefix``, which is ``outer.`` for a graph that is the node ``outer``; ``top``: it is not inside another.
+    """
     nodes: dict[str, NirNode] = {}
     edges: list[Edge] = []
-    entrance: dict[str, str] = {}
-    leave: dict[str, str] = {}
+    # The nodes to which edges to, and from, a node of this graph lead: others if it becomes several nodes.
+    entry_of: dict[str, str] = {}
+    exit_of: dict[str, str] = {}
     for name, node in graph.nodes.items():
         full = prefix + name
-        entrance[name] = leave[name] = full
+        entry_of[name] = full
+        exit_of[name] = full
+        inner_edges: list[Edge] = []
         if isinstance(node, NirGraph):
-            inside, inner = _flat(node, where, f"{full}.")
-            entrance[name], leave[name] = (
-                f"{full}.{_only(node, kind, where, full)}" for kind in ("Input", "Output")
-            )
+            inner_nodes, inner_edges = _flat(node, where, f"{full}.")
+            entry_of[name] = f"{full}.{_only(node, 'Input', where, full)}"
+            exit_of[name] = f"{full}.{_only(node, 'Output', where, full)}"
         elif has_input_matrix(node):
             weights = f"{full} (w_in)"
-            inside = without_input_matrix(node, weights, full)
-            inner = [(weights, full)]
-            entrance[name] = weights
+            inner_nodes = without_input_matrix(node, weights, full)
+            inner_edges = [(weights, full)]
+            entry_of[name] = weights
+        elif node.kind in ("Input", "Output") and not top:
+            inner_nodes = {full: NirNode("Pass", node.parameters)}
         else:
-            passing = not top and node.kind in ("Input", "Output")
-            inside, inner = {full: NirNode("Pass", node.parameters) if passing else node}, []
-        for held in inside:
-            if held in nodes:
-                raise InputError(where, f"two nodes are called {held[:60]!r}", fix="Rename one.")
-        nodes |= inside
-        edges += inner
+            inner_nodes = {full: node}
+        for inner_name in inner_nodes:
+            if inner_name in nodes:
+                what = f"two nodes are called {inner_name[:60]!r}"
+                raise InputError(where, what, fix="Rename one.")
+        nodes |= inner_nodes
+        edges += inner_edges
     place = where if top else f"{where}, graph {prefix.rstrip('.')[:60]!r}"
     for source, target in graph.edges:
         for end in (source, target):
             edge = f"{source[:60]!r} -> {target[:60]!r}"
             what = f"the edge {edge} names a node that does not exist"
             check_known(place, what, end, graph.nodes)
-        edges.append((leave[source], entrance[target]))
+        edges.append((exit_of[source], entry_of[target]))
     return nodes, edges
 
 
@@ -166,17 +177,16 @@ def without_input_matrix(node: NirNode, weights: str, neurons: str) -> dict[str,
 
 
 def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
-    found = [
+    """Return the name of the one Input, or Output, of a graph inside a graph."""
+    names = [
         inner
         for inner, node in graph.nodes.items()
         if isinstance(node, NirNode) and node.kind == kind
     ]
-    what, fix = (
-        f"a graph inside a graph needs one {kind}",
-        "Split it into graphs of one input and one output.",
-    )
-    check_same(len(found), 1, f"{where}, node {name!r}", what, fix=fix)
-    return found[0]
+    what = f"a graph inside a graph needs one {kind}"
+    fix = "Split it into graphs of one input and one output."
+    check_same(len(names), 1, f"{where}, node {name!r}", what, fix=fix)
+    return names[0]
 
 
 def _shapes(
@@ -192,29 +202,33 @@ def _shapes(
     # In a circle, start with the nodes that know their own size. An axis of one entry may be one that
     # is repeated, so such neurons wait for their input as long as there are others.
     sized = [name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node)]
-    whole = [name for name in sized if 1 not in _own_shape(nodes[name])]
-    waiting.extend(whole)
-    repeated = deque(name for name in sized if name not in whole)
-    while waiting or repeated:
+    certain = [name for name in sized if 1 not in _own_shape(nodes[name])]
+    waiting.extend(certain)
+    uncertain = deque(name for name in sized if name not in certain)
+    while waiting or uncertain:
         if not waiting:
-            waiting.append(repeated.popleft())
+            waiting.append(uncertain.popleft())
         name = waiting.popleft()
         if name in shapes:
             continue
         given = next((shapes[source] for source in sources[name] if source in shapes), None)
-        node, place = nodes[name], f"{where}, node {name!r}"
+        node = nodes[name]
+        place = f"{where}, node {name!r}"
         if node.kind in WITH_WEIGHTS:
             if not sources[name]:
                 raise InputError(
                     place, "no node feeds it", fix="Connect it to the input, or remove it."
                 )
             layer = layer_of(node, given, place)
-            layers |= {} if layer is None else {name: layer}
-            shape = None if layer is None else layer.shape
+            if layer is None:
+                continue
+            layers[name] = layer
+            shape = layer.shape
         else:
-            shape = _passed_shape(node, given, place)
-        if shape is None:
-            continue
+            passed_shape = _passed_shape(node, given, place)
+            if passed_shape is None:
+                continue
+            shape = passed_shape
         check_shape(shape, place)
         shapes[name] = shape
         waiting.extend(targets[name])
@@ -244,18 +258,32 @@ def _passed_shape(node: NirNode, given: Shape | None, where: str) -> Shape | Non
         return _as_shape(node, "shape", where)
     if node.kind in NEURONS:
         own = _own_shape(node)
-        return _joined(own, given, where) if given is not None else own or None
-    return _flattened(node, given) if given is not None and node.kind == "Flatten" else given
+        if given is None:
+            return own or None
+        return _joined(own, given, where)
+    if node.kind == "Flatten" and given is not None:
+        return _flattened(node, given)
+    return given
 
 
 def _flattened(node: NirNode, given: Shape) -> Shape:
-    axes = len(given)
-    start, end = (int(node.array(name).reshape(-1)[0]) for name in ("start_dim", "end_dim"))
-    start, end = (i + axes if i < 0 else i for i in (start, end))
-    # Exporters differ in whether the axes include a batch; for the weights behind it, only the order matters.
-    if not 0 <= start <= end < axes:
+    """Return the output shape of a Flatten for an input shape without a batch axis.
+
+    Some exporters count a batch as axis 0, others do not, and the file does not say which. Only the order
+    of the values matters to the weights behind it, and joining axes keeps it, so any reading is right: the
+    axes are taken as if there was no batch, and where such axes do not exist, all are joined.
+    """
+    start = _axis_of(node, "start_dim", len(given))
+    end = _axis_of(node, "end_dim", len(given))
+    if not 0 <= start <= end < len(given):
         return (math.prod(given),)
     return (*given[:start], math.prod(given[start : end + 1]), *given[end + 1 :])
+
+
+def _axis_of(node: NirNode, name: str, axes: int) -> int:
+    """Return the number of an axis, which a file may count from the last one, below 0."""
+    axis = int(node.array(name).reshape(-1)[0])
+    return axis + axes if axis < 0 else axis
 
 
 def _as_shape(node: NirNode, name: str, where: str) -> Shape:
@@ -302,7 +330,9 @@ def layer_of(node: NirNode, given: Shape | None, where: str) -> Layer | None:
         return _dense(node, where)
     if given is None and "input_shape" not in node.parameters:
         return None
-    return (_convolved if node.kind in ("Conv1d", "Conv2d") else _pooled)(node, given or (), where)
+    if node.kind in ("Conv1d", "Conv2d"):
+        return _convolved(node, given or (), where)
+    return _pooled(node, given or (), where)
 
 
 def _dense(node: NirNode, where: str) -> Layer:
@@ -321,7 +351,8 @@ def _dense(node: NirNode, where: str) -> Layer:
 
 def _image(node: NirNode, given: Shape, where: str) -> Shape:
     """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
-    weight, axes = node.array("weight"), 1 if node.kind == "Conv1d" else 2
+    weight = node.array("weight")
+    axes = 1 if node.kind == "Conv1d" else 2
     if weight.ndim != axes + 2:
         raise InputError(
             where,
@@ -330,15 +361,14 @@ def _image(node: NirNode, given: Shape, where: str) -> Shape:
             fix="Give (out, in, ...).",
         )
     if "input_shape" in node.parameters:
-        return (
-            weight.shape[1] * _ints(node, "groups", 1, where)[0],
-            *_ints(node, "input_shape", axes, where),
-        )
-    if len(_unbatched(given, axes)) != axes + 1:
+        channels = weight.shape[1] * _ints(node, "groups", 1, where)[0]
+        return (channels, *_ints(node, "input_shape", axes, where))
+    image = _unbatched(given, axes)
+    if len(image) != axes + 1:
         raise InputError(
             where, "its input is not an image", measured=f"{given}", fix="Set its input_shape."
         )
-    return _unbatched(given, axes)
+    return image
 
 
 def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
@@ -351,7 +381,8 @@ def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
 
 
 def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
-    image, kernel = _unbatched(given, 2), _ints(node, "kernel_size", 2, where)
+    image = _unbatched(given, axes=2)
+    kernel = _ints(node, "kernel_size", 2, where)
     if len(image) != 3:
         raise InputError(
             where, "its input is not an image", measured=f"{given}", fix="Pool before flattening."
@@ -361,25 +392,26 @@ def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
             where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it."
         )
     # An average divides by the size of the kernel, padding included, which is torch's default.
-    each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
-    weights, shape = pooling(
-        np.broadcast_to(each, kernel), image, _window(node, kernel, where), where=where
-    )
+    weight = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
+    window = _window(node, kernel, where)
+    weights, shape = pooling(np.broadcast_to(weight, kernel), image, window, where=where)
     return Layer(weights, 0.0, shape)
 
 
 def _unbatched(given: Shape, axes: int) -> Shape:
     """Return the shape of an image without the leading batch axis of length one that some exporters keep."""
-    return given[1:] if len(given) == axes + 2 and given[0] == 1 else given
+    has_batch_axis = len(given) == axes + 2 and given[0] == 1
+    return given[1:] if has_batch_axis else given
 
 
 def _window(node: NirNode, kernel: Shape, where: str) -> Window:
     """Return how the kernel slides."""
-    axes, padding = len(kernel), node.parameters["padding"]
+    axes = len(kernel)
+    padding = node.parameters["padding"]
     stride = _ints(node, "stride", axes, where)
-    dilation = (
-        _ints(node, "dilation", axes, where) if "dilation" in node.parameters else (1,) * axes
-    )
+    dilation: Shape = (1,) * axes
+    if "dilation" in node.parameters:
+        dilation = _ints(node, "dilation", axes, where)
     if not isinstance(padding, str):
         return Window.padded(stride, _ints(node, "padding", axes, where), dilation)
     check_known(where, f"padding {padding[:60]!r} is not known", padding, ("same", "valid"))
@@ -387,8 +419,12 @@ def _window(node: NirNode, kernel: Shape, where: str) -> Window:
         raise InputError(
             where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers."
         )
-    total = [d * (k - 1) if padding == "same" else 0 for d, k in zip(dilation, kernel, strict=True)]
-    return Window(stride, tuple((t // 2, t - t // 2) for t in total), dilation)
+    if padding == "valid":
+        return Window.padded(stride, (0,) * axes, dilation)
+    # As torch pads for 'same': with the odd pixel after the image.
+    total = [d * (k - 1) for d, k in zip(dilation, kernel, strict=True)]
+    ends = tuple((pixels // 2, pixels - pixels // 2) for pixels in total)
+    return Window(stride, ends, dilation)
 
 
 def _ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:

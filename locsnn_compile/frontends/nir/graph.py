@@ -82,14 +82,14 @@ def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
 def _read_graph(group: Group, where: str, depth: int, seen: list[int]) -> NirGraph:
     check_most(depth, MAX_DEPTH, where, "graphs are nested too deep", fix="Flatten them.")
     nodes: dict[str, NirNode | NirGraph] = {}
-    held = group.group("nodes")
-    for name in held.names():
+    node_groups = group.group("nodes")
+    for name in node_groups.names():
         seen[0] += 1
         check_most(seen[0], MAX_NODES, where, "too many nodes", fix="Give a smaller graph.")
         place = f"{where}, node {name[:60]!r}"
         if not name.isprintable() or len(name) > 200:
             raise InputError(place, "its name is not plain text", fix="Rename it.")
-        nodes[name] = _read_node(held.group(name, place), place, depth, seen)
+        nodes[name] = _read_node(node_groups.group(name, place), place, depth, seen)
     edges = group.texts("edges") if "edges" in group else []
     if edges and group.shape("edges")[1:] != (2,):
         raise InputError(
@@ -105,11 +105,12 @@ def _metadata(group: Group) -> dict[str, Array | str]:
     """Return the metadata that are text or numbers; other tools may have stored more."""
     if "metadata" not in group:
         return {}
-    held, found = group.group("metadata"), dict[str, Array | str]()
-    for name in held.names():
+    entries = group.group("metadata")
+    metadata: dict[str, Array | str] = {}
+    for name in entries.names():
         with contextlib.suppress(InputError):
-            found[name] = held.value(name)
-    return found
+            metadata[name] = entries.value(name)
+    return metadata
 
 
 def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode | NirGraph:
@@ -126,12 +127,11 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
         for name in OPTIONAL
         if name not in group or (name == "input_type" and group.is_group(name))
     ]
-    held: dict[str, Array | str] = {}
+    parameters: dict[str, Array | str] = {}
     for name in PARAMETERS[kind]:
         if name not in left_out:
-            held[name] = (
-                group.value(name)
-                if name == "padding"
-                else group.array(name, infinite=name in UNBOUNDED)
-            )
-    return NirNode(kind, held)
+            if name == "padding":
+                parameters[name] = group.value(name)  # numbers, or the word same or valid
+            else:
+                parameters[name] = group.array(name, infinite=name in UNBOUNDED)
+    return NirNode(kind, parameters)

@@ -38,7 +38,7 @@ from typing import Literal
 
 import numpy as np
 
-from hw_model.values import FloatArray, Frozen, picked
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import InputError, counted
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
@@ -50,22 +50,40 @@ Discretisation = Literal["euler", "exact", "hold"]
 Reset = Literal["zero", "subtract", "late-zero", "late-subtract", "none"]
 
 _UNREACHED = 1.1
-"""The threshold of a neuron that never spikes, as a multiple of what its inputs can reach, rounded weights or not."""
+"""The threshold of a neuron that never spikes, as a multiple of what its inputs can reach.
+
+A tenth more leaves room for the rounding of weights, which may enlarge their sum.
+"""
+_ROUNDED_DT = 1e-6
+"""A step and a time constant that differ by this share are equal: both are decimal fractions, rounded to floats."""
+_EQUAL_TAUS = 1e-6
+"""Time constants that differ by this share count as equal, where the difference of exponentials would cancel."""
 DT_SECONDS = 1e-4
 """The conventional step: NIR files do not contain one."""
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
-_WITH_TAU, _WITH_RESET = ("LIF", "CubaLIF", "LI", "CubaLI"), ("IF", "LIF", "CubaLIF")
+_WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
+_WITH_RESET = ("IF", "LIF", "CubaLIF")
 WITH_FLOOR = _WITH_RESET
 """The nodes whose neurons get a floor: those of the others do not spike, or have no memory."""
-_ASSUMED = (
-    (
-        _IN_SECONDS,
-        f"how long a step is: its constants were read in steps of {DT_SECONDS:g} s, the convention (--dt).",
-    ),
-    (_WITH_RESET, "how a spike resets: its potential goes to v_reset at once (--reset zero)."),
-    (_WITH_TAU, "how its equations become steps: by Euler's method (--discretisation euler)."),
+
+
+class _Assumption(Frozen):
+    """What a graph does not say: the kinds of nodes that depend on it, and a sentence on what is assumed."""
+
+    kinds: tuple[str, ...]
+    sentence: str
+
+
+_STEP = _Assumption(
+    _IN_SECONDS,
+    f"how long a step is: its constants were read in steps of {DT_SECONDS:g} s, the convention (--dt).",
 )
-"""For step, reset and discretisation: the nodes that depend on it, and the default that is assumed."""
+_RESET = _Assumption(
+    _WITH_RESET, "how a spike resets: its potential goes to v_reset at once (--reset zero)."
+)
+_DISCRETISATION = _Assumption(
+    _WITH_TAU, "how its equations become steps: by Euler's method (--discretisation euler)."
+)
 
 
 class Stepping(Frozen, eq=False):
@@ -92,21 +110,25 @@ class Reading(Frozen):
     rule: Rule = ">"
 
 
-class Stated(Frozen, eq=False):
-    """Neurons, and the signal that drives them, in units of their potential.
+class NirNeurons(Frozen, eq=False):
+    """The neurons of a node, and the signal that drives them, in units of their potential.
 
-    ``own`` (n,): what a spike takes from the charge of the next step. ``first`` (n,): the potential before any input.
-    ``driven`` (n,): the rest of neurons that spike by themselves, which the signal's constant holds; else 0.
+    - ``reset_charge`` (n,): what a spike takes from the charge of the next step, by a synapse of the neuron onto itself
+    - ``start_potential`` (n,): the potential before any input
+    - ``driven_rest`` (n,): the rest of neurons that spike by themselves, at which the signal's constant holds
+      them; 0 for the others
     """
 
     neuron: Cuba | SoftCuba
     signal: Signal
-    own: FloatArray
-    first: FloatArray
-    driven: FloatArray | float = 0.0
+    reset_charge: FloatArray
+    start_potential: FloatArray
+    driven_rest: FloatArray
 
 
-def neurons_of(node: NirNode, signal: Signal, size: int, reading: Reading, where: str) -> Stated:
+def neurons_of(
+    node: NirNode, signal: Signal, size: int, reading: Reading, where: str
+) -> NirNeurons:
     """Return the neurons of a node."""
     values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, reading.dt, reading.discretisation, where)
@@ -128,34 +150,53 @@ def neurons_of(node: NirNode, signal: Signal, size: int, reading: Reading, where
     zero = leak if soft else reset_to
     floor = None if lowest is None else lowest - zero
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
-    rest, nothing = leak - zero, np.zeros(size)
-    driven = np.where(leak < limit, 0.0, rest)
-    bias = stepping.decay_v * (rest - driven)
+    nothing = np.zeros(size)
     if not soft:
-        scaled = scaled.plus(stepping.decay_u * stepping.decay_v * driven)
-        blocked, decays = 2 if reset == "late-zero" else 1, picked(stepping, "decay_u", "decay_v")
-        made = Cuba.of(
+        rest = leak - zero
+        spikes_by_itself = leak >= limit
+        driven_rest = np.where(spikes_by_itself, rest, 0.0)
+        bias = stepping.decay_v * (rest - driven_rest)
+        neurons = Cuba.of(
             size,
-            **decays,
+            decay_u=stepping.decay_u,
+            decay_v=stepping.decay_v,
             threshold=limit - zero,
             bias=bias,
-            refractory=blocked,
+            refractory=2 if reset == "late-zero" else 1,
             rule=reading.rule,
             floor=floor,
         )
-        return Stated(made, scaled, nothing, rest - driven, driven)
+        return NirNeurons(
+            neurons,
+            scaled.plus(stepping.decay_u * stepping.decay_v * driven_rest),
+            reset_charge=nothing,
+            start_potential=rest - driven_rest,
+            driven_rest=driven_rest,
+        )
     drop = _drop(reset, limit - reset_to, stepping.decay_v)
-    if floor is None and (stepping.decay_u == 1).all():
-        held = Cuba.of(
+    has_current = (stepping.decay_u < 1).any()
+    if floor is None and not has_current:
+        # The chip's current is the membrane: no spike resets it. The potential only shows it.
+        membrane = Cuba.of(
             size,
             decay_u=stepping.decay_v,
             decay_v=1.0,
             threshold=limit - zero,
             rule=reading.rule,
         )
-        return Stated(held, scaled, drop, nothing)
-    soft_neurons = SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop, floor)
-    return Stated(soft_neurons, scaled, nothing, nothing)
+        return NirNeurons(
+            membrane, scaled, reset_charge=drop, start_potential=nothing, driven_rest=nothing
+        )
+    soft_neurons = SoftCuba(
+        decay_u=stepping.decay_u,
+        decay_v=stepping.decay_v,
+        threshold=limit - zero,
+        drop=drop,
+        floor=floor,
+    )
+    return NirNeurons(
+        soft_neurons, scaled, reset_charge=nothing, start_potential=nothing, driven_rest=nothing
+    )
 
 
 def _floor_above(
@@ -185,7 +226,7 @@ def _drop(reset: Reset, height: FloatArray, decay_v: FloatArray) -> FloatArray:
     return height * (1 - decay_v)
 
 
-def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> Stated:
+def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> NirNeurons:
     """Return neurons that never spike; one threshold gives them one scale, since their potentials are compared.
 
     Potentials are counted from v_leak if all have the same, else from 0.
@@ -198,10 +239,13 @@ def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) 
     above = leak - leak[0] if (leak == leak[0]).all() else leak
     bias = stepping.decay_v * above
     threshold = np.full(size, _unreached(signal, bias, stepping).max())
-    made = Cuba.of(
+    neurons = Cuba.of(
         size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias
     )
-    return Stated(made, signal, np.zeros(size), above)
+    nothing = np.zeros(size)
+    return NirNeurons(
+        neurons, signal, reset_charge=nothing, start_potential=above, driven_rest=nothing
+    )
 
 
 def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str) -> None:
@@ -225,7 +269,7 @@ def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str
         )
     if how != "euler":
         return np.asarray(-np.expm1(-dt / tau))
-    if (dt > tau * (1 + 1e-6)).any():
+    if (dt > tau * (1 + _ROUNDED_DT)).any():
         fix = "Give a smaller --dt, or --discretisation exact or hold."
         raise InputError(
             where,
@@ -239,17 +283,20 @@ def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str
 def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     lost = _lost(p["tau"], dt, how, "tau", where)
     settled = _gain(p["r"], lost, where)
-    if how != "exact":
-        return Stepping(np.ones_like(lost), lost, settled, settled)
-    # The charge arrives at the start of the step and decays until its end.
-    charge = dt / p["tau"] * np.exp(-dt / p["tau"])
-    return Stepping(np.ones_like(lost), lost, _gain(p["r"], charge, where), settled)
+    spike = settled
+    if how == "exact":
+        # The charge arrives at the start of the step and decays until its end.
+        charge = dt / p["tau"] * np.exp(-dt / p["tau"])
+        spike = _gain(p["r"], charge, where)
+    return Stepping(decay_u=np.ones_like(lost), decay_v=lost, spike=spike, constant=settled)
 
 
 def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     """In frameworks, r = 1 means that a spike adds its weight, whatever the step is."""
     gain = np.where(p["r"] == 1, 1.0, p["r"] * dt)
-    return Stepping(np.ones_like(gain), np.zeros_like(gain), gain, gain)
+    no_current = np.ones_like(gain)
+    no_leak = np.zeros_like(gain)
+    return Stepping(decay_u=no_current, decay_v=no_leak, spike=gain, constant=gain)
 
 
 def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str) -> tuple[str, ...]:
@@ -299,35 +346,42 @@ def _current_based(
     p: dict[str, FloatArray], dt: float, how: Discretisation, where: str
 ) -> Stepping:
     tau_syn, tau_mem = p["tau_syn"], p["tau_mem"]
-    u, v = (
-        _lost(tau, dt, how, name, where)
-        for tau, name in ((tau_syn, "tau_syn"), (tau_mem, "tau_mem"))
-    )
-    weight = p.get("w_in", np.ones_like(u))
-    settled = _gain(p["r"], v, where) * weight
-    spike = p["r"] * weight * dt * _alpha(tau_syn, tau_mem, dt) if how == "exact" else settled * u
-    return Stepping(u, v, spike, settled)
+    decay_u = _lost(tau_syn, dt, how, "tau_syn", where)
+    decay_v = _lost(tau_mem, dt, how, "tau_mem", where)
+    w_in = p.get("w_in", np.ones_like(decay_u))
+    settled = _gain(p["r"], decay_v, where) * w_in
+    if how == "exact":
+        spike = p["r"] * w_in * dt * _alpha(tau_syn, tau_mem, dt)
+    else:
+        spike = settled * decay_u
+    return Stepping(decay_u, decay_v, spike=spike, constant=settled)
 
 
 def _gain(r: FloatArray, share: FloatArray, where: str) -> FloatArray:
-    """Return r times the share of its input that a membrane takes; with an infinite tau, r is infinite as well."""
-    endless = np.isinf(r)
-    if (endless & (share > 0)).any() or (r == -np.inf).any():
+    """Return r times the share of its input that a membrane takes.
+
+    Then the share is 0, and their product stands for 1: a spike adds its weight, as with r = tau
+    (:mod:`locsnn_compile.frontends.torch_layers.neurons`).
+    """
+    infinite = np.isinf(r)
+    if (infinite & (share > 0)).any() or (r == -np.inf).any():
         raise InputError(where, "r is infinite, and its tau is not", fix="Give both as numbers.")
-    return np.where(endless, 1.0, np.where(endless, 1.0, r) * share)
+    finite_r = np.where(infinite, 1.0, r)
+    return np.where(infinite, 1.0, finite_r * share)
 
 
 def _alpha(tau_syn: FloatArray, tau_mem: FloatArray, dt: float) -> FloatArray:
     """Return (exp(-dt / tau_mem) - exp(-dt / tau_syn)) / (tau_mem - tau_syn), and its limit for equal ones."""
     apart = tau_mem - tau_syn
-    equal = np.abs(apart) < 1e-6 * tau_mem
+    equal = np.abs(apart) < _EQUAL_TAUS * tau_mem
     quotient = (np.exp(-dt / tau_mem) - np.exp(-dt / tau_syn)) / np.where(equal, 1.0, apart)
     return np.where(equal, dt / tau_mem**2 * np.exp(-dt / tau_mem), quotient)
 
 
 def _comparing(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+    """A node without memory, which compares the input of a step with a threshold."""
     one = np.ones_like(p["threshold"])
-    return Stepping(one, one, one, one)
+    return Stepping(decay_u=one, decay_v=one, spike=one, constant=one)
 
 
 _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str], Stepping]] = {
@@ -342,16 +396,26 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 
 def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
     """Return thresholds that no input reaches, up or down, even with all of one sign in every step, and the bias."""
-    of_constants = [np.abs(onset.values) for onset in signal.constants]
-    of_spikes = [row_sums(matrix(term.weights, np.float64)) for term in signal.terms]
-    most = np.sum([np.zeros(signal.size), *of_constants], axis=0) + np.sum(of_spikes, axis=0)
-    # The start at rest adds to this for some steps.
-    reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
+    largest_input = np.zeros(signal.size)
+    for onset in signal.constants:
+        largest_input = largest_input + np.abs(onset.values)
+    largest_input = largest_input + np.sum(
+        [row_sums(matrix(term.weights, np.float64)) for term in signal.terms], axis=0
+    )
+    # A constant input of 1 settles at 1 / (decay_u * decay_v), and a bias of 1 at 1 / decay_v. The start at
+    # rest is another bias / decay_v, which fades.
+    from_input = largest_input / (stepping.decay_u * stepping.decay_v)
+    from_bias_and_start = 2 * np.abs(bias) / stepping.decay_v
+    reached = from_input + from_bias_and_start
     return np.where(reached > 0, reached, 1.0) * _UNREACHED
 
 
-def nir_assumptions(flat: FlatGraph, *said: object) -> tuple[str, ...]:
+def nir_assumptions(
+    flat: FlatGraph, *, dt: float | None, reset: str | None, discretisation: str | None
+) -> tuple[str, ...]:
     """Return a sentence for each of step, reset and discretisation that is None although nodes depend on it."""
-    rows = zip(said, _ASSUMED, strict=True)
-    found = (sentence for given, (kinds, sentence) in rows if given is None and flat.named(*kinds))
-    return tuple(f"The NIR graph does not say {sentence}" for sentence in found)
+    sentences = []
+    for option, assumption in ((dt, _STEP), (reset, _RESET), (discretisation, _DISCRETISATION)):
+        if option is None and flat.named(*assumption.kinds):
+            sentences.append(f"The NIR graph does not say {assumption.sentence}")
+    return tuple(sentences)

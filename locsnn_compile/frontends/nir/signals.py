@@ -91,19 +91,17 @@ class Signal(Frozen, eq=False):
 
     def delayed(self, steps: IntArray) -> Signal:
         """Return it with each value delayed by its own number of steps, (n,)."""
-        # By a number of steps: 1 for the values that are delayed by so many, else 0.
-        is_late_by = {
-            late: (steps == late).astype(np.float64) for late in np.unique(steps).tolist()
-        }
+        # For every number of steps, a mask (n,): 1.0 for the values that are delayed by so many, else 0.0.
+        mask_of = {late: (steps == late).astype(np.float64) for late in np.unique(steps).tolist()}
         terms = tuple(
-            Term(term.source, term.delay + late, sparse.diags_array(is_late) @ term.weights)
+            Term(term.source, term.delay + late, sparse.diags_array(mask) @ term.weights)
             for term in self.terms
-            for late, is_late in is_late_by.items()
+            for late, mask in mask_of.items()
         )
         constants = [
-            Onset(onset.delay + late, is_late * onset.values)
+            Onset(onset.delay + late, mask * onset.values)
             for onset in self.constants
-            for late, is_late in is_late_by.items()
+            for late, mask in mask_of.items()
         ]
         return Signal(self.size, terms, _summed(constants))
 
@@ -124,6 +122,16 @@ class Signal(Frozen, eq=False):
             for source, by_delay in by_source.items()
             for weights, delay in _joined(by_delay)
         )
+
+
+def as_column(values: FloatArray) -> Any:
+    """Return the weights (n, 1) of a source of one neuron."""
+    return sparse.csr_array(values[:, None])
+
+
+def on_diagonal(values: FloatArray) -> Any:
+    """Return the weights (n, n) by which each of n neurons reaches the neuron of its own number."""
+    return sparse.csr_array(sparse.diags_array(values))
 
 
 def _summed(constants: Iterable[Onset]) -> tuple[Onset, ...]:

@@ -174,19 +174,18 @@ def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | Loi
     raise InputError(f"{where}, neuron.type", f"{str(kind)[:40]!r} is not known", fix=fix)
 
 
-def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
+def parse_layers(entries: Any, where: str) -> tuple[LayerEntry, ...]:
     """Return the entries of a ``layer`` list, as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
-    if (
-        not isinstance(held, list)
-        or not 0 < len(held) <= MAX_LAYERS
-        or not all(isinstance(e, dict) for e in held)
-    ):
+    is_list = isinstance(entries, list) and 0 < len(entries) <= MAX_LAYERS
+    if not is_list or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(
             f"{where}, layer",
             "it is not a list of layers",
             fix="Give entries such as {dim: 16c5z}.",
         )
-    return tuple(_entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(held))
+    return tuple(
+        _entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(entries)
+    )
 
 
 def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
@@ -197,22 +196,22 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
         kind, numbers = "input", (1, 1, *numbers)
     if first and kind == "input" and len(numbers) == 2:
         numbers = (*numbers, 1)
-    known = (
-        first == (kind == "input") and len(numbers) == _NUMBERS.get(kind) and "neuron" not in entry
-    )
-    if not known or min(numbers) < 1:
+    is_in_place = first == (kind == "input")
+    is_complete = len(numbers) == _NUMBERS.get(kind)
+    is_known = is_in_place and is_complete and "neuron" not in entry
+    if not is_known or min(numbers) < 1:
         fix = "Give the input first, as 34x34x2, then 16c5z, 2a or 10."
         raise InputError(where, f"dim {dim!r} is not supported there", fix=fix)
     if kind == "pool":
         return LayerEntry(kind, numbers, stride=numbers[0])
     if kind != "conv":
         return LayerEntry(kind, numbers)
-    given = {
-        key: _whole(entry, key, where)
-        for key in ("stride", "padding", "dilation", "groups")
-        if key in entry
-    }
-    return LayerEntry(kind, numbers, **{"padding": numbers[1] // 2, **given})
+    # Without one, slayerPytorch's Loihi networks pad by half a kernel.
+    options = {"padding": numbers[1] // 2}
+    for key in ("stride", "padding", "dilation", "groups"):
+        if key in entry:
+            options[key] = _whole(entry, key, where)
+    return LayerEntry(kind, numbers, **options)
 
 
 def _order(values: Mapping[Any, Any], where: str) -> str | None:

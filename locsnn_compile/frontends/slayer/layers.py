@@ -37,38 +37,50 @@ def listed_layers(
 ) -> dict[str, tuple[Matrix, int]]:
     """Return the matrix and the channels of every kernel; the entries after the input belong to them in order."""
     weighted = entries[1:]
-    what, fix = (
-        "the YAML lists a different number of layers",
-        "List the input and every layer that has weights.",
-    )
+    what = "the YAML lists a different number of layers"
+    fix = "List the input and every layer that has weights."
     check_same(len(weighted), len(kernels), where, what, fix=fix)
     width, height, channels = entries[0].numbers
     shape: Shape = (channels, height, width)
-    found: dict[str, tuple[Matrix, int]] = {}
+    listed: dict[str, tuple[Matrix, int]] = {}
     for (name, kernel), entry in zip(kernels.items(), weighted, strict=True):
         matrix, shape = _listed(kernel, entry, shape, f"{where}, layer {name!r}")
-        found[name] = matrix, shape[0]
-    return found
+        listed[name] = matrix, shape[0]
+    return listed
 
 
 def _listed(
-    kernel: FloatArray, entry: LayerEntry, given: Shape, where: str
+    kernel: FloatArray, entry: LayerEntry, input_shape: Shape, where: str
 ) -> tuple[Matrix, Shape]:
     if entry.kind == "dense":
-        (size,), inputs = entry.numbers, math.prod(given)
+        (size,) = entry.numbers
+        inputs = math.prod(input_shape)
         return _shaped(kernel, (size, inputs), f"{size} x {inputs}", where), (size, 1, 1)
     # On an image with one row, convolutions have kernels with one row.
-    flat = given[1] == 1 and entry.kind == "conv"
-    side, stride, padding, dilation = entry.numbers[-1], entry.stride, entry.padding, entry.dilation
-    shape = (1 if flat else side, side)
-    row = (1, 0, 1) if flat else (stride, padding, dilation)
-    fill = tuple(-n % side if entry.kind == "pool" else 0 for n in given[1:])
-    window = Window.padded((row[0], stride), (row[1], padding), (row[2], dilation), fill)
+    side = entry.numbers[-1]
+    shape = (side, side)
+    stride = (entry.stride, entry.stride)
+    padding = (entry.padding, entry.padding)
+    dilation = (entry.dilation, entry.dilation)
+    if input_shape[1] == 1 and entry.kind == "conv":
+        shape = (1, side)
+        stride = (1, entry.stride)
+        padding = (0, entry.padding)
+        dilation = (1, entry.dilation)
+    fill: tuple[int, ...] = (0, 0)
     if entry.kind == "pool":
-        return pooling(_shaped(kernel, shape, f"{shape}", where), given, window, where=where)
-    whole = (entry.numbers[0], given[0] // max(entry.groups, 1), *shape)
+        # Silent rows and columns fill the last windows.
+        fill = tuple(-n % side for n in input_shape[1:])
+    window = Window.padded(stride, padding, dilation, fill)
+    if entry.kind == "pool":
+        return pooling(_shaped(kernel, shape, f"{shape}", where), input_shape, window, where=where)
+    whole = (entry.numbers[0], input_shape[0] // max(entry.groups, 1), *shape)
     return convolution(
-        _shaped(kernel, whole, f"{whole}", where), given, window, groups=entry.groups, where=where
+        _shaped(kernel, whole, f"{whole}", where),
+        input_shape,
+        window,
+        groups=entry.groups,
+        where=where,
     )
 
 
@@ -106,20 +118,18 @@ def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) 
         neuron = config.neuron_of(module)
         if name not in ("srmKernel", "refKernel") or not isinstance(neuron, SrmAlpha):
             continue
-        constants = (
-            (neuron.tau_sr, 1.0)
-            if name == "srmKernel"
-            else (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
-        )
-        held, made = values.reshape(-1), alpha_taps(*constants)
-        shared = min(len(held), len(made))
-        scale = max(float(np.abs(made).max(initial=0)), 1e-9)
-        apart = np.abs(held[:shared] - made[:shared]).max(initial=0.0)
+        if name == "srmKernel":
+            expected = alpha_taps(neuron.tau_sr, 1.0)
+        else:
+            expected = alpha_taps(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+        stored = values.reshape(-1)
+        shared = min(len(stored), len(expected))
+        scale = max(float(np.abs(expected).max(initial=0)), 1e-9)
+        apart = np.abs(stored[:shared] - expected[:shared]).max(initial=0.0)
         if apart > _CLOSE * scale:
-            what, fix = (
-                "the kernel is not that of the YAML",
-                "Give the YAML that this checkpoint was trained with.",
-            )
             raise InputError(
-                f"{where}, entry {key!r}", what, measured=f"{apart:.3g} apart", fix=fix
+                f"{where}, entry {key!r}",
+                "the kernel is not that of the YAML",
+                measured=f"{apart:.3g} apart",
+                fix="Give the YAML that this checkpoint was trained with.",
             )

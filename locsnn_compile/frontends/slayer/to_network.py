@@ -23,12 +23,13 @@ from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray
 from locsnn_compile.data.channels import Channels, image_channels
 from locsnn_compile.data.orders import channel_walk, location_order
-from locsnn_compile.data.sensor import neutouch
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, neutouch
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_known, check_same, counted
 from locsnn_compile.frontends.parts import (
     STEPS,
     VIEW_NAMES,
+    FileFacts,
     Parts,
     eight_bit_signs,
     touch_fingertips,
@@ -96,8 +97,8 @@ def load_slayer(
     check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
-    held = load_plain(data, where, fix=SAVE_A_STATE_DICT)
-    if isinstance(held, dict) and held.get("format") == FORMAT:
+    content = load_plain(data, where, fix=SAVE_A_STATE_DICT)
+    if isinstance(content, dict) and content.get("format") == FORMAT:
         raise InputError(
             where,
             "config was given, but a checkpoint contains this itself",
@@ -106,44 +107,46 @@ def load_slayer(
     description = read_config(config)
     tails: tuple[str, ...] = ()
     if kernels == "cut":
-        neurons = description.neuron, description.location_neuron
-        description = replace(description, neuron=cut(neurons[0]), location_neuron=cut(neurons[1]))
+        description = replace(
+            description,
+            neuron=cut(description.neuron),
+            location_neuron=cut(description.location_neuron),
+        )
     elif kernels is None and isinstance(description.neuron, SrmAlpha):
         tails = (
             "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",
         )
-    tensors = state_tensors(held, where)
+    tensors = state_tensors(content, where)
     check_kernels(tensors, description, where)
     weights = _layer_weights(tensors, where)
     shapes = {name: kernel.shape for name, kernel in weights.items()}
     chosen = choose_layers(shapes, description, branches, where)
     layers = _layers(tensors, weights, chosen, description, where)
     chains = {axis: [layers[name] for name in names] for axis, names in chosen.chains.items()}
-    for before, after in (pair for chain in chains.values() for pair in pairwise(chain)):
-        what, fix = (
-            f"its inputs are not the neurons of {before.name!r}",
-            "Save the layers of one chain in their order.",
-        )
-        place, inputs = f"{where}, layer {after.name!r}", after.weights.shape[1]
-        check_same(inputs, before.size, place, what, fix=fix)
-    steps = (
-        chains["location"][0].weights.shape[1]
-        if "location" in chains
-        else description.steps or STEPS
-    )
-    channels = chains["time"][0].weights.shape[1] if "time" in chains else chosen.channels
+    for chain in chains.values():
+        _check_chain(chain, where)
+    # Inputs along time are channels, those along locations are time steps.
+    steps = description.steps or STEPS
+    if "location" in chains:
+        steps = chains["location"][0].weights.shape[1]
+    channels = chosen.channels
+    if "time" in chains:
+        channels = chains["time"][0].weights.shape[1]
     parts = Parts()
     for axis, chain in chains.items():
         walk = None
         if axis == "location":
             walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
         parts.views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
-        source, delays = VIEW_NAMES[axis], None
+        source = VIEW_NAMES[axis]
+        delays = None
         for layer in chain:
-            population, projection = _stated(layer, axis, source, delays, description, where)
+            population, projection = _parts_of(layer, axis, source, delays, description, where)
             parts.populations.append(population)
             parts.projections.append(projection)
-            source, delays = layer.name, layer.delays
+            # Delays are those of what a layer sends.
+            source = layer.name
+            delays = layer.delays
         parts.outputs[source] = None
     assert channels is not None  # one chain or the other says it
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
@@ -154,11 +157,28 @@ def load_slayer(
             measured=f"{sizes}",
             fix="Train them together.",
         )
-    said: dict[str, Any] = {"any_length": "location" not in chains}
-    said["inputs"] = _image(tensors, chains, description)
-    assumed = _assumed(chosen, chains, description, channels)
-    said |= {"assumptions": (*tails, *assumed)}
-    return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
+    facts = FileFacts(
+        any_length="location" not in chains,
+        inputs=_image(tensors, chains, description),
+        assumptions=(*tails, *_assumed(chosen, chains, description, channels)),
+    )
+    return parts.network_of_file(
+        path,
+        data,
+        channels=channels,
+        steps=steps,
+        step_seconds=description.ts / 1000,  # Ts is in milliseconds
+        facts=facts,
+    )
+
+
+def _check_chain(chain: list[_Layer], where: str) -> None:
+    """Refuse layers of which one does not take what the one before it sends."""
+    for before, after in pairwise(chain):
+        what = f"its inputs are not the neurons of {before.name!r}"
+        fix = "Save the layers of one chain in their order."
+        inputs = after.weights.shape[1]
+        check_same(inputs, before.size, f"{where}, layer {after.name!r}", what, fix=fix)
 
 
 def _image(
@@ -194,20 +214,17 @@ def _assumed(
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
     """Return the walk over the channels and their number: two fingertips if no time branch determines it."""
-    count = channels or 156
+    count = channels or 2 * TAXELS * POLARITIES
     fingertips = touch_fingertips(count)
     if fingertips is None:
         if order != "loop":
-            what, measured = (
-                f"order {order[:40]!r} is only for fingertips",
-                counted(count, "channel"),
-            )
-            raise InputError(where, what, measured=measured, fix="Use loop.")
+            what = f"order {order[:40]!r} is only for fingertips"
+            raise InputError(where, what, measured=counted(count, "channel"), fix="Use loop.")
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
 
 
-def _stated(
+def _parts_of(
     layer: _Layer, axis: Axis, source: str, delays: Any, config: SlayerConfig, where: str
 ) -> tuple[Population, Projection | ChipProjection]:
     """Return a population and the weights onto it; ``delays`` are those of the spikes of its source."""
@@ -218,23 +235,32 @@ def _stated(
         if (delays != late).any():
             of_each = projections.of_source(layer.weights, delays)
             late = np.array(np.broadcast_to(of_each, values_of(layer.weights).shape))
-    n = config.neuron_along(axis)
-    if not isinstance(n, LoihiNeuron):
-        return Population(layer.name, axis, size, n), Projection(
-            source, layer.name, layer.weights, late
-        )
-    mantissa = with_values(
-        layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64)
-    )
-    place, fix = f"{where}, layer {layer.name!r}", "Clamp the weights in training."
-    signs = eight_bit_signs(mantissa, place, "-256..254", fix)
-    neuron = ChipCuba.of(
-        size, decay_u=n.decay_u, decay_v=n.decay_v, threshold=n.threshold, refractory=n.refractory
+    neuron = config.neuron_along(axis)
+    if not isinstance(neuron, LoihiNeuron):
+        population = Population(layer.name, axis, size, neuron)
+        return population, Projection(source, layer.name, layer.weights, late)
+    # slayerPytorch's Loihi layers round weights to even numbers as they run.
+    even = (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64)
+    mantissa = with_values(layer.weights, even)
+    place = f"{where}, layer {layer.name!r}"
+    signs = eight_bit_signs(mantissa, place, "-256..254", "Clamp the weights in training.")
+    chip_neuron = ChipCuba.of(
+        size,
+        decay_u=neuron.decay_u,
+        decay_v=neuron.decay_v,
+        threshold=neuron.threshold,
+        refractory=neuron.refractory,
     )
     projection = ChipProjection(
-        source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, signs, late
+        source,
+        layer.name,
+        matrix(mantissa, np.int64),
+        exponent=neuron.weight_exponent,
+        weight_bits=8,
+        signs=signs,
+        delay=late,
     )
-    return Population(layer.name, axis, size, neuron), projection
+    return Population(layer.name, axis, size, chip_neuron), projection
 
 
 def _layer_weights(tensors: Mapping[str, Any], where: str) -> dict[str, FloatArray]:
@@ -313,24 +339,18 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
     """Return a layer's weights in their own shape, with weight normalisation multiplied out."""
-    held = [tensors.get(name + end) for end in WEIGHT_ENDS]
-    plain, gains, directions = (
-        held[0],
-        *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2)),
-    )
-    if plain is None:
-        if gains is None or directions is None:
-            raise InputError(
-                f"{where}, layer {name!r}",
-                "half of its weight normalisation is missing",
-                fix=SAVE_A_STATE_DICT,
-            )
-        norms = np.sqrt((directions**2).sum(axis=tuple(range(1, directions.ndim)), keepdims=True))
-        if gains.size != len(directions) or (norms == 0).any():
-            raise InputError(
-                f"{where}, layer {name!r}",
-                "its weight normalisation is not valid",
-                fix=SAVE_A_STATE_DICT,
-            )
-        plain = gains.reshape(norms.shape) * directions / norms
-    return np.asarray(plain, dtype=np.float64)
+    plain, *normalised = [tensors.get(name + end) for end in WEIGHT_ENDS]
+    if plain is not None:
+        return np.asarray(plain, dtype=np.float64)
+    # Torch has two pairs of names for the gains and directions of weight normalisation, an old and a new one.
+    gains = next((tensor for tensor in normalised[0::2] if tensor is not None), None)
+    directions = next((tensor for tensor in normalised[1::2] if tensor is not None), None)
+    place = f"{where}, layer {name!r}"
+    if gains is None or directions is None:
+        what = "half of its weight normalisation is missing"
+        raise InputError(place, what, fix=SAVE_A_STATE_DICT)
+    axes_of_a_row = tuple(range(1, directions.ndim))
+    norms = np.sqrt((directions**2).sum(axis=axes_of_a_row, keepdims=True))
+    if gains.size != len(directions) or (norms == 0).any():
+        raise InputError(place, "its weight normalisation is not valid", fix=SAVE_A_STATE_DICT)
+    return np.asarray(gains.reshape(norms.shape) * directions / norms, dtype=np.float64)

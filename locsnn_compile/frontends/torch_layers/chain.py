@@ -15,7 +15,7 @@ INPUT = "input"
 OUTPUT = "output"
 DT_SECONDS = 1.0
 """Time constants are counted in steps, so a step lasts 1."""
-PLAIN = Reading(DT_SECONDS, "euler", "zero")
+PLAIN = Reading(dt=DT_SECONDS, discretisation="euler", reset="zero")
 """How neurons without memory are read."""
 
 

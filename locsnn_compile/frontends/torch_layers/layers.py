@@ -216,15 +216,20 @@ class MaxPool2d(Pooling, Frozen):
 
 
 class Flatten(Layer, Frozen):
-    """``torch.nn.Flatten``; axis 0 of torch is the batch."""
+    """``torch.nn.Flatten``; axis 0 of torch is the batch.
+
+    With ``start_dim`` 0, torch joins the batch with the other axes. A recording is a batch of one, so the
+    result is the same as with 1, and 0 is read as 1.
+    """
 
     start_dim: Annotated[int, NOT_NEGATIVE] = 1
     end_dim: int = -1
 
     def add_to(self, chain: Chain, name: str) -> None:
         """Join the axes."""
+        # Here, axes are counted without the batch.
         first = max(self.start_dim - 1, 0)
-        # Axes are counted without the batch, and from the last one if negative.
+        # A negative number counts from the last axis, batch or not.
         last = chain.axes + self.end_dim if self.end_dim < 0 else self.end_dim - 1
         if not first <= last < chain.axes:
             raise InputError(

@@ -77,7 +77,8 @@ class SnntorchNeurons(Layer, Frozen):
             mechanism,
             SNNTORCH_RESETS,
         )
-        return Reading(DT_SECONDS, "euler", self._reset(mechanism or "subtract"))
+        reset = self._reset(mechanism or "subtract")
+        return Reading(dt=DT_SECONDS, discretisation="euler", reset=reset)
 
     def _reset(self, mechanism: str) -> Reset:
         if mechanism == "none":
@@ -138,9 +139,8 @@ class SpikingjellyNeurons(Layer, Frozen):
 
     def reading(self) -> Reading:
         """Return how a spike resets."""
-        return Reading(
-            DT_SECONDS, "euler", "subtract" if self.v_reset is None else "zero", rule=">="
-        )
+        reset: Reset = "subtract" if self.v_reset is None else "zero"
+        return Reading(dt=DT_SECONDS, discretisation="euler", reset=reset, rule=">=")
 
 
 class SpikingjellyIF(SpikingjellyNeurons, Frozen):
@@ -198,7 +198,8 @@ class NorseLIFBox(Layer, Frozen):
             "v_threshold": np.array(self.v_th),
             "v_reset": np.array(self.v_reset),
         }
-        chain.add_neurons(name, NirNode("LIF", parameters), Reading(DT_SECONDS, "euler", "zero"))
+        reading = Reading(dt=DT_SECONDS, discretisation="euler", reset="zero")
+        chain.add_neurons(name, NirNode("LIF", parameters), reading)
 
 
 class SinabsNeurons(Layer, Frozen):
@@ -216,9 +217,15 @@ class SinabsNeurons(Layer, Frozen):
         resets: dict[str, Reset] = {"MembraneSubtract": "subtract", "MembraneReset": "zero"}
         place = f"{chain.place(name)}, reset_fn"
         check_known(place, f"{self.reset_fn!r} is not known", self.reset_fn, resets)
-        floor = chain.optional(name, "min_v_mem")
-        lowest = self.min_v_mem if floor is None else float(floor.reshape(-1)[0])
-        return Reading(DT_SECONDS, "hold", resets[self.reset_fn], lowest, rule=">=")
+        stored = chain.optional(name, "min_v_mem")
+        floor = self.min_v_mem if stored is None else float(stored.reshape(-1)[0])
+        return Reading(
+            dt=DT_SECONDS,
+            discretisation="hold",
+            reset=resets[self.reset_fn],
+            floor=floor,
+            rule=">=",
+        )
 
     def ends(self, chain: Chain, name: str) -> dict[str, FloatArray]:
         """Return the threshold and the reset of a node."""

@@ -11,9 +11,10 @@ from locsnn_compile.data.tensors import FLOATS
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_known, check_most
 from locsnn_compile.frontends.linear_maps import check_shape
+from locsnn_compile.frontends.nir.ends import image_of
 from locsnn_compile.frontends.nir.flat import flatten_graph
-from locsnn_compile.frontends.nir.to_network import divided_parts, image_of
-from locsnn_compile.frontends.parts import STEPS
+from locsnn_compile.frontends.nir.to_network import divided_parts
+from locsnn_compile.frontends.parts import STEPS, FileFacts
 from locsnn_compile.frontends.state_dict import SAVE_A_STATE_DICT, WHOLE_NUMBERS, state_tensors
 from locsnn_compile.frontends.torch_layers.chain import Chain, readings_of
 from locsnn_compile.frontends.torch_layers.layers import LAYERS, Layer
@@ -92,15 +93,20 @@ def load_torch_layers(
         layer.add_to(chain, name)
     flat = flatten_graph(chain.graph(description.input), where)
     readings = readings_of(chain)
-    built, host = divided_parts(flat, readings, where, host_layers, relays=relay_delays)
-    parts = built.parts
-    said: dict[str, Any] = {"any_length": True, "inputs": image_of(flat), "host": host}
-    said["assumptions"] = (*chain.assumed, *built.assumed)
-    if host is not None:
-        said["inputs"] = None
-        said["assumptions"] += (host.sentence,)
-    lines = parts.views[0].lines
-    return parts.network_of_file(path, data, lines, STEPS, description.step_seconds, **said)
+    on_chip, host = divided_parts(flat, readings, where, host_layers, relays=relay_delays)
+    facts = FileFacts(
+        any_length=True,
+        inputs=image_of(flat),
+        assumptions=(*chain.assumed, *on_chip.assumed),
+    )
+    return on_chip.parts.network_of_file(
+        path,
+        data,
+        channels=on_chip.parts.views[0].lines,
+        steps=STEPS,
+        step_seconds=description.step_seconds,
+        facts=facts if host is None else facts.behind(host),
+    )
 
 
 def _yaml(config: Path) -> object:

@@ -1,0 +1,53 @@
+"""What the options say on how to read a NIR graph, and what the metadata of files that we wrote say."""
+
+import math
+from typing import cast, get_args
+
+from locsnn_compile.data.recordings import STEP_SECONDS
+from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.frontends.nir.graph import NirGraph
+from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reading, Reset
+
+
+def checked_reading(
+    known_dt: float | None, reset: str | None, discretisation: str | None, floor: float | None
+) -> Reading:
+    """Return how a graph is read: by the options, and by convention where they are None.
+
+    ``InputError`` for a word that is not one of theirs, and for a floor that is not finite.
+    """
+    steps_by = discretisation or "euler"
+    check_known(f"discretisation {steps_by!r}", "is not known", steps_by, get_args(Discretisation))
+    resets_by = reset or "zero"
+    check_known(f"reset {resets_by!r}", "is not known", resets_by, get_args(Reset))
+    if floor is not None and not math.isfinite(floor):
+        what = "the floor must be a finite number"
+        raise InputError("floor", what, measured=f"{floor}", fix="Give the lowest potential.")
+    return Reading(
+        dt=known_dt or DT_SECONDS,
+        discretisation=cast(Discretisation, steps_by),
+        reset=cast(Reset, resets_by),
+        floor=floor,
+    )
+
+
+def checked_dt(dt: float | None, graph: NirGraph) -> float | None:
+    """Return the seconds per step: those given, or those in a file that we wrote; None without either."""
+    if dt is None:
+        return metadata_seconds(graph, "dt")
+    return _checked_seconds(dt, "dt")
+
+
+def metadata_seconds(graph: NirGraph, name: str) -> float | None:
+    """Return the seconds in an entry of the metadata, as in files that we wrote; None without it."""
+    entry = graph.metadata.get(name)
+    if entry is None or isinstance(entry, str) or entry.size != 1:
+        return None
+    return _checked_seconds(float(entry.reshape(-1)[0]), name)
+
+
+def _checked_seconds(seconds: float, name: str) -> float:
+    if not STEP_SECONDS.holds(seconds):
+        what = "a step must last more than 0 s and at most 1e+06 s"
+        raise InputError(name, what, measured=f"{seconds:g}", fix="Give the seconds per step.")
+    return seconds
