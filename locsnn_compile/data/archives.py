@@ -160,13 +160,17 @@ def _events(
     members: Members, name: str, row: EventFormat, time_unit: TimeUnit | None
 ) -> EventStream:
     """Return the events of a file; some have a file of their start and end next to them."""
-    file, place = PurePosixPath(name), members.place(name)
-    times = file.with_suffix(row.times_suffix) if row.times_suffix else file
-    beside = [str(times), str(file.parent.parent / TIMES / times.name)] if row.times_suffix else []
-    held = [one for one in beside if one in members.sizes][:1]
-    members.check_sizes(held)
+    file = PurePosixPath(name)
+    place = members.place(name)
+    times = file
+    times_files: list[str] = []
+    if row.times_suffix:
+        times = file.with_suffix(row.times_suffix)
+        beside = [str(times), str(file.parent.parent / TIMES / times.name)]
+        times_files = [path for path in beside if path in members.sizes][:1]
+    members.check_sizes(times_files)
     data = members.read(name)
-    startend = members.read(held[0]) if held else None
+    startend = members.read(times_files[0]) if times_files else None
     length = max(len(data), len(startend or b""))
     fix = "Give one recording."
     check_most(length, row.most_bytes, place, "it is too large", unit="bytes", fix=fix)

@@ -73,14 +73,14 @@ def torch_content(file: ArrayFile) -> ArrayContent:
     """Return the tensors of a torch file that may be recordings, or belong to them."""
     where = file.where
     value = load_plain(file.data, where, fix="Write it again with torch.save.")
-    found = value if isinstance(value, dict) else {"spikes": value}
-    if "format" in found and "weights" in found:
+    contents = value if isinstance(value, dict) else {"spikes": value}
+    if "format" in contents and "weights" in contents:
         fix = "Give it as the model, and recordings as events."
         raise InputError(where, "it is a trained network, not recordings", fix=fix)
-    names = list(map(str, found))
+    names = list(map(str, contents))
     _check_names(names, where)
     entries: dict[str, AnyArray] = {}
-    for name, entry in zip(names, found.values(), strict=True):
+    for name, entry in zip(names, contents.values(), strict=True):
         if entry is None or not _is_read(name, names):
             continue
         if name in BESIDE and isinstance(entry, int | float | list | str):

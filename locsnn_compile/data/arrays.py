@@ -1,6 +1,6 @@
 """Recordings in one ``.npy``, ``.npz``, ``.pt`` or HDF5 file: arrays of 0 and 1, or events, with labels or without."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,16 +8,13 @@ import numpy as np
 
 from hw_model.io.files import read_bytes
 from hw_model.io.npy import load_npy
-from hw_model.values import AnyArray
+from hw_model.values import AnyArray, ByteArray, Frozen
 from locsnn_compile.data.array_files import BESIDE
 from locsnn_compile.data.axes import Order, parse_axes, pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.class_names import labels_of_names
 from locsnn_compile.data.event_formats import holds_events, parse_events
-from locsnn_compile.data.event_stream import (
-    Binning,
-    bin_streams,
-)
+from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.format_rows import ArrayContent, ArrayFile
 from locsnn_compile.data.formats import array_format
 from locsnn_compile.data.members import label_in_name
@@ -49,48 +46,78 @@ def read_arrays(
     ``asked_seconds`` wide, and for a file whose order of axes is not that of ``binning``.
     """
     where = where or f"file {path.name!r}"
-    file = ArrayFile(read_bytes(path, where) if data is None else data, where, binning.unit)
-    held = _content(file, path.suffix)
-    entries, streams = held.entries, held.streams
-    own: float | None = (
-        _number(entries["step_seconds"], where) if "step_seconds" in entries else None
-    )
-    binned: Binned | None = None
-    assumed: tuple[str, ...] = ()
-    channels: Channels | None
-    if streams:
-        wanted = binning.step_seconds
-        binning = replace(binning, step_seconds=own if wanted is None else wanted)
-        bins = bin_streams(streams, where, binning)
-        spikes, channels = bins.spikes, bins.channels
-        own, binned, assumed = bins.step_seconds, bins.binned, bins.assumed
+    if data is None:
+        data = read_bytes(path, where)
+    content = _content(ArrayFile(data, where, binning.unit), path.suffix)
+    entries = content.entries
+    stored_seconds: float | None = None
+    if "step_seconds" in entries:
+        stored_seconds = _number(entries["step_seconds"], where)
+    if content.streams:
+        bins = _bins_of_events(content.streams, binning, stored_seconds, where)
     else:
-        if own is not None and asked_seconds is not None and not same(own, asked_seconds):
-            what, measured = (
-                f"{where} holds bins of another width",
-                f"got {asked_seconds:g} against {own:g}",
-            )
-            raise InputError("step_seconds", what, measured=measured, fix="Leave it out.")
-        order = _order(entries, binning.axes, where)
-        expected = binning.channels or binning.model_channels
-        array = _find_spikes(entries, where)
-        channels = pixels_of(array, where, expected, order)
-        spikes = to_step_major(array, where, expected, order)
-        channels = _sensor_of(entries, channels, spikes.shape[2], where)
-    labels = entries["labels"] if "labels" in entries else labels_beside(path, len(spikes))
-    seconds = binning.step_seconds if own is None else own
+        _check_width(stored_seconds, asked_seconds, where)
+        bins = _bins_of_array(entries, binning, stored_seconds, where)
+    labels = entries["labels"] if "labels" in entries else labels_beside(path, len(bins.spikes))
     names = _texts(entries, "class_names", where)
     if labels is not None and labels.dtype.kind in "US":
         labels, names = labels_of_names(_texts(entries, "labels", where) or (), names, where)
     return Recordings(
-        spikes,
+        bins.spikes,
         labels,
-        seconds,
+        bins.step_seconds,
         path.name,
-        binned=binned,
+        binned=bins.binned,
         class_names=names,
-        channels=channels,
-        assumed=assumed,
+        channels=bins.channels,
+        assumed=bins.assumed,
+    )
+
+
+class _Bins(Frozen, eq=False):
+    """Recordings in bins, (samples, steps, channels), and what is known of them."""
+
+    spikes: ByteArray
+    channels: Channels | None
+    step_seconds: float | None
+    binned: Binned | None = None
+    assumed: tuple[str, ...] = ()
+
+
+def _bins_of_events(
+    streams: Sequence[EventStream], binning: Binning, stored_seconds: float | None, where: str
+) -> _Bins:
+    """Return single events in bins of the width asked for, or else of the file's."""
+    if binning.step_seconds is None:
+        binning = replace(binning, step_seconds=stored_seconds)
+    bins = bin_streams(streams, where, binning)
+    seconds = binning.step_seconds if bins.step_seconds is None else bins.step_seconds
+    return _Bins(bins.spikes, bins.channels, seconds, bins.binned, bins.assumed)
+
+
+def _bins_of_array(
+    entries: Mapping[str, AnyArray], binning: Binning, stored_seconds: float | None, where: str
+) -> _Bins:
+    """Return the bins of an array whose axes may be in any order."""
+    order = _order(entries, binning.axes, where)
+    expected = binning.channels or binning.model_channels
+    array = _find_spikes(entries, where)
+    pixels = pixels_of(array, where, expected, order)
+    spikes = to_step_major(array, where, expected, order)
+    channels = _sensor_of(entries, pixels, spikes.shape[2], where)
+    seconds = binning.step_seconds if stored_seconds is None else stored_seconds
+    return _Bins(spikes, channels, seconds)
+
+
+def _check_width(stored_seconds: float | None, asked_seconds: float | None, where: str) -> None:
+    """Refuse a width of bins other than that of the file."""
+    if stored_seconds is None or asked_seconds is None or same(stored_seconds, asked_seconds):
+        return
+    raise InputError(
+        "step_seconds",
+        f"{where} holds bins of another width",
+        measured=f"got {asked_seconds:g} against {stored_seconds:g}",
+        fix="Leave it out.",
     )
 
 
@@ -124,24 +151,26 @@ def _fields(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
 
 def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
     """Return the order of axes that is asked for, or that the file gives; ``InputError`` if they differ."""
-    said = _texts(entries, "axes", where)
-    own = None if said is None else parse_axes(" ".join(said), f"{where}, 'axes'")
-    if own is not None and asked not in (None, own):
+    names = _texts(entries, "axes", where)
+    if names is None:
+        return asked
+    stored = parse_axes(" ".join(names), f"{where}, 'axes'")
+    if asked not in (None, stored):
         raise InputError(
-            "axes", f"{where} gives another order", measured=",".join(own), fix="Leave it out."
+            "axes", f"{where} gives another order", measured=",".join(stored), fix="Leave it out."
         )
-    return asked or own
+    return stored
 
 
 def _texts(entries: Mapping[str, AnyArray], name: str, where: str) -> tuple[str, ...] | None:
     """Return the texts of an entry; None if there is no such entry."""
     if name not in entries:
         return None
-    held = entries[name].reshape(-1).tolist()
+    texts = entries[name].reshape(-1).tolist()
     if entries[name].dtype.kind not in "US":
         raise InputError(where, f"its entry {name!r} does not hold strings", fix="Store strings.")
     return tuple(
-        text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in held
+        text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in texts
     )
 
 
@@ -173,15 +202,11 @@ def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
     if "spikes" in entries:
         return entries["spikes"]
     others = [name for name in entries if name not in BESIDE]
-    if len(others) != 1:
-        what = (
-            "it is not clear which entry holds the recordings" if others else "no recordings inside"
-        )
-        fix = "Name the entry 'spikes'."
-        raise InputError(
-            where, what, measured=f"entries: {', '.join(sorted(entries)) or 'none'}"[:200], fix=fix
-        )
-    return entries[others[0]]
+    if len(others) == 1:
+        return entries[others[0]]
+    what = "it is not clear which entry holds the recordings" if others else "no recordings inside"
+    measured = f"entries: {', '.join(sorted(entries)) or 'none'}"[:200]
+    raise InputError(where, what, measured=measured, fix="Name the entry 'spikes'.")
 
 
 def labels_beside(path: Path, samples: int) -> AnyArray | None:
@@ -191,4 +216,6 @@ def labels_beside(path: Path, samples: int) -> AnyArray | None:
         where = f"file {beside.name!r}"
         return load_npy(read_bytes(beside, where), where)
     label = label_in_name(path.name)
-    return np.full(1, label, dtype=np.int64) if label is not None and samples == 1 else None
+    if label is None or samples != 1:
+        return None
+    return np.full(1, label, dtype=np.int64)

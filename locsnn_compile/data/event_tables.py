@@ -51,10 +51,10 @@ def _column_of_times(table: AnyArray) -> int:
         column for column in range(table.shape[1]) if bool((np.diff(table[:, column]) >= 0).all())
     ]
 
-    def spread(column: int) -> tuple[int, float]:
+    def likeness(column: int) -> tuple[int, float]:
         return len(np.unique(table[:, column])), float(table[:, column].max())
 
-    return max(rising, key=spread, default=-1)
+    return max(rising, key=likeness, default=-1)
 
 
 def _unclear(where: str, measured: str) -> InputError:

@@ -29,21 +29,21 @@ def join_channels(recordings: Recordings, model: Expected) -> Recordings:
     if model.channels is None or recordings.origin != "given":
         return recordings
     where = f"recordings {recordings.source!r}"
-    given = recordings.channels
-    if given is None:
+    channels = recordings.channels
+    if channels is None:
         return _taken_as_numbered(recordings, model)
-    wanted = model.inputs or _inputs_for(given, model, where)
-    given = _on_grid(given, wanted, where)
-    _check_polarities(given, wanted, where, model.whose)
-    _check_size(given, wanted, where, model.whose)
-    spikes = _placed(recordings.spikes, given.places_in(wanted), wanted.count, where)
-    joined = replace(recordings, spikes=spikes, channels=wanted)
-    if model.inputs is None and model.numbering is None and wanted.polarities > 1:
-        said = (
-            f"The {model.kind} does not say how its inputs are numbered: {wanted.formula} was taken "
+    inputs = model.inputs or _inputs_for(channels, model, where)
+    channels = _on_grid(channels, inputs, where)
+    _check_polarities(channels, inputs, where, model.whose)
+    _check_size(channels, inputs, where, model.whose)
+    spikes = _placed(recordings.spikes, channels.places_in(inputs), inputs.count, where)
+    joined = replace(recordings, spikes=spikes, channels=inputs)
+    if model.inputs is None and model.numbering is None and inputs.polarities > 1:
+        sentence = (
+            f"The {model.kind} does not say how its inputs are numbered: {inputs.formula} was taken "
             "(--channel-order yxp)."
         )
-        return joined.assuming(said)
+        return joined.assuming(sentence)
     return joined
 
 
@@ -127,81 +127,79 @@ def _taken_as_numbered(recordings: Recordings, model: Expected) -> Recordings:
         return recordings
     known = model.inputs
     if known is not None and known.is_grid:
-        said = (
+        sentence = (
             f"The recordings do not say which pixel a channel is: their numbers were taken for those of the "
             f"{model.kind}, {known.formula} (--grid or --axes)."
         )
-        return replace(recordings, channels=known).assuming(said)
+        return replace(recordings, channels=known).assuming(sentence)
     if model.numbering == "pyx":
-        said = (
+        sentence = (
             f"The recordings do not say which pixel a channel is: their numbers were taken for those of the "
             f"{model.kind}, in which polarities come first (--grid or --axes)."
         )
-        return recordings.assuming(said)
+        return recordings.assuming(sentence)
     if known is None and model.numbering is None:
-        said = (
+        sentence = (
             f"Neither the recordings nor the {model.kind} say what a channel is: channel i was taken for input i "
             "(--grid with --channel-order)."
         )
-        return recordings.assuming(said)
+        return recordings.assuming(sentence)
     return recordings
 
 
-def _inputs_for(given: Channels, model: Expected, where: str) -> Channels:
+def _inputs_for(channels: Channels, model: Expected, where: str) -> Channels:
     """Return the inputs of a flat model as pixels of the recordings' sensor; ``InputError`` if they cannot be those."""
     assert model.channels is not None
-    size = replace(given, numbering=model.numbering or "yxp", reached=False, polarity=None)
-    if given.is_grid:
+    size = replace(channels, numbering=model.numbering or "yxp", reached=False, polarity=None)
+    if channels.is_grid:
         if size.count == model.channels:
             return size
-        if given.reached:
-            measured = (
-                f"up to {given.columns} x {given.rows} in {counted(model.channels, 'channel')}"
-            )
+        if channels.reached:
+            measured = f"up to {channels.columns} x {channels.rows} in {counted(model.channels, 'channel')}"
             what = "the width of its grid is not known"
             raise InputError(where, what, measured=measured, fix=_GRID)
-        measured = f"{given.words} against {counted(model.channels, 'channel')}"
+        measured = f"{channels.words} against {counted(model.channels, 'channel')}"
         what = f"their pixels are not those of {model.whose}"
         raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
-    places, rest = divmod(model.channels, given.polarities)
-    if rest or (not given.reached and places != given.columns) or places < given.columns:
-        measured = f"{given.words} against {counted(model.channels, 'channel')}"
+    places, rest = divmod(model.channels, channels.polarities)
+    if rest or (not channels.reached and places != channels.columns) or places < channels.columns:
+        measured = f"{channels.words} against {counted(model.channels, 'channel')}"
         what = f"their channels are not those of {model.whose}"
         raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
     return replace(size, columns=places)
 
 
-def _on_grid(given: Channels, wanted: Channels, where: str) -> Channels:
+def _on_grid(channels: Channels, inputs: Channels, where: str) -> Channels:
     """Return places that are only numbered as pixels of a grid, which are numbered row by row."""
-    if given.is_grid or not wanted.is_grid or given.columns <= wanted.columns:
-        return given
-    if given.columns > wanted.pixels:
-        measured = f"place {given.columns - 1} against {wanted.columns} x {wanted.rows} pixels"
+    if channels.is_grid or not inputs.is_grid or channels.columns <= inputs.columns:
+        return channels
+    if channels.columns > inputs.pixels:
+        measured = f"place {channels.columns - 1} against {inputs.columns} x {inputs.rows} pixels"
         what, fix = "a place lies outside the grid", "Give recordings of this sensor."
         raise InputError(where, what, measured=measured, fix=fix)
-    return replace(given, columns=wanted.columns, rows=-(-given.columns // wanted.columns))
+    return replace(channels, columns=inputs.columns, rows=-(-channels.columns // inputs.columns))
 
 
-def _check_polarities(given: Channels, wanted: Channels, where: str, whose: str) -> None:
+def _check_polarities(channels: Channels, inputs: Channels, where: str, whose: str) -> None:
     """Refuse another number of polarities, unless only one occurs in events that do not say how many there are."""
-    if given.polarities == wanted.polarities or given.polarity is not None:
+    if channels.polarities == inputs.polarities or channels.polarity is not None:
         return
-    measured = f"{given.polarities} against {wanted.polarities}"
-    fix = _MERGE if wanted.polarities == 1 else "Give recordings of its sensor."
+    measured = f"{channels.polarities} against {inputs.polarities}"
+    fix = _MERGE if inputs.polarities == 1 else "Give recordings of its sensor."
     what = f"they do not have the polarities of {whose}"
     raise InputError(where, what, measured=measured, fix=fix)
 
 
-def _check_size(given: Channels, wanted: Channels, where: str, whose: str) -> None:
+def _check_size(channels: Channels, inputs: Channels, where: str, whose: str) -> None:
     """Refuse a sensor of another size, and events that reach beyond the grid."""
-    sizes = (given.columns, given.rows)
-    inside = given.columns <= wanted.columns and given.rows <= wanted.rows
-    if inside and (given.reached or sizes == (wanted.columns, wanted.rows)):
+    sizes = (channels.columns, channels.rows)
+    inside = channels.columns <= inputs.columns and channels.rows <= inputs.rows
+    if inside and (channels.reached or sizes == (inputs.columns, inputs.rows)):
         return
     what = f"their sensor is not that of {whose}"
-    if given.reached:
+    if channels.reached:
         what = f"their events reach beyond the grid of {whose}"
-    measured = f"{given.words} against {wanted.words}"
+    measured = f"{channels.words} against {inputs.words}"
     raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
 
 

@@ -157,8 +157,8 @@ class Members(Frozen, eq=False):
     @property
     def parts(self) -> tuple[str, ...]:
         """Which of ``train`` and ``test`` it has; empty if it is not divided."""
-        found = {*map(part_of, self.recordings), *map(part_of_set, self.sets)}
-        return tuple(part for part in PARTS if part in found)
+        occurring = {*map(part_of, self.recordings), *map(part_of_set, self.sets)}
+        return tuple(part for part in PARTS if part in occurring)
 
     def known_part(self, part: str | None) -> str | None:
         """Return a part, or by default the last; None if it is not divided. ``InputError`` for one that it lacks."""

@@ -10,10 +10,15 @@ from typing import IO, Any
 from locsnn_compile.errors import check_most
 
 MAX_VALUES = 2_000_000
-"""Largest number of opcodes of a pickle, and of values that it unfolds to; 16 characters of text count as one value."""
+"""Largest number of opcodes of a pickle, and of values that it unfolds to."""
+CHARACTERS_OF_A_VALUE = 16
+"""Characters of text that count as one value."""
 MAX_DEPTH = 200
+"""Deepest nesting, far from the 1,000 calls at which Python's recursion ends in whoever walks a value."""
 MAX_KEY = 16
+"""Longest tuple that is the key of a dict."""
 _PROTOCOL = 2
+"""The pickle protocol that torch.save writes."""
 
 _KEYS = frozenset((str, int, float, bool, bytes, type(None)))
 _PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNICODE"))
@@ -36,7 +41,8 @@ class Budget:
     """How many values of a file may still be read; ``InputError`` when it asks for more."""
 
     def __init__(self, where: str) -> None:
-        self.where, self.used = where, 0
+        self.where = where
+        self.used = 0
 
     def take(self, amount: int) -> None:
         """Count values."""
@@ -83,8 +89,9 @@ def read_pickle(
             marked.append(stack)
             stack = []
         elif name in _MARKED:
-            items, stack = stack, marked.pop()
-            _put(stack, items, name)
+            since_mark = stack
+            stack = marked.pop()
+            _put(stack, since_mark, name)
         elif name in _LAST:
             items = [stack.pop() for _ in range(_LAST[name])][::-1]
             _put(stack, items, name)
@@ -94,10 +101,11 @@ def read_pickle(
         elif name == "GLOBAL":
             stack.append(named(arg.replace(" ", ".", 1).replace("__builtin__.", "builtins.", 1)))
         elif name in ("REDUCE", "NEWOBJ"):
-            arguments, made = stack.pop(), stack.pop()
+            arguments = stack.pop()
+            function = stack.pop()
             budget.take(_cost(arguments))
             budget.take(sum(map(_cost, arguments)))
-            stack.append(made(*arguments))
+            stack.append(function(*arguments))
         elif name == "BUILD":
             # Attributes, such as those of an OrderedDict or a Parameter, are ignored.
             stack.pop()
@@ -122,17 +130,26 @@ def read_pickle(
 def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, Any]:
     """Put pairs into a dict; keys are plain values or short tuples of them, as others may take for ever to hash."""
     for key, value in pairs:
-        parts = key if type(key) is tuple and len(key) <= MAX_KEY else (key,)
-        if any(
-            type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts
-        ):
+        is_short_tuple = type(key) is tuple and len(key) <= MAX_KEY
+        parts = key if is_short_tuple else (key,)
+        if not all(map(_is_plain_key, parts)):
             raise ValueError("a key that is not a plain value")
         dict.__setitem__(into, key, value)
     return into
 
 
+def _is_plain_key(part: object) -> bool:
+    """Tell whether a value may be a key; large integers may not, as a file could choose many of one hash."""
+    if isinstance(part, int) and type(part) is int and abs(part) >> 60:
+        return False
+    return type(part) in _KEYS
+
+
 def _cost(value: object) -> int:
-    return len(value) // (16 if isinstance(value, str) else 1) if isinstance(value, Sized) else 0
+    """Return as how many values the parts of a value count."""
+    if isinstance(value, str):
+        return len(value) // CHARACTERS_OF_A_VALUE
+    return len(value) if isinstance(value, Sized) else 0
 
 
 def _put(stack: list[Any], items: list[Any], name: str) -> None:

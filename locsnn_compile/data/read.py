@@ -49,45 +49,47 @@ class Division(Frozen):
 
     def divides(self, path: Path) -> bool:
         """Tell whether it divides the recordings at ``path``; ``InputError`` if they are divided already."""
-        name, asked = ("fold", self.fold) if self.share is None else ("split", self.share)
-        rounds, parts = _rounds(path), () if asked is None else archive_parts(path)
+        option = "fold" if self.share is None else "split"
+        is_asked_for = self.share is not None or self.fold is not None
+        rounds = _rounds(path)
+        parts = archive_parts(path) if is_asked_for else ()
         if parts or (rounds and self.share is not None):
             measured = f"into {', '.join(parts)}" if parts else "into rounds"
             raise InputError(
-                name, f"{path.name!r} is divided already", measured=measured, fix="Leave it out."
+                option, f"{path.name!r} is divided already", measured=measured, fix="Leave it out."
             )
-        return asked is not None or bool(rounds)
+        return is_asked_for or bool(rounds)
 
     def part(self, recordings: Recordings, path: Path, part: str) -> Recordings:
         """Return the train or test part of the recordings at ``path``; ``InputError`` if there is none."""
-        rounds = range(1, _many_rounds(self.share) + 1) if self.share else _rounds(path)
-        fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
+        rounds = range(1, _rounds_of(self.share) + 1) if self.share else _rounds(path)
+        fold = 1 if self.fold is None else self.fold
         if fold not in rounds:
             measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
-            fix = (
-                "Choose one of them."
-                if rounds
-                else "Add --split with the share of every class to test on."
-            )
+            fix = "Choose one of them."
+            if not rounds:
+                fix = "Add --split with the share of every class to test on."
             raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
+        part_number = PARTS.index(part)
         if self.share is None:
-            rows, labels = _rows_of_files(path, fold, len(recordings))[at].T
-            how = f"round {fold} of {len(rounds)}"
+            rows, labels = _rows_of_files(path, fold, len(recordings))[part_number].T
+            words = f"round {fold} of {len(rounds)}"
         else:
-            known = recordings.needed_labels("divide them by")
-            rows = stratified_split(known, self.share, 0, fold)[at]
-            labels, how = known[rows], f"split {self.share:g}, round {fold}"
-        return replace(
-            recordings.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})"
-        )
+            all_labels = recordings.needed_labels("divide them by")
+            rows = stratified_split(all_labels, self.share, seed=0, fold=fold)[part_number]
+            labels = all_labels[rows]
+            words = f"split {self.share:g}, round {fold}"
+        source = f"{path.name}, {part} part ({words})"
+        return replace(recordings.subset(rows), labels=labels, source=source)
 
     def __post_init__(self) -> None:
         if self.share is not None:
             check_range(self.share, 0.001, 0.9, "split")
 
 
-def _many_rounds(share: float) -> int:
+def _rounds_of(share: float) -> int:
     """Return in how many rounds a share of the recordings can be tested on, each time others."""
+    # A share such as 0.2 is a rounded float, whose inverse may lie just below a whole number.
     return int(1 / share + 1e-9)
 
 
@@ -100,22 +102,27 @@ def stratified_split(
     share what the first leaves of ``fraction`` times their number; a class of fewer recordings than folds starts again
     when all were held out. Equal numbers give equal draws on every machine.
     """
+    # PCG64 by its name, and not numpy's default generator, which may become another one.
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 0])))
-    held: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    folds = 1 if fold == 1 else _rounds_of(fraction)
+    held_out: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     for label in np.unique(labels):
         members = np.flatnonzero(labels == label)
-        wanted = round(fraction * len(members))
+        count = round(fraction * len(members))
         if fraction > 0 and len(members) >= 2:
-            wanted = min(max(wanted, 1), len(members) - 1)
-        drawn, rounds = rng.permutation(members), 1 if fold == 1 else _many_rounds(fraction)
-        begin, end = 0, wanted
-        if len(members) < rounds:
-            drawn = np.roll(drawn, -(fold - 1) * wanted)
-        elif fold > 1:
-            rest = max(rounds, round(fraction * rounds * len(members))) - wanted
-            begin, end = (wanted + rest * (one - 2) // (rounds - 1) for one in (fold, fold + 1))
-        held.append(drawn[begin:end])
-    chosen = np.sort(np.concatenate(held))
+            count = min(max(count, 1), len(members) - 1)
+        drawn = rng.permutation(members)
+        if len(members) < folds:
+            held_out.append(np.roll(drawn, -(fold - 1) * count)[:count])
+        elif fold == 1:
+            held_out.append(drawn[:count])
+        else:
+            in_all_folds = max(folds, round(fraction * folds * len(members)))
+            in_later_folds = in_all_folds - count
+            begin = count + in_later_folds * (fold - 2) // (folds - 1)
+            end = count + in_later_folds * (fold - 1) // (folds - 1)
+            held_out.append(drawn[begin:end])
+    chosen = np.sort(np.concatenate(held_out))
     return np.setdiff1d(np.arange(len(labels)), chosen), chosen
 
 
@@ -129,11 +136,9 @@ def _rounds(path: Path) -> list[int]:
 
 def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
     """Return an array (rows, 2) for each part of a round: numbers of recordings, all different, and their classes."""
-    fix, taken, parts = (
-        "Write the number of a recording and its class on every line.",
-        set[int](),
-        [],
-    )
+    fix = "Write the number of a recording and its class on every line."
+    taken: set[int] = set()
+    parts = []
     for part in PARTS:
         file = path.with_name(f"{part}_80_20_{fold}.txt")
         where = f"file {file.name!r}"
@@ -222,7 +227,7 @@ def read_recordings(
     division = Division(test_share, fold)
     class_names = None if classes is None else parse_classes(classes)
     if grid is not None:
-        sensor = asked_layout(grid, polarities, channels, None)
+        sensor = asked_layout(grid, polarities, channels, layout=None)
     of_events = {"threshold": threshold, "start": start, "time_unit": time_unit}
     counts = of_events | {"polarities": polarities, "columns": columns}
     selection = ChannelSelection(only_taxels, only_polarity, bool(merge_polarities), merge_channels)
@@ -238,7 +243,7 @@ def read_recordings(
     if merge and channels is not None and polarities is None:
         polarities = 2
     order = None if axes is None else parse_axes(axes, "axes")
-    asked = Binning(
+    binning_asked = Binning(
         step_seconds,
         threshold,
         channels,
@@ -250,10 +255,12 @@ def read_recordings(
         time_unit=time_unit,  # type: ignore[arg-type]  # checked in the next line
         max_steps=MAX_STEPS if max_steps is None else max_steps,
     )
-    asked.check()
+    binning_asked.check()
     check_known("split", f"{split!r} is not known", split, PARTS)
-    said = {"step_seconds": asked.step_seconds, "threshold": asked.threshold}
-    agreed = model.agreed(**said, steps=steps) | {"steps": steps}
+    agreed = model.agreed(
+        step_seconds=binning_asked.step_seconds, threshold=binning_asked.threshold, steps=steps
+    )
+    agreed |= {"steps": steps}
     if sensor is not None:
         _check_sensor(sensor, model, selection)
     elif selection == ChannelSelection():
@@ -264,9 +271,9 @@ def read_recordings(
     if not selection.merges_polarities_at_most:
         read_for = replace(model, channels=None, inputs=None)
     binning = replace(
-        asked,
+        binning_asked,
         **agreed,
-        channels=_channels_of_events(asked, read_for, merge=merge),
+        channels=_channels_of_events(binning_asked, read_for, merge=merge),
         most_steps=model.steps,
         model_channels=read_for.channels,
         model_inputs=read_for.inputs,
@@ -283,15 +290,13 @@ def read_recordings(
     if divided:
         recordings = division.part(recordings, path, split or "test")
     if recordings.threshold is None:
-        for name in (name for name, value in counts.items() if value is not None):
-            raise InputError(
-                name,
-                f"{recordings.source!r} holds bins, not single events to count",
-                fix="Leave it out.",
-            )
+        for name, value in counts.items():
+            if value is not None:
+                what = f"{recordings.source!r} holds bins, not single events to count"
+                raise InputError(name, what, fix="Leave it out.")
     if trained is None or not _has_inputs_of(model, recordings):
         if channels is not None and (recordings.threshold is None or recordings.channels is None):
-            recordings = described(recordings, sensor or _layout(asked))
+            recordings = described(recordings, sensor or _layout(binning_asked))
         if merge:
             recordings = merged(recordings)
         recordings = selected(recordings, selection, polarities or POLARITIES)
@@ -353,12 +358,20 @@ def _channels_of_events(asked: Binning, model: Expected, *, merge: bool) -> int 
 
 def _layout(asked: Binning) -> SensorLayout:
     """Return the sensor that numbers describe: so many channels, in columns if these are given."""
-    layout = asked_layout(None, asked.polarities, asked.channels, None, asked.columns)
+    layout = asked_layout(
+        grid=None,
+        polarities=asked.polarities,
+        channels=asked.channels,
+        layout=None,
+        columns=asked.columns,
+    )
     assert layout is not None  # it has channels
     return layout
 
 
-def _read(path: Path, split: str | None, binning: Binning, asked: float | None) -> Recordings:
+def _read(
+    path: Path, split: str | None, binning: Binning, asked_seconds: float | None
+) -> Recordings:
     _check_file(path)
     if split is not None and not is_archive(path):
         measured, fix = "a single file is not divided", "Leave the part out."
@@ -366,10 +379,10 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
             f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix
         )
     if is_archive(path) and holds_sets(path):
-        return read_sets(path, split=split, binning=binning, asked_seconds=asked)
+        return read_sets(path, split=split, binning=binning, asked_seconds=asked_seconds)
     if is_archive(path) or event_format(path.suffix):
         return read_archive(path, split=split, binning=binning)
-    return read_arrays(path, binning, asked)
+    return read_arrays(path, binning, asked_seconds)
 
 
 @checked

@@ -49,8 +49,8 @@ class RealValues(Shown):
                 fix = "Give --steps, or repeat them along an axis of steps."
                 raise InputError(self.where, what, fix=fix)
             check_size(samples, steps, channels, self.where)
-            held = self.values.reshape(samples, 1, channels)
-            return np.broadcast_to(held, (samples, steps, channels))
+            one_step = self.values.reshape(samples, 1, channels)
+            return np.broadcast_to(one_step, (samples, steps, channels))
         if inner[1:] not in (shape, (channels,)):
             measured = f"{self.values.shape} for steps of {shape}"
             fix = "Give (samples, steps, channels), or (samples, channels)."
@@ -63,8 +63,8 @@ class RealValues(Shown):
 
 def real_values(given: ArrayLike, labels: ArrayLike | None = None) -> RealValues:
     """Return the numbers of an array (samples, ...); ``InputError`` for what is not made of numbers."""
-    held = RealValues(_numbers(np.asarray(given), "values 'array'"))
-    return _labelled(held, None if labels is None else np.asarray(labels))
+    unlabelled = RealValues(_numbers(np.asarray(given), "values 'array'"))
+    return _labelled(unlabelled, None if labels is None else np.asarray(labels))
 
 
 def read_real_values(path: Path | str) -> RealValues:
@@ -92,19 +92,21 @@ def read_real_values(path: Path | str) -> RealValues:
     values = _numbers(entries[names[0]], where)
     seconds = entries.get("step_seconds")
     step_seconds = None if seconds is None else float(seconds.reshape(-1)[0])
-    held = RealValues(values, None, step_seconds, path.name)
-    return _labelled(held, entries.get("labels", labels_beside(path, len(values))))
+    unlabelled = RealValues(values, None, step_seconds, path.name)
+    return _labelled(unlabelled, entries.get("labels", labels_beside(path, len(values))))
 
 
-def _labelled(held: RealValues, labels: AnyArray | None) -> RealValues:
+def _labelled(unlabelled: RealValues, labels: AnyArray | None) -> RealValues:
     """Return the numbers with class numbers; ``InputError`` for another count of these."""
     if labels is None:
-        return held
-    if labels.shape != held.values.shape[:1] or labels.dtype.kind not in "iu":
+        return unlabelled
+    if labels.shape != unlabelled.values.shape[:1] or labels.dtype.kind not in "iu":
         measured = f"{labels.dtype} of shape {labels.shape}"
-        fix = f"Give {counted(len(held.values), 'class number')}."
-        raise InputError(held.where, "its labels do not fit", measured=measured, fix=fix)
-    return RealValues(held.values, labels.astype(np.int64), held.step_seconds, held.source)
+        fix = f"Give {counted(len(unlabelled.values), 'class number')}."
+        raise InputError(unlabelled.where, "its labels do not fit", measured=measured, fix=fix)
+    return RealValues(
+        unlabelled.values, labels.astype(np.int64), unlabelled.step_seconds, unlabelled.source
+    )
 
 
 def _numbers(array: AnyArray, where: str) -> FloatArray:

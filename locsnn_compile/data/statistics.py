@@ -8,8 +8,8 @@ from hw_model.values import BoolArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
 
-#: Busiest channels that are named.
 BUSIEST = 5
+"""Busiest channels that are named."""
 
 
 def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None) -> dict[str, Any]:
@@ -28,57 +28,78 @@ def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None)
     samples, steps, channels = spikes.shape
     by_channel = spikes.sum(axis=(0, 1), dtype=np.int64)
     by_recording = spikes.sum(axis=(1, 2), dtype=np.int64)
-    active: BoolArray = np.any(spikes, axis=2)
-    heard = active[by_recording > 0]
-    total, width = int(by_recording.sum()), recordings.step_seconds
+    total = int(by_recording.sum())
     if sensor is None and channels % (TAXELS * POLARITIES) == 0:
         sensor = neutouch(channels // (TAXELS * POLARITIES))
-    rises = sensor is not None and sensor.polarities == POLARITIES and total > 0
-    rising = float(by_channel[::POLARITIES].sum() / total) if rises else 0.0
-    most = [
-        channel
-        for channel in np.argsort(-by_channel, kind="stable")[:BUSIEST].tolist()
-        if by_channel[channel]
-    ]
-    places = [channel_place(channel, sensor) if sensor else "" for channel in most]
-    rows = zip(most, places, by_channel[most].tolist(), strict=True)
-    busiest = [
-        {"channel": channel, "place": place, "events": count} for channel, place, count in rows
-    ]
-    labels = None if recordings.labels is None else np.unique(recordings.labels, return_counts=True)
-    found: dict[str, Any] = {
+    has_polarities = sensor is not None and sensor.polarities == POLARITIES and total > 0
+    document: dict[str, Any] = {
         "schema": "locsnn-events/1",
         "source": recordings.source,
         "recordings": samples,
         "steps": steps,
         "channels": channels,
-        "step_seconds": width,
-        "labels": None
-        if labels is None
-        else dict(zip(labels[0].tolist(), labels[1].tolist(), strict=True)),
+        "step_seconds": recordings.step_seconds,
+        "labels": _recordings_of_class(recordings),
         "events": {
             "all": total,
-            "per_recording": _spread(by_recording),
+            "per_recording": _mean_and_ends(by_recording),
             "share_of_bins": total / spikes.size,
         },
-        "rate_hz_per_channel": None
-        if width is None
-        else total / (samples * channels * steps * width),
-        "silence": {
-            "empty_recordings": int((by_recording == 0).sum()),
-            "start_steps": _spread(heard.argmax(axis=1)),
-            "end_steps": _spread(np.flip(heard, axis=1).argmax(axis=1)),
-            "share_of_steps": float(1 - active.mean()),
-        },
-        "polarity": {"rising": rising, "falling": 1 - rising} if rises else None,
-        "busiest_channels": busiest,
+        "rate_hz_per_channel": _rate_hz(recordings, total),
+        "silence": _silence(np.any(spikes, axis=2)),
+        "polarity": _polarity_shares(by_channel) if has_polarities else None,
+        "busiest_channels": _busiest(by_channel, sensor),
         "dead_channels": np.flatnonzero(by_channel == 0).tolist(),
     }
     if recordings.binned is not None:
-        found["binning"] = recordings.binned.document()
+        document["binning"] = recordings.binned.document()
     if recordings.class_names is not None:
-        found["class_names"] = list(recordings.class_names)
-    return found
+        document["class_names"] = list(recordings.class_names)
+    return document
+
+
+def _recordings_of_class(recordings: Recordings) -> dict[int, int] | None:
+    """Return the number of recordings of each class, by its number; None without labels."""
+    if recordings.labels is None:
+        return None
+    labels, counts = np.unique(recordings.labels, return_counts=True)
+    return dict(zip(labels.tolist(), counts.tolist(), strict=True))
+
+
+def _rate_hz(recordings: Recordings, events: int) -> float | None:
+    """Return the mean rate of a channel; None if the width of a bin is not known."""
+    if recordings.step_seconds is None:
+        return None
+    return events / (recordings.spikes.size * recordings.step_seconds)
+
+
+def _silence(has_event: BoolArray) -> dict[str, Any]:
+    """Return figures of steps without events, given which steps have some, (samples, steps)."""
+    is_empty = ~has_event.any(axis=1)
+    of_others = has_event[~is_empty]
+    return {
+        "empty_recordings": int(is_empty.sum()),
+        "start_steps": _mean_and_ends(of_others.argmax(axis=1)),
+        "end_steps": _mean_and_ends(np.flip(of_others, axis=1).argmax(axis=1)),
+        "share_of_steps": float(1 - has_event.mean()),
+    }
+
+
+def _polarity_shares(by_channel: IntArray) -> dict[str, float]:
+    """Return the shares of events of both polarities; the rising channel of a taxel comes first."""
+    rising = float(by_channel[::POLARITIES].sum() / by_channel.sum())
+    return {"rising": rising, "falling": 1 - rising}
+
+
+def _busiest(by_channel: IntArray, sensor: SensorLayout | None) -> list[dict[str, Any]]:
+    """Return the channels with most events, the busiest first."""
+    rows = []
+    for channel in np.argsort(-by_channel, kind="stable")[:BUSIEST].tolist():
+        events = int(by_channel[channel])
+        if events:
+            place = channel_place(channel, sensor) if sensor else ""
+            rows.append({"channel": channel, "place": place, "events": events})
+    return rows
 
 
 def channel_place(channel: int, sensor: SensorLayout) -> str:
@@ -93,14 +114,16 @@ def channel_place(channel: int, sensor: SensorLayout) -> str:
         place = f"row {taxel // sensor.columns + 1}, column {taxel % sensor.columns + 1}"
     if sensor.names is not None:
         place = sensor.names[taxel]
-    which = "fingertip" if sensor.is_neutouch else "surface"
-    finger = f"{which} {surface + 1}, " if surface else ""
-    return f"{finger}{place}" + (
-        "" if sensor.polarities == 1 else " falling" if polarity else " rising"
-    )
+    kind = "fingertip" if sensor.is_neutouch else "surface"
+    if surface:
+        place = f"{kind} {surface + 1}, {place}"
+    if sensor.polarities == 1:
+        return place
+    return f"{place} falling" if polarity else f"{place} rising"
 
 
-def _spread(values: IntArray) -> dict[str, float]:
+def _mean_and_ends(values: IntArray) -> dict[str, float]:
     """Return mean, least and most over recordings; of none, 0."""
-    values = values if len(values) else np.zeros(1, dtype=np.int64)
+    if not len(values):
+        values = np.zeros(1, dtype=np.int64)
     return {"mean": float(values.mean()), "least": int(values.min()), "most": int(values.max())}

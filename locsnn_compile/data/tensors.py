@@ -15,25 +15,39 @@ import numpy as np
 from hw_model.values import AnyArray, Frozen, sealed
 from locsnn_compile.data.plain_pickle import RefusedError, filled
 
-MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59
-"""Dimensions and values of which every version of numpy makes views."""
+MAX_DIMENSIONS = 32
+"""Most dimensions of an array in numpy 1; numpy 2 has 64."""
+MAX_VALUES = 1 << 59
+"""Most values of an array of which every version of numpy makes views."""
 FLOATS = ("torch.float16", "torch.bfloat16", "torch.float32", "torch.float64")
-_HELD = "bool uint8 uint16 uint32 uint64 int8 int16 int32 int64 float16 float32 float64 bfloat16 complex64 complex128"
-_KINDS = {
-    f"torch.{name}": np.dtype("uint16" if name == "bfloat16" else name) for name in _HELD.split()
-}
+_NAMED_AS_IN_NUMPY = (
+    "bool uint8 uint16 uint32 uint64 int8 int16 int32 int64 "
+    "float16 float32 float64 complex64 complex128"
+)
+_KINDS = {f"torch.{name}": np.dtype(name) for name in _NAMED_AS_IN_NUMPY.split()}
+_KINDS["torch.bfloat16"] = np.dtype("uint16")  # numpy has none: it is the upper half of a float32
 """The numpy type of the stored values of a dtype."""
-_CLASSES = (
-    "Double Float Half BFloat16 Bool Long Int Short Char Byte Untyped ComplexDouble ComplexFloat"
-)
-_DTYPES = (
-    "float64 float32 float16 bfloat16 bool int64 int32 int16 int8 uint8 uint8 complex128 complex64"
-)
-_QUANTISED = "QInt8 QInt32 QUInt8 QUInt4x2 QUInt2x4"
-_STORAGES = dict(
-    zip(f"{_CLASSES} {_QUANTISED}".split(), f"{_DTYPES} {_QUANTISED.lower()}".split(), strict=True)
-)
-"""What the class of a storage says of its values: ``torch.FloatStorage`` holds float32."""
+_STORAGES = {
+    "Double": "float64",
+    "Float": "float32",
+    "Half": "float16",
+    "BFloat16": "bfloat16",
+    "Bool": "bool",
+    "Long": "int64",
+    "Int": "int32",
+    "Short": "int16",
+    "Char": "int8",
+    "Byte": "uint8",
+    "Untyped": "uint8",
+    "ComplexDouble": "complex128",
+    "ComplexFloat": "complex64",
+    "QInt8": "qint8",
+    "QInt32": "qint32",
+    "QUInt8": "quint8",
+    "QUInt4x2": "quint4x2",
+    "QUInt2x4": "quint2x4",
+}
+"""What the class of a storage says of its values: ``torch.FloatStorage`` holds float32. Q is for quantised."""
 _STORAGE = re.compile(r"torch\.(?:cuda\.|storage\.)?(\w+)Storage")
 _VALUE = re.compile(r"torch\.(Tensor|(q?u?int|b?float|bool|bits|complex|per_)\w*)")
 
@@ -46,7 +60,11 @@ class Name(Frozen):
 
 def width_of(dtype: str) -> int:
     """Return the bytes of a value as it is stored."""
-    return 4 if dtype == "torch.qint32" else _KINDS[dtype].itemsize if dtype in _KINDS else 1
+    if dtype == "torch.qint32":
+        return 4
+    if dtype in _KINDS:
+        return _KINDS[dtype].itemsize
+    return 1  # all other quantised ones
 
 
 @dataclass(eq=False)
@@ -57,23 +75,28 @@ class Storage:
     count: int
     data: bytes | memoryview | None = field(default=None, repr=False)
     order: Literal["<", ">"] = "<"
-    _made: dict[object, AnyArray] = field(default_factory=dict, repr=False)
+    _read: dict[object, AnyArray] = field(default_factory=dict, repr=False)
+    """What :meth:`values` returned, by its arguments."""
 
     def values(self, dtype: str, bits: tuple[str, ...]) -> AnyArray:
         """Return all values as one dtype, read once. ``bits`` has conj if they are conjugated, neg if negated."""
-        if (dtype, bits) not in self._made:
-            kind = _KINDS[dtype]
-            found = np.ndarray(
-                (self.size // kind.itemsize,), kind.newbyteorder(self.order), self.data
-            )
-            found = found.astype(kind, copy=False)
-            if dtype == "torch.bfloat16":
-                found = (found.astype(np.uint32) << 16).view(np.float32)
-            elif dtype == "torch.bool":
-                found = found.view(np.uint8) != 0
-            found = np.conjugate(found) if "conj" in bits else found
-            self._made[dtype, bits] = sealed(np.negative(found) if "neg" in bits else found)
-        return self._made[dtype, bits]
+        if (dtype, bits) in self._read:
+            return self._read[dtype, bits]
+        kind = _KINDS[dtype]
+        count = self.size // kind.itemsize
+        values = np.ndarray((count,), kind.newbyteorder(self.order), self.data)
+        values = values.astype(kind, copy=False)
+        if dtype == "torch.bfloat16":
+            values = (values.astype(np.uint32) << 16).view(np.float32)
+        elif dtype == "torch.bool":
+            # A byte of a damaged file may be neither 0 nor 1, which a bool of numpy must be.
+            values = values.view(np.uint8) != 0
+        if "conj" in bits:
+            values = np.conjugate(values)
+        if "neg" in bits:
+            values = np.negative(values)
+        self._read[dtype, bits] = sealed(values)
+        return self._read[dtype, bits]
 
 
 class Tensor(Frozen, eq=False):
@@ -106,9 +129,15 @@ class Tensor(Frozen, eq=False):
         values = self.storage.values(self.dtype, self.bits)
         if 0 in self.shape:
             return values[:0].reshape(self.shape)
-        width, first = values.itemsize, self.start // width_of(self.dtype)
+        # As read, values may be wider than as stored: bfloat16 is. So bytes are counted anew.
+        first_value = self.start // width_of(self.dtype)
+        width = values.itemsize
         return np.ndarray(
-            self.shape, values.dtype, values, first * width, [step * width for step in self.strides]
+            self.shape,
+            values.dtype,
+            buffer=values,
+            offset=first_value * width,
+            strides=[step * width for step in self.strides],
         )
 
 
@@ -120,30 +149,37 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
     if whole.storage is None or type(offset) is not int or offset < 0 or len(size) != len(strides):
         raise ValueError("no part of a storage")
     (dtype,) = [part.text for part in more if isinstance(part, Name)] or [whole.dtype]
-    size, strides, width = _sizes(size), _sizes(strides), width_of(dtype)
+    shape = _sizes(size)
+    strides = _sizes(strides)
     if dtype not in _KINDS:
-        return Tensor(dtype, size)
-    steps = tuple(step if n > 1 else 0 for n, step in zip(size, strides, strict=True))
-    # An empty slice may begin anywhere, even behind the end.
-    start = whole.start + offset * width if 0 not in size else 0
-    last = sum((n - 1) * step for n, step in zip(size, steps, strict=True)) if 0 not in size else -1
-    if (
-        start + (last + 1) * width > whole.storage.size
-        or start % width
-        or math.prod(size) > MAX_VALUES
-    ):
+        return Tensor(dtype, shape)
+    # The stride of an axis with one entry is never taken, and may be anything in a file.
+    steps = tuple(step if n > 1 else 0 for n, step in zip(shape, strides, strict=True))
+    width = width_of(dtype)
+    start = whole.start + offset * width
+    last_value = sum((n - 1) * step for n, step in zip(shape, steps, strict=True))
+    is_empty = 0 in shape
+    if is_empty:
+        # An empty slice may begin anywhere, even behind the end.
+        start = 0
+        last_value = -1
+    is_beyond = start + (last_value + 1) * width > whole.storage.size
+    if is_beyond or start % width or math.prod(shape) > MAX_VALUES:
         raise ValueError("a tensor that is not within its storage")
-    bits = more[-1] if more and isinstance(more[-1], dict) else {}
-    held = tuple(bit for bit in ("conj", "neg") if bits.get(bit))
-    return Tensor(dtype, size, storage=whole.storage, start=start, strides=steps, bits=held)
+    flags = more[-1] if more and isinstance(more[-1], dict) else {}
+    bits = tuple(bit for bit in ("conj", "neg") if flags.get(bit))
+    return Tensor(dtype, shape, storage=whole.storage, start=start, strides=steps, bits=bits)
 
 
-def _sizes(held: Any) -> tuple[int, ...]:
-    if len(held) > MAX_DIMENSIONS or any(
-        type(n) is not int or not 0 <= n < MAX_VALUES for n in held
-    ):
+def _sizes(numbers: Any) -> tuple[int, ...]:
+    """Return the entries of a shape or of strides; ``ValueError`` for what no array has."""
+    if len(numbers) > MAX_DIMENSIONS or not all(_is_size(n) for n in numbers):
         raise ValueError("no sizes")
-    return tuple(held)
+    return tuple(numbers)
+
+
+def _is_size(n: object) -> bool:
+    return type(n) is int and 0 <= n < MAX_VALUES
 
 
 def named(name: str) -> object:
@@ -171,8 +207,9 @@ def _word(text: str, *index: int) -> Name:
     return Name(":".join((text, *map("{:d}".format, index))))
 
 
-def _dict(held: Any = ()) -> dict[Any, Any]:
-    return filled(held.items() if isinstance(held, dict) else held, {})
+def _dict(entries: Any = ()) -> dict[Any, Any]:
+    """Return a dict of another dict's entries, or of pairs."""
+    return filled(entries.items() if isinstance(entries, dict) else entries, {})
 
 
 _FUNCTIONS: dict[str, Callable[..., object]] = {

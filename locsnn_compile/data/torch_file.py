@@ -49,17 +49,24 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
 
 
 def _storage(
-    given: Any, held: dict[str, Storage], found: Callable[[str, int, int], Storage]
+    persistent_id: Any,
+    storages: dict[str, Storage],
+    read_storage: Callable[[str, int, int], Storage],
 ) -> Tensor:
-    """Return the tensor that stands for a storage, given its persistent id; ``held`` keeps storages by their keys."""
-    if type(given) is not tuple or given[0] != "storage":
+    """Return the tensor that stands for a storage.
+
+    ``storages`` keeps those that were read by their keys; ``read_storage`` reads one of a key, a number of values,
+    and the bytes of each.
+    """
+    if type(persistent_id) is not tuple or persistent_id[0] != "storage":
         raise RefusedError("a module")
-    _, dtype, key, _, count, *views = given[:6]
+    # ("storage", type, key, device, number of values, and in old files a view)
+    _, dtype, key, _, count, *views = persistent_id[:6]
     if type(key) is not str or type(count) is not int:
         raise ValueError("no storage")
-    if key not in held:
-        held[key] = found(key, count, width_of(dtype.text))
-    whole = Tensor(dtype.text, (), storage=held[key])
+    if key not in storages:
+        storages[key] = read_storage(key, count, width_of(dtype.text))
+    whole = Tensor(dtype.text, (), storage=storages[key])
     # Before torch 1.0, a storage could be a part of another.
     _, offset, size = views[0] if views and views[0] is not None else (key, 0, count)
     return rebuilt(whole, offset, (size,), (1,))
@@ -85,14 +92,16 @@ def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
         ">" if f"{inside}/byteorder" in names and read("byteorder") == b"big" else "<"
     )
 
-    def found(key: str, count: int, width: int) -> Storage:
+    def read_storage(key: str, count: int, width: int) -> Storage:
         content = read(f"data/{key}")
         return Storage(len(content), count, content, order)
 
-    held: dict[str, Storage] = {}
-    return read_pickle(
-        io.BytesIO(read("data.pkl")), named, lambda given: _storage(given, held, found), budget
-    )
+    storages: dict[str, Storage] = {}
+
+    def stored(persistent_id: object) -> Tensor:
+        return _storage(persistent_id, storages, read_storage)
+
+    return read_pickle(io.BytesIO(read("data.pkl")), named, stored, budget)
 
 
 def _from_stream(data: bytes, budget: Budget) -> object:
@@ -104,17 +113,19 @@ def _from_stream(data: bytes, budget: Budget) -> object:
         raise ValueError("another magic number")
     stream = io.BytesIO(data)
     stream.seek(2 + len(_MAGIC))
-    held: dict[str, Storage] = {}
+    storages: dict[str, Storage] = {}
 
-    def stored(given: object) -> Tensor:
-        return _storage(given, held, lambda key, count, width: Storage(count * width, count))
+    def stored(persistent_id: object) -> Tensor:
+        return _storage(
+            persistent_id, storages, lambda key, count, width: Storage(count * width, count)
+        )
 
     version, _, value, keys = (read_pickle(stream, named, stored, budget) for _ in range(4))
-    if version != _PROTOCOL or not isinstance(keys, list) or set(keys) != set(held):
+    if version != _PROTOCOL or not isinstance(keys, list) or set(keys) != set(storages):
         raise ValueError("another version, or storages that are missing")
     rest = memoryview(data)[stream.tell() :]
     for key in keys:
-        storage = held[key]
+        storage = storages[key]
         storage.data, after = rest[8 : 8 + storage.size], rest[8 + storage.size :]
         if struct.unpack_from("<q", rest) != (storage.count,) or len(storage.data) < storage.size:
             raise ValueError("a storage that is cut short")

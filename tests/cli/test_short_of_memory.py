@@ -194,13 +194,15 @@ def test_a_file_is_not_damaged_where_the_inherited_time_ends(own, inherited, ans
             pass
 
     monkeypatch.setattr(probe, "CPU_SECONDS", own)
-    monkeypatch.setattr(probe, "_bounds", lambda kind: inherited * (kind == resource.RLIMIT_CPU))
+    monkeypatch.setattr(
+        probe, "inherited_limits", lambda kind: inherited * (kind == resource.RLIMIT_CPU)
+    )
     monkeypatch.setattr(h5py, "File", busy)
     assert bytes([probe.outcome(b"")]) == answer
 
     prober = SimpleNamespace(send_bytes=lambda data: None, recv_bytes=lambda: answer)
-    monkeypatch.setattr(read, "_prober", lambda owner: prober)
-    monkeypatch.setattr(read, "_answers", {})
+    monkeypatch.setattr(read, "start_prober", lambda owner: prober)
+    monkeypatch.setattr(read, "answers", {})
     monkeypatch.setattr(read, "processor_seconds", lambda: 2)
     if inherited:
         with pytest.raises(InputError) as caught:

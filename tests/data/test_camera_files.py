@@ -72,6 +72,7 @@ def test_events_before_the_first_time_are_counted_as_dropped(tmp_path: Path) -> 
 
 
 def evt3(*words: int, header: bytes = b"% evt 3.0\n% end\n") -> bytes:
+    """A file of EVT3 words of 16 bits, the low byte first, behind a header."""
     return header + np.array(words, dtype="<u2").tobytes()
 
 

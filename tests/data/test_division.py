@@ -29,11 +29,14 @@ def write_single(folder: Path, name: str = "set.npz") -> Path:
     """Write 16 recordings that tell themselves apart: number k has its only event in channel k."""
     spikes = np.zeros((16, 40, 78), dtype=np.uint8)
     spikes[np.arange(16), 3, np.arange(16)] = 1
-    write_recordings(folder / name, Recordings(spikes, np.array(LABELS), 0.02, name))
+    write_recordings(
+        folder / name, Recordings(spikes, np.array(LABELS), step_seconds=0.02, source=name)
+    )
     return folder / name
 
 
 def numbers(found: Recordings) -> list[int]:
+    """The number of the one channel on which each recording has events."""
     return [int(one.any(axis=0).argmax()) for one in found.spikes]
 
 
@@ -67,7 +70,7 @@ def test_rounds_take_turns(tmp_path: Path) -> None:
 def test_no_round_tests_again(share: float, rounds: int) -> None:
     for many in range(2, 40):
         parts = [
-            stratified_split(np.zeros(many, dtype=np.int64), share, 0, fold)
+            stratified_split(np.zeros(many, dtype=np.int64), share, seed=0, fold=fold)
             for fold in range(1, rounds + 1)
         ]
         sizes, tested = (
@@ -122,7 +125,10 @@ def divided(folder: Path) -> Path:
 
 
 def unlabelled(folder: Path) -> Path:
-    write_recordings(folder / "set.npz", Recordings(np.ones((2, 3, 78)), None, 0.02, "set.npz"))
+    write_recordings(
+        folder / "set.npz",
+        Recordings(np.ones((2, 3, 78)), labels=None, step_seconds=0.02, source="set.npz"),
+    )
     return folder / "set.npz"
 
 
@@ -135,6 +141,8 @@ FIX = "Write the number of a recording and its class on every line."
 
 
 def rows(text: str) -> Callable[[Path], Path]:
+    """Return what writes preprocessed recordings whose test rows of round 1 are this text."""
+
     def write(folder: Path) -> Path:
         write_preprocessed(folder)
         (folder / "test_80_20_1.txt").write_text(text)
@@ -209,7 +217,10 @@ def test_what_cannot_be_divided(
 @settings(max_examples=60, deadline=None)
 def test_any_rows_are_read_or_refused(text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("rounds")
-    write_recordings(folder / "tact.pt", Recordings(np.ones((3, 4, 156)), None, None, "tact.pt"))
+    write_recordings(
+        folder / "tact.pt",
+        Recordings(np.ones((3, 4, 156)), labels=None, step_seconds=None, source="tact.pt"),
+    )
     (folder / "train_80_20_1.txt").write_text("2 0\n")
     (folder / "test_80_20_1.txt").write_text(text)
     with contextlib.suppress(InputError):

@@ -21,7 +21,7 @@ from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 
-SENSOR = SensorLayout("34x34", 34 * 34, 2, columns=34)
+SENSOR = SensorLayout("34x34", 34 * 34, polarities=2, columns=34)
 EVENTS = [(0, 5, 7, 1), (20_000, 33, 33, 0), (59_999, 0, 0, 1)]
 """Microseconds, x, y and polarity."""
 PLACES = [(0, 2 * (34 * 7 + 5) + 1), (1, 2 * (34 * 33 + 33)), (2, 1)]
@@ -81,7 +81,9 @@ def test_a_bin_file_that_ends_within_an_event(tmp_path: Path) -> None:
 def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(packed(EVENTS))
     with pytest.raises(InputError) as caught:
-        read_recordings(tmp_path / "a.bin", sensor=SensorLayout("16x16", 256, 2, columns=16))
+        read_recordings(
+            tmp_path / "a.bin", sensor=SensorLayout("16x16", taxels=256, polarities=2, columns=16)
+        )
     assert (
         str(caught.value)
         == "file 'a.bin': an event lies outside the grid (x 33 against 16 columns). Give more columns."
@@ -286,5 +288,7 @@ def test_the_columns_of_a_grid_do_not_bound_taxels_that_are_counted_without_rows
         path.write_bytes(b"".join((x << 24 | p << 23 | t).to_bytes(5, "big") for t, x, p in FLAT))
     else:
         np.save(path, np.array(FLAT, dtype=[("t", int), ("x", int), ("p", int)]))
-    found = read_recordings(path, sensor=SensorLayout("grid", 80, 2, columns=columns)).spikes
+    found = read_recordings(
+        path, sensor=SensorLayout("grid", taxels=80, polarities=2, columns=columns)
+    ).spikes
     assert (found.shape, places(found[0])) == ((1, 3, 160), [(0, 159), (1, 6), (2, 81)])

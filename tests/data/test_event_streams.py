@@ -26,6 +26,7 @@ def bs1(*events: tuple[int, int, int]) -> bytes:
 
 
 def bs2(*events: tuple[int, int, int, int]) -> bytes:
+    """Events (x, y, polarity, microseconds) in the five bytes of N-MNIST's ``.bs2``, the highest first."""
     return b"".join((x << 32 | y << 24 | p << 23 | t).to_bytes(5, "big") for x, y, p, t in events)
 
 
@@ -110,6 +111,7 @@ def test_slayer_steps_are_those_that_its_own_formula_gives(tmp_path: Path, secon
 
 
 def structured(rows: list[tuple[float, ...]], dtype: Any = TXYP) -> np.ndarray:
+    """A structured array of these rows, by default of the fields t, x, y and p."""
     return np.array(rows, dtype=dtype)
 
 
@@ -171,6 +173,8 @@ def test_a_part_without_labels(tmp_path: Path) -> None:
 
 
 def put(name: str, data: bytes) -> Callable[[Path], Path]:
+    """Return what writes these bytes into a folder, and returns the file."""
+
     def make(folder: Path) -> Path:
         (folder / name).write_bytes(data)
         return folder / name
@@ -179,6 +183,7 @@ def put(name: str, data: bytes) -> Callable[[Path], Path]:
 
 
 def put_npy(array: np.ndarray) -> Callable[[Path], Path]:
+    """Return what writes an array as ``a.npy`` into a folder, and returns the file."""
     content = io.BytesIO()
     np.save(content, array)
     return put("a.npy", content.getvalue())

@@ -43,7 +43,9 @@ def test_folders_of_csv_files_have_the_labels_of_their_names(tmp_path: Path) -> 
 def test_csv_files_next_to_other_recordings_are_about_these(name: str, tmp_path: Path) -> None:
     spikes = np.zeros((1, 2, 3), dtype=np.uint8)
     spikes[0, 1, 2] = 1
-    write_recordings(tmp_path / name, Recordings(spikes, None, 0.02, "made"))
+    write_recordings(
+        tmp_path / name, Recordings(spikes, labels=None, step_seconds=0.02, source="made")
+    )
     (tmp_path / "labels.csv").write_text("t,x,p\n5,0,1\n")
     assert read_recordings(tmp_path, step_seconds=0.02, channels=3).spikes.sum() == 1
 

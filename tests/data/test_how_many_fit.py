@@ -12,13 +12,20 @@ from locsnn_compile.errors import InputError
 
 def test_as_many_as_fit_are_taken(monkeypatch):
     monkeypatch.setattr(recordings, "MAX_ELEMENTS", 3 * 4 * 5)
-    assert len(Recordings(np.zeros((3, 4, 5), np.uint8), None, None, "three")) == 3
+    assert (
+        len(
+            Recordings(
+                np.zeros((3, 4, 5), np.uint8), labels=None, step_seconds=None, source="three"
+            )
+        )
+        == 3
+    )
 
 
 def test_more_are_refused_with_the_number_that_fits(monkeypatch):
     monkeypatch.setattr(recordings, "MAX_ELEMENTS", 3 * 4 * 5)
     with pytest.raises(InputError) as refused:
-        Recordings(np.zeros((4, 4, 5), np.uint8), None, None, "four")
+        Recordings(np.zeros((4, 4, 5), np.uint8), labels=None, step_seconds=None, source="four")
     assert str(refused.value) == (
         "recordings 'four': its recordings of 4 x 4 x 5 are too large (80 values against 60). Give at "
         "most 3 at a time and average the figures of the parts, or give wider bins."

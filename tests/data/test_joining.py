@@ -20,7 +20,7 @@ FLAT = Expected("model 'm'", channels=32)
 def numbered(channels: Channels | None, count: int) -> Recordings:
     """One recording in which channel i, and no other, spikes in step i."""
     spikes = np.eye(count, dtype=np.uint8)[np.newaxis]
-    return Recordings(spikes, None, 0.001, "r", channels=channels)
+    return Recordings(spikes, labels=None, step_seconds=0.001, source="r", channels=channels)
 
 
 def inputs_of(recordings: Recordings, model: Expected) -> list[int]:
@@ -220,7 +220,11 @@ def test_merged_polarities_are_one_channel_of_each_pixel() -> None:
     rng = np.random.default_rng(0)
     images = (rng.random((2, 5, 2, 3, 4)) < 0.3).astype(np.uint8)
     recordings = Recordings(
-        images.reshape(2, 5, 24), None, 0.001, "r", channels=Channels(4, 3, 2, "pyx")
+        images.reshape(2, 5, 24),
+        labels=None,
+        step_seconds=0.001,
+        source="r",
+        channels=Channels(4, 3, 2, "pyx"),
     )
     found = merged(recordings)
     assert np.array_equal(found.spikes, images.max(axis=2).reshape(2, 5, 12))

@@ -33,18 +33,19 @@ def grid_layout(text: str, polarities: int) -> SensorLayout:
 
 
 GRID = grid_layout("4x3", 2)
-NOWHERE = SensorLayout("8 channels", 8)
+NOWHERE = SensorLayout("8 channels", taxels=8)
 GLOVE = SensorLayout(
     "glove",
-    3,
-    1,
-    2,
+    taxels=3,
+    polarities=1,
+    surfaces=2,
     positions=((0.0, 0.0), (2.0, 0.0), (0.0, 1.0)),
     names=("thumb", "index", "palm"),
 )
 
 
 def refused(call: object, *args: object, **options: object) -> str:
+    """The message with which a call is refused."""
     with pytest.raises(InputError) as caught:
         call(*args, **options)  # type: ignore[operator]
     return str(caught.value)
@@ -67,7 +68,7 @@ def test_options_name_a_sensor(options: tuple, channels: int, name: str) -> None
 
 
 def test_no_option_names_no_sensor() -> None:
-    assert asked_layout(None, None, None, None) is None
+    assert asked_layout(grid=None, polarities=None, channels=None, layout=None) is None
 
 
 @pytest.mark.parametrize(
@@ -111,7 +112,7 @@ def test_a_file_says_positions_and_names(tmp_path: Path) -> None:
         "surfaces: 2\npositions: [[0, 0], [2, 0], [0, 1]]\nnames: [thumb, index, palm]\n"
     )
     assert read_layout(path) == GLOVE
-    assert asked_layout(None, 2, None, str(path)).channels == 12  # type: ignore[union-attr]
+    assert asked_layout(grid=None, polarities=2, channels=None, layout=str(path)).channels == 12  # type: ignore[union-attr]
 
 
 def test_a_layout_comes_back_from_its_plain_values() -> None:
@@ -321,7 +322,7 @@ def test_a_channel_is_called_by_its_place(channel: int, layout: SensorLayout, pl
 
 
 @pytest.mark.parametrize(
-    "layout", [GRID, NOWHERE, GLOVE, SensorLayout("one", 1)], ids=lambda layout: layout.name
+    "layout", [GRID, NOWHERE, GLOVE, SensorLayout("one", taxels=1)], ids=lambda layout: layout.name
 )
 def test_synthetic_touches_of_any_sensor(layout: SensorLayout) -> None:
     found = synthetic_touches(4, steps=60, classes=2, sensor=layout)

@@ -20,12 +20,14 @@ ONE = [RNG.integers(0, 2, size=(39, 2, 12)).astype(np.float32) for _ in range(12
 
 
 def npy(array: np.ndarray) -> bytes:
+    """The bytes of an array as a ``.npy`` file."""
     stream = io.BytesIO()
     np.save(stream, array)
     return stream.getvalue()
 
 
 def archive(path: Path, members: dict[str, bytes]) -> Path:
+    """Write a ``.zip`` of these members."""
     with zipfile.ZipFile(path, "w") as packed:
         for name, data in members.items():
             packed.writestr(name, data)
@@ -74,6 +76,7 @@ def test_an_archive_that_is_not_divided(tmp_path: Path) -> None:
 
 
 def members(**values: bytes) -> Callable[[Path], object]:
+    """Return what writes an archive of recordings of class 0 in the test part, one for each value."""
     return lambda path: archive(
         path, {f"test/sample_{name[1:]}_label_0.npy": data for name, data in values.items()}
     )

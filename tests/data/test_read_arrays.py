@@ -112,8 +112,12 @@ def test_a_bin_width_in_single_precision_is_that_of_its_model(tmp_path: Path, wi
 @pytest.mark.parametrize(
     "recordings",
     [
-        pytest.param(Recordings(STEPS, LABELS, 0.02, "x.npz"), id="all entries"),
-        pytest.param(Recordings(STEPS, None, None, "x.npz"), id="spikes alone"),
+        pytest.param(
+            Recordings(STEPS, LABELS, step_seconds=0.02, source="x.npz"), id="all entries"
+        ),
+        pytest.param(
+            Recordings(STEPS, labels=None, step_seconds=None, source="x.npz"), id="spikes alone"
+        ),
     ],
 )
 def test_written_recordings_come_back_and_are_the_same_bytes(
@@ -137,7 +141,10 @@ def test_written_recordings_come_back_and_are_the_same_bytes(
 
 def test_writing_into_no_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        write_recordings(tmp_path / "none" / "x.npz", Recordings(STEPS, None, None, "x"))
+        write_recordings(
+            tmp_path / "none" / "x.npz",
+            Recordings(STEPS, labels=None, step_seconds=None, source="x"),
+        )
     assert str(caught.value) == ("file 'x.npz': its folder does not exist. Make the folder first.")
 
 
@@ -159,6 +166,7 @@ def twice(*names):
 
 
 def npz(**entries: Any) -> Callable[[Path], object]:
+    """Return what writes a ``.npz`` of these entries."""
     return lambda path: np.savez(path, **entries)
 
 

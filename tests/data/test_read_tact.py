@@ -13,10 +13,13 @@ from locsnn_compile.errors import InputError
 
 
 def write(path: Path, events: list[tuple[int, int, float]]) -> Path:
+    """Write events (polarity, cell, seconds) as lines of a ``.tact`` file."""
     path.write_text("".join(f"{p} {c} {t}\n" for p, c, t in events))
     return path
 
 
+# A fingertip has 39 taxels of 2 polarities: 78 channels, the rising one of a taxel first. Cells are counted from 1 over both
+# fingertips, and cells 17 and 49 do not exist, so channel 2 * (cell - 1) loses 2 behind each of these gaps.
 @pytest.mark.parametrize(
     ("cell", "polarity", "channel"),
     [
@@ -98,6 +101,7 @@ def test_startend_selects_the_grasp(tmp_path: Path, text: str) -> None:
     path = write(tmp_path / "a.tact", events)
     (tmp_path / "a.startend").write_text(text)
     spikes = read_recordings(path).spikes[0]
+    # A grasp is read for 6.5 s from its start, in bins of 20 ms.
     assert spikes.shape == (325, 156)
     assert [tuple(map(int, where)) for where in np.argwhere(spikes)] == [(0, 4), (324, 5)]
 

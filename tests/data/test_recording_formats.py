@@ -50,7 +50,9 @@ def test_folders_of_the_format_are_read_with_their_labels(tmp_path):
 
 def test_recordings_are_written_in_the_format_and_read_back(tmp_path):
     spikes = np.array([[[1, 0, 0], [0, 0, 1], [0, 1, 1]]], dtype=np.uint8)
-    write_recordings(tmp_path / "a.lines", Recordings(spikes, None, 0.02, "made"))
+    write_recordings(
+        tmp_path / "a.lines", Recordings(spikes, labels=None, step_seconds=0.02, source="made")
+    )
     assert read_recordings(tmp_path / "a.lines", step_seconds=0.02).spikes.tolist() == (
         spikes.tolist()
     )

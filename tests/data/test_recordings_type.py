@@ -13,7 +13,9 @@ from locsnn_compile.errors import InputError
 
 def test_arrays_are_copied_and_read_only() -> None:
     given = np.zeros((2, 3, 4))
-    recordings = Recordings(given, np.array([0, 1], dtype=np.int32), 0.02, "x.npy")
+    recordings = Recordings(
+        given, np.array([0, 1], dtype=np.int32), step_seconds=0.02, source="x.npy"
+    )
     given[0, 0, 0] = 1
     assert recordings.spikes.sum() == 0
     assert (recordings.spikes.dtype, recordings.spikes.flags.writeable) == (
@@ -30,7 +32,7 @@ def test_arrays_are_copied_and_read_only() -> None:
 
 def test_subset_takes_rows_in_order() -> None:
     spikes = (np.arange(5)[:, None, None] % 2) * np.ones((5, 2, 2))
-    part = Recordings(spikes, np.arange(5), 0.5, "x.npy").subset([3, 0])
+    part = Recordings(spikes, np.arange(5), step_seconds=0.5, source="x.npy").subset([3, 0])
     assert part.labels is not None
     assert part.labels.tolist() == [3, 0]
     assert part.spikes[:, 0, 0].tolist() == [1, 0]
@@ -38,6 +40,7 @@ def test_subset_takes_rows_in_order() -> None:
 
 
 def one(value: float) -> np.ndarray:
+    """Two recordings of 3 steps and 4 channels, all 0 but for the last bin of the last."""
     spikes = np.zeros((2, 3, 4))
     spikes[1, 2, 3] = value
     return spikes

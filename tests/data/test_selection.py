@@ -34,6 +34,7 @@ def by_taxel(spikes: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file of the touches, with two classes in turn."""
     path = tmp_path_factory.mktemp("data") / "touches.npz"
     np.savez(path, spikes=touches(), labels=np.arange(8) % 2)
     return path
@@ -90,7 +91,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 def test_channels_are_picked_and_merged(data, options, expected):
-    sensor = asked_layout(f"{TAXELS}x1", None, None, None)
+    sensor = asked_layout(f"{TAXELS}x1", polarities=None, channels=None, layout=None)
 
     found = read_recordings(data, sensor=sensor, **options)
 
@@ -102,7 +103,9 @@ def test_channels_are_picked_and_merged(data, options, expected):
 
 def test_merged_taxels_lie_in_the_middle_of_theirs_and_picked_ones_keep_their_names():
     corners = ((0.0, 0.0), (2.0, 0.0), (0.0, 4.0), (2.0, 6.0))
-    layout = SensorLayout("pad", 4, 2, positions=corners, names=("a", "b", "c", "d"))
+    layout = SensorLayout(
+        "pad", taxels=4, polarities=2, positions=corners, names=("a", "b", "c", "d")
+    )
 
     halves = selected_layout(layout, ChannelSelection(merge_polarities=True, merge_channels=2))
     two = selected_layout(layout, ChannelSelection(only_taxels="2,4"))
@@ -115,7 +118,7 @@ def test_merged_taxels_lie_in_the_middle_of_theirs_and_picked_ones_keep_their_na
     assert two.polarities == 2
 
 
-SENSOR = {"sensor": SensorLayout("grid 10x1", TAXELS, 2, columns=TAXELS)}
+SENSOR = {"sensor": SensorLayout("grid 10x1", TAXELS, polarities=2, columns=TAXELS)}
 
 
 @pytest.mark.parametrize(
@@ -145,7 +148,7 @@ SENSOR = {"sensor": SensorLayout("grid 10x1", TAXELS, 2, columns=TAXELS)}
             id="a polarity, merged",
         ),
         pytest.param(
-            {"only_polarity": 0, "sensor": SensorLayout("channels", 20)},
+            {"only_polarity": 0, "sensor": SensorLayout("channels", taxels=20)},
             "only_polarity: the sensor has one polarity, so none can be picked. Leave it out, or add "
             "--polarities 2.",
             id="of one polarity",

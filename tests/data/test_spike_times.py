@@ -24,6 +24,7 @@ def heidelberg(
     kinds: tuple[str, str] = ("<f2", "<u2"),
     **more: object,
 ) -> Path:
+    """Write spike times (seconds) and units, a row per recording, as the Heidelberg data sets have them."""
     with h5py.File(path, "w") as file:
         for name, rows, kind in (("times", times, kinds[0]), ("units", units, kinds[1])):
             held = file.create_dataset(
@@ -59,7 +60,7 @@ def test_any_order_of_bytes(tmp_path: Path, kinds: tuple[str, str]) -> None:
 
 @pytest.mark.parametrize(("grid", "polarities"), [("35x10", 2), ("35x20", 1)])
 def test_units_are_channels_of_a_grid(tmp_path: Path, grid: str, polarities: int) -> None:
-    sensor = asked_layout(grid, polarities, None, None)
+    sensor = asked_layout(grid, polarities, channels=None, layout=None)
     found = read_recordings(heidelberg(tmp_path / "shd.h5"), step_seconds=0.01, sensor=sensor)
     assert np.argwhere(found.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
 

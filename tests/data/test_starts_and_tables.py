@@ -27,6 +27,7 @@ PLACES = [(0, 4), (1, 1), (2, 2)]
 
 
 def fields(offset: int) -> np.ndarray:
+    """The events as a structured array, put off by so many ticks."""
     return np.array([(t + offset, x, p) for t, x, p in EVENTS], dtype=TXP)
 
 
@@ -35,6 +36,7 @@ def slayer(offset: int) -> bytes:
 
 
 def places(recordings: Recordings, index: int = 0) -> list[tuple[int, int]]:
+    """The (step, channel) of every event of a recording."""
     return [(int(step), int(channel)) for step, channel in np.argwhere(recordings.spikes[index])]
 
 
@@ -131,7 +133,7 @@ def test_silence_at_the_start_comes_back_from_events_by_the_option_that_is_print
     monkeypatch.chdir(tmp_path)
     spikes = np.zeros((1, 4, 6), dtype=np.uint8)
     spikes[0, 2:, [1, 5]] = 1
-    recordings = Recordings(spikes, None, 0.02, "late")
+    recordings = Recordings(spikes, labels=None, step_seconds=0.02, source="late")
     assert write_recordings(Path("a.npy"), recordings, structured=True).options == {"start": 0}
     assert np.array_equal(read_recordings("a.npy", start=0).spikes, spikes)
     assert np.array_equal(read_recordings("a.npy").spikes, spikes[:, 2:])

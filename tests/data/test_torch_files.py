@@ -64,6 +64,7 @@ def assert_same(found, wanted):
 
 
 def assert_read_as_torch_does(data):
+    """Our reader makes of these bytes what torch makes of them."""
     wanted = torch.load(io.BytesIO(data), weights_only=True, map_location="cpu")
     assert_same(read(data), wanted)
 

@@ -32,7 +32,7 @@ def sparse(
 def rising_only() -> Recordings:
     spikes = sparse(78).spikes.copy()
     spikes[:, :, 1::2] = 0
-    return Recordings(spikes, None, 0.02, "rising")
+    return Recordings(spikes, labels=None, step_seconds=0.02, source="rising")
 
 
 def no_last_column() -> Recordings:
@@ -40,7 +40,7 @@ def no_last_column() -> Recordings:
     spikes[:, :, [76, 77]] = 0
     spikes[:, :, 154] = spikes[:, :, 155] = 0
     spikes[0, -1, 153] = 1
-    return Recordings(spikes, BOTH.labels, 0.02, "a column")
+    return Recordings(spikes, BOTH.labels, step_seconds=0.02, source="a column")
 
 
 def same(found: Recordings, wanted: Recordings) -> None:
@@ -74,7 +74,10 @@ def test_sizes_that_suggest_another_order_come_back(
 ) -> None:
     """Sizes of NeuTouch on another axis, as 39 recordings of two channels, which read as one of 39 taxels."""
     recordings = Recordings(
-        (np.random.default_rng(1).random(shape) < 0.2).astype(np.uint8), None, None, "a"
+        (np.random.default_rng(1).random(shape) < 0.2).astype(np.uint8),
+        labels=None,
+        step_seconds=None,
+        source="a",
     )
     left = write_recordings(tmp_path / name, recordings)
     assert left.options in ({}, {"channels": shape[2]})
@@ -175,7 +178,10 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.zip"
         left = write_recordings(
-            path, Recordings(spikes, None, 0.02, "grid"), members=kind, sensor=sensor
+            path,
+            Recordings(spikes, labels=None, step_seconds=0.02, source="grid"),
+            members=kind,
+            sensor=sensor,
         ).options
         without = read_recordings(path, **left)  # type: ignore[arg-type]
         assert np.array_equal(without.spikes, spikes)
@@ -205,8 +211,8 @@ def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
     spikes = np.zeros((1, 3, 40), dtype=np.uint8)
     spikes[0, 1, 2 * (4 * 3 + 1) + 1] = 1  # row 3, column 1, polarity 1
     recordings, sensor = (
-        Recordings(spikes, None, 0.02, "grid"),
-        SensorLayout("grid 4x5", 20, 2, columns=4),
+        Recordings(spikes, labels=None, step_seconds=0.02, source="grid"),
+        SensorLayout("grid 4x5", taxels=20, polarities=2, columns=4),
     )
     for name in ("a.bs1", "a.bs2"):
         write_recordings(tmp_path / name, recordings, sensor=sensor)
@@ -217,7 +223,9 @@ def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
 def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         write_recordings(
-            tmp_path / "a.zip", TOUCHES, sensor=SensorLayout("grid 4x5", 20, 2, columns=4)
+            tmp_path / "a.zip",
+            TOUCHES,
+            sensor=SensorLayout("grid 4x5", taxels=20, polarities=2, columns=4),
         )
     assert str(caught.value) == (
         f"recordings {TOUCHES.source!r}: their channels are not those of sensor 'grid 4x5' (78 against 40). "
@@ -226,7 +234,9 @@ def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-SILENT = Recordings(np.zeros((1, 5, 156), dtype=np.uint8), None, 0.02, "silent")
+SILENT = Recordings(
+    np.zeros((1, 5, 156), dtype=np.uint8), labels=None, step_seconds=0.02, source="silent"
+)
 REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("an unknown ending", "a.xyz", TOUCHES, {}, "file 'a.xyz': files ending in '.xyz' are not written. Choose one of: .bs1, .bs2, .npy, .npz, .pt, .tact, .zip."),
     ("an unknown kind", "a.zip", TOUCHES, {"members": "bs"}, "members: 'bs' is not known. Did you mean 'bs2'?"),
@@ -235,7 +245,7 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': this format cannot hold labels, and the file name does not give them (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': this format cannot hold labels, and the file name does not give them (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': this format cannot hold labels, and the file name does not give them (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
-    ("more taxels than two fingertips have", "a.zip", BOTH, {"members": "tact", "sensor": SensorLayout("mine", 156)}, "file 'a.zip': raw text holds one or two fingertips (156 taxels against 39 or 78). Write .npz."),
+    ("more taxels than two fingertips have", "a.zip", BOTH, {"members": "tact", "sensor": SensorLayout("mine", taxels=156)}, "file 'a.zip': raw text holds one or two fingertips (156 taxels against 39 or 78). Write .npz."),
     ("silence as text", "a.tact", SILENT, {}, "file 'a.tact': recording 0 is silent, which raw text cannot express. Write .npz."),
     ("silence at the start of one text", "a_label_4.tact", sparse(78).subset([0]), {}, "file 'a_label_4.tact': its first steps are silent, and without a .startend file a recording begins with its first event. Write a folder or .zip with members tact."),
     ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9900000 against 8388607). Write .npz."),

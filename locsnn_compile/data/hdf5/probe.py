@@ -16,11 +16,17 @@ from multiprocessing.connection import Connection
 
 import h5py
 
-DIED, SURVIVED, OUT_OF_TIME = 0, 1, 2
-CPU_SECONDS, WALL_SECONDS = 5, 60
+DIED = 0
+SURVIVED = 1
+OUT_OF_TIME = 2
+CPU_SECONDS = 5
+"""Processor time of a process that reads a file: the largest files that are read take less than a second."""
+WALL_SECONDS = 60
+"""Time until such a process is killed, by the clock: generous, because a busy machine may let it wait."""
 MAX_MEMORY_BYTES = 3 << 29
-"""More than all datasets that are read need: some damage makes the library ask for gigabytes."""
-MOST_ADDRESSES = 8 << 30
+"""1.5 GiB, more than all datasets that are read need: some damage makes the library ask for gigabytes."""
+MAX_ADDRESSES_BYTES = 8 << 30
+"""8 GiB of address space: libraries reserve some that they never use."""
 KIB = 1 if sys.platform == "darwin" else 1024
 """Unit of the system's figure for memory, in bytes."""
 MAX_BYTES = 500_000_000
@@ -29,20 +35,21 @@ MAX_BYTES = 500_000_000
 
 def main() -> None:
     """Answer requests until the connection is closed."""
-    asked = Connection(int(sys.argv[1]))
+    requests = Connection(int(sys.argv[1]))
     with contextlib.suppress(EOFError):
         while True:
-            asked.send_bytes(bytes([outcome(asked.recv_bytes())]))
+            file_bytes = requests.recv_bytes()
+            requests.send_bytes(bytes([outcome(file_bytes)]))
 
 
 def outcome(data: bytes) -> int:
     """Read a file in a separate process; return how that process ended."""
-    is_our_limit = CPU_SECONDS <= min(_bounds(resource.RLIMIT_CPU), default=CPU_SECONDS)
+    is_our_limit = CPU_SECONDS <= min(inherited_limits(resource.RLIMIT_CPU), default=CPU_SECONDS)
     pid = os.fork()
     if pid == 0:
         lower(resource.RLIMIT_CPU, CPU_SECONDS)
         lower(resource.RLIMIT_CORE, 0)
-        lower(resource.RLIMIT_AS, MOST_ADDRESSES)
+        lower(resource.RLIMIT_AS, MAX_ADDRESSES_BYTES)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         # Exceptions do not matter here: whoever reads the file after this reports them.
         with contextlib.suppress(BaseException), h5py.File(io.BytesIO(data), "r") as file:
@@ -62,11 +69,11 @@ def outcome(data: bytes) -> int:
 
 def lower(kind: int, limit: int) -> None:
     """Lower a limit of this process; what it inherited may be lower already, and then stays: none can be raised."""
-    most = min([limit, *_bounds(kind)])
+    most = min([limit, *inherited_limits(kind)])
     resource.setrlimit(kind, (most, most))
 
 
-def _bounds(kind: int) -> list[int]:
+def inherited_limits(kind: int) -> list[int]:
     """Return the limits of a kind that this process has inherited."""
     return [bound for bound in resource.getrlimit(kind) if bound != resource.RLIM_INFINITY]
 

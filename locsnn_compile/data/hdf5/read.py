@@ -32,30 +32,44 @@ MAX_ROWS = 100_000
 """Largest number of rows of different lengths."""
 MAX_TEXT = 1000
 """Longest text, in characters."""
+MAX_INTEGER = 2**62
+"""Largest integer, far enough below the end of int64 that small sums of it do not wrap."""
 
+_NUMBERS = "biuf"
+"""Kinds of numpy's types of numbers: truth values, signed and unsigned integers, floats."""
+_TEXTS = "OS"
+"""Kinds of numpy's types in which HDF5 gives texts: objects of any length, and bytes of a fixed one."""
 _WHOLE = "Give a whole file, or write it again."
 _PROBE = Path(__file__).with_name("probe.py")
 
-_SURVIVED, _OUT_OF_TIME = b"\1", b"\2"
-"""Two of its answers."""
+_SURVIVED = b"\1"
+"""The answer of the process that tries files: the library read this one. As :mod:`.probe` writes it."""
+_OUT_OF_TIME = b"\2"
+"""Its answer where the processor time that it inherited did not suffice."""
 
-_answers: dict[bytes, bytes] = {}
+answers: dict[bytes, bytes] = {}
 """The answers of the process so far, by the hashes of the files: loading looks at a file more than once."""
 _lock = threading.Lock()
 
 
 @cache
-def _prober(owner: int) -> "Connection":
-    """Start the process that tries files for the process ``owner``, ends with it, and return the connection."""
+def start_prober(owner: int) -> "Connection":
+    """Start the process that tries files, and return the connection to it.
+
+    It ends with the process ``owner``, an id by which a forked process starts one of its own.
+    """
     from multiprocessing.connection import Pipe
 
     ours, theirs = Pipe()
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    command, passed = [sys.executable, "-P", str(_PROBE), str(theirs.fileno())], [theirs.fileno()]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment, pass_fds=passed)
+    command = [sys.executable, "-P", str(_PROBE), str(theirs.fileno())]
+    process = subprocess.Popen(
+        command, stderr=subprocess.DEVNULL, env=environment, pass_fds=[theirs.fileno()]
+    )
     theirs.close()
+    # Called last first: the process ends when its connection is closed, and is then waited for.
     atexit.register(process.wait)
-    atexit.register(ours.close)  # first
+    atexit.register(ours.close)
     return ours
 
 
@@ -70,13 +84,13 @@ def library_survives(data: bytes) -> bool:
     digest = hashlib.sha256(data).digest()
     try:
         with _lock:
-            if digest not in _answers:
-                prober = _prober(os.getpid())
+            if digest not in answers:
+                prober = start_prober(os.getpid())
                 prober.send_bytes(data)
-                _answers[digest] = prober.recv_bytes()
-            answer = _answers[digest]
+                answers[digest] = prober.recv_bytes()
+            answer = answers[digest]
     except (OSError, EOFError):
-        _prober.cache_clear()
+        start_prober.cache_clear()
         return True
     seconds = processor_seconds()
     if answer == _OUT_OF_TIME and seconds is not None:
@@ -99,22 +113,22 @@ class Group:
 
     def group(self, name: str, where: str | None = None) -> "Group":
         """Return a group inside; ``where`` names it in errors."""
-        found = self._held(name)
-        if not hasattr(found, "keys"):
+        member = self._member(name)
+        if not _is_group(member):
             raise InputError(self.where, f"{name!r} is a value, not a group", fix=_WHOLE)
-        return Group(found, where or self.where, self._budget)
+        return Group(member, where or self.where, self._budget)
 
     def array(self, name: str, *, infinite: bool = False) -> AnyArray:
         """Return a dataset of numbers, read-only, as int64 or float64; ``infinite`` numbers only if allowed."""
-        found = self._dataset(name)
-        if found.dtype.kind not in "biuf":
+        dataset = self._dataset(name)
+        if dataset.dtype.kind not in _NUMBERS:
             raise InputError(
                 self.where,
                 f"{name!r} is not made of numbers",
-                measured=f"{found.dtype}",
+                measured=f"{dataset.dtype}",
                 fix=_WHOLE,
             )
-        values = np.asarray(self._read(found, name))
+        values = np.asarray(self._read(dataset, name))
         if values.dtype.kind == "f":
             values = values.astype(np.float64)
             if np.isnan(values).any() or (not infinite and np.isinf(values).any()):
@@ -122,72 +136,76 @@ class Group:
                 raise InputError(self.where, f"{name!r} holds a number that is not finite", fix=fix)
         else:
             check_most(
-                int(values.max(initial=0)), 2**62, self.where, f"{name!r} is too large", fix=_WHOLE
+                int(values.max(initial=0)),
+                MAX_INTEGER,
+                self.where,
+                f"{name!r} is too large",
+                fix=_WHOLE,
             )
             values = values.astype(np.int64)
         return sealed(values)
 
     def records(self, name: str, fields: Sequence[str]) -> AnyArray:
         """Return a dataset of records, (rows,), of these fields of numbers."""
-        found = self._dataset(name)
-        names = found.dtype.names or ()
-        if found.ndim != 1 or not {*fields} <= {*names}:
+        dataset = self._dataset(name)
+        names = dataset.dtype.names or ()
+        if dataset.ndim != 1 or not {*fields} <= {*names}:
             what = f"{name!r} does not hold records of {', '.join(fields)}"
-            raise InputError(self.where, what, measured=f"{found.dtype}"[:80], fix=_WHOLE)
-        records = np.asarray(self._read(found, name))
+            raise InputError(self.where, what, measured=f"{dataset.dtype}"[:80], fix=_WHOLE)
+        records = np.asarray(self._read(dataset, name))
         return sealed(records[list(fields)].copy())
 
     def holds_numbers(self, name: str) -> bool:
         """Tell whether a dataset is made of numbers, without reading it."""
-        found = self._held(name)
-        return getattr(found, "shape", None) is not None and found.dtype.kind in "biuf"
+        member = self._member(name)
+        return getattr(member, "shape", None) is not None and member.dtype.kind in _NUMBERS
 
     def rows(self, name: str) -> list[FloatArray]:
         """Return a dataset whose rows of numbers differ in length."""
         import h5py
 
-        found = self._dataset(name)
-        kind = h5py.check_vlen_dtype(found.dtype)
-        if kind is None or kind.kind not in "biuf" or found.ndim != 1:
+        dataset = self._dataset(name)
+        kind = h5py.check_vlen_dtype(dataset.dtype)
+        if kind is None or kind.kind not in _NUMBERS or dataset.ndim != 1:
             raise InputError(self.where, f"{name!r} does not hold rows of numbers", fix=_WHOLE)
         check_most(
-            len(found),
+            len(dataset),
             MAX_ROWS,
             self.where,
             f"{name!r} has too many rows",
             fix="Give fewer recordings.",
         )
         rows = []
-        for index in range(len(found)):
+        for index in range(len(dataset)):
             # The library returns the bytes as they are in the file, but calls them native.
-            row = found[index].view(kind).astype(np.float64)
+            row = dataset[index].view(kind).astype(np.float64)
             self._budget.take(row.nbytes, f"{self.where}: {name!r}")
             rows.append(row)
         return rows
 
     def value(self, name: str) -> AnyArray | str:
         """Return a dataset of one text or of numbers."""
-        return self.text(name) if self._dataset(name).dtype.kind in "OS" else self.array(name)
+        return self.text(name) if self._dataset(name).dtype.kind in _TEXTS else self.array(name)
 
     def text(self, name: str) -> str:
         """Return a dataset of exactly one text."""
-        found = self.texts(name)
-        check_same(len(found), 1, self.where, f"{name!r} must be one text", fix=_WHOLE)
-        return found[0]
+        texts = self.texts(name)
+        check_same(len(texts), 1, self.where, f"{name!r} must be one text", fix=_WHOLE)
+        return texts[0]
 
     def is_group(self, name: str) -> bool:
         """Tell whether there is a group of this name."""
-        return hasattr(self._held(name), "keys")
+        return _is_group(self._member(name))
 
     def texts(self, name: str) -> list[str]:
         """Return a dataset of texts, row by row."""
-        found = self._dataset(name)
-        if found.dtype.kind not in "OS":
+        dataset = self._dataset(name)
+        if dataset.dtype.kind not in _TEXTS:
             raise InputError(
-                self.where, f"{name!r} is not text", measured=f"{found.dtype}", fix=_WHOLE
+                self.where, f"{name!r} is not text", measured=f"{dataset.dtype}", fix=_WHOLE
             )
         texts = []
-        for value in np.asarray(self._read(found, name), dtype=object).reshape(-1):
+        for value in np.asarray(self._read(dataset, name), dtype=object).reshape(-1):
             text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
             if not isinstance(text, str) or len(text) > MAX_TEXT:
                 raise InputError(
@@ -200,7 +218,8 @@ class Group:
         """Return the shape of a dataset, without reading it."""
         return tuple(int(n) for n in self._dataset(name).shape)
 
-    def _held(self, name: str) -> Any:
+    def _member(self, name: str) -> Any:
+        """Return a group or a dataset of h5py; refuse one that is missing, or a link to another place."""
         import h5py
 
         link = self._group.get(name, getlink=True)
@@ -212,34 +231,41 @@ class Group:
         return self._group[name]
 
     def _dataset(self, name: str) -> Any:
-        found = self._held(name)
-        if hasattr(found, "keys") or not hasattr(found, "dtype"):
+        """Return a dataset of h5py; refuse groups, datasets without values, and those that lie in another file."""
+        member = self._member(name)
+        if _is_group(member) or not hasattr(member, "dtype"):
             raise InputError(self.where, f"{name!r} is a group, not a value", fix=_WHOLE)
-        if found.shape is None:
+        if member.shape is None:
             raise InputError(self.where, f"{name!r} is empty", fix=_WHOLE)
-        if found.is_virtual or found.external:
+        if member.is_virtual or member.external:
             raise InputError(
                 self.where, f"{name!r} keeps its data in another file", fix="Store the data itself."
             )
-        self._check_filters(found, name)
-        return found
+        self._check_filters(member, name)
+        return member
 
-    def _check_filters(self, found: Any, name: str) -> None:
+    def _check_filters(self, dataset: Any, name: str) -> None:
         """Refuse a dataset that is compressed in a way that this library lacks the code for."""
         import h5py
 
-        created = found.id.get_create_plist()
-        for index in range(created.get_nfilters()):
-            code, _, _, called = created.get_filter(index)
+        creation = dataset.id.get_create_plist()
+        for index in range(creation.get_nfilters()):
+            code, _, _, filter_name = creation.get_filter(index)
             if not h5py.h5z.filter_avail(code):
                 what = f"{name!r} is compressed by a filter that HDF5 does not have here"
-                measured = f"number {code}, {called.decode('utf-8', 'replace')[:40]!r}"
+                measured = f"number {code}, {filter_name.decode('utf-8', 'replace')[:40]!r}"
                 fix = "Store it with gzip, or uncompressed."
                 raise InputError(self.where, what, measured=measured, fix=fix)
 
-    def _read(self, found: Any, name: str) -> Any:
-        self._budget.take(int(found.size) * max(8, found.dtype.itemsize), f"{self.where}: {name!r}")
-        return found[()]
+    def _read(self, dataset: Any, name: str) -> Any:
+        # Numbers become int64 or float64, so each takes 8 bytes or more.
+        unpacked_bytes = int(dataset.size) * max(8, dataset.dtype.itemsize)
+        self._budget.take(unpacked_bytes, f"{self.where}: {name!r}")
+        return dataset[()]
+
+
+def _is_group(member: Any) -> bool:
+    return hasattr(member, "keys")
 
 
 class _Budget:
