@@ -122,7 +122,7 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
     network = case.network
     check_network(network)
     drawn = random_input(network.steps, channels=network.channels, seed=CALIBRATION_SEED)
-    recordings = Recordings(drawn, None, None, "random")
+    recordings = Recordings(drawn, labels=None, step_seconds=None, source="random")
     calibration = None
     if not network.populations[0].on_grid:
         calibration = calibrate(network, recordings, chip.registers)

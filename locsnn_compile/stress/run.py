@@ -122,9 +122,9 @@ def measure_drift(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> tuple[Dri
         steps=steps,
         spikes=tuple(matches),
         error=tuple(errors) if quiet.any() else None,
-        bound=_bound(run, chip, quiet, steps),
+        bound=drift_bound(run, chip, quiet, steps),
     )
-    return drift, _session_differs(levels.program, played, spikes, len(run.block))
+    return drift, session_difference(levels.program, played, spikes, len(run.block))
 
 
 def play_float(network: Network, block: ByteArray, steps: int) -> FloatRun:
@@ -138,7 +138,7 @@ def _repeated(block: ByteArray, steps: int) -> ByteArray:
     return np.resize(block, (steps, block.shape[1]))
 
 
-def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
+def drift_bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
     """Bound the error of neurons that never spike, in thresholds; without fading, it grows as in the beginning."""
     if not quiet.any():
         return 0.0
@@ -151,7 +151,7 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
     return settled * (steps / run.case.network.steps)
 
 
-def _session_differs(
+def session_difference(
     program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int
 ) -> str | None:
     """Push the run to a session, ``rows`` rows at a time; say where it first counts different spikes."""

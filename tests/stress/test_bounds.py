@@ -9,7 +9,7 @@ import hw_model as hw
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.pipeline import lower
 from locsnn_compile.stress.bounds import SOURCES
-from locsnn_compile.stress.cases.case import lif, network_of, random_input, srm, weights
+from locsnn_compile.stress.cases.case import lif, network_of, random_input, random_weights, srm
 from locsnn_compile.stress.measure import Sides
 from locsnn_compile.verification.error_budget.budget import STAGES
 
@@ -56,7 +56,7 @@ def test_bounds_for_all_time(keep_u, keep_v, bound):
 
 def played(network, strategy="dendrite"):
     recordings = random_input(network.steps, channels=network.channels)
-    sides = Sides(lower(network, CHIP, 8, strategy), recordings)
+    sides = Sides(lower(network, CHIP, weight_bits=8, strategy=strategy), recordings)
     bound = sides.bound()
     return sides, bound
 
@@ -65,7 +65,9 @@ def played(network, strategy="dendrite"):
 def test_a_leaky_integrator_by_hand(tau):
     """Weights, decay and cut of a neuron that never spikes, step by step."""
     network = network_of(
-        lif(tau, size=1, threshold=1e4), weights(tau, response="leak", size=1)[:, :3], steps=60
+        lif(tau, size=1, threshold=1e4),
+        random_weights(tau, response="leak", size=1)[:, :3],
+        steps=60,
     )
     sides, bound = played(network)
     (pair,) = sides.phase.program_neurons.groups
@@ -89,14 +91,14 @@ def test_a_leaky_integrator_by_hand(tau):
 
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
 def test_every_potential_is_within_its_bound(strategy):
-    sides, bound = played(network_of(srm(), weights()), strategy)
+    sides, bound = played(network_of(srm(), random_weights()), strategy)
     error = np.abs(sides.forced(*STAGES) - sides.float.potential)
     assert (error <= sides.model_error() + sum(bound.values()) + 1e-6).all()
     assert error.max() > 0
 
 
 def test_stages_alone_are_within_their_parts():
-    sides, bound = played(network_of(lif(), weights(response="leak")))
+    sides, bound = played(network_of(lif(), random_weights(response="leak")))
     exact = sides.forced()
     for stages, source in ((("weights",), "weights"), (("states",), "states")):
         assert (np.abs(sides.forced(*stages) - exact) <= 1.01 * bound[source] + 1e-6).all()

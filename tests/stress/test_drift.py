@@ -62,7 +62,9 @@ def test_growth_is_told_where_nothing_fades_and_where_spikes_drift_apart():
         "nothing fades, so rounding adds up: 0.60 thresholds in 1,000,000 steps"
     ]
     # Of 10 spikes on either side, 2 are equal.
-    apart = replace(row.drift, spikes=(PopulationMatch(10, 10, 2),))
+    apart = replace(
+        row.drift, spikes=(PopulationMatch(reference_spikes=10, chip_spikes=10, common_spikes=2),)
+    )
     assert [*drift_module.growth(row, apart, fades=True)] == [
         "spikes drift apart: 97.8 % are equal in the beginning, 20.0 % in the last tenth"
     ]
@@ -71,7 +73,7 @@ def test_growth_is_told_where_nothing_fades_and_where_spikes_drift_apart():
 def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
     difference = "a session counts other spikes until step 1000"
-    monkeypatch.setattr(drift_module, "_session_differs", lambda *_: difference)
+    monkeypatch.setattr(drift_module, "session_difference", lambda *_: difference)
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     assert row.verdict == "unexplained"
     assert row.causes == (difference,)
@@ -79,7 +81,7 @@ def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
 
 def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
-    monkeypatch.setattr(drift_module, "_bound", lambda *_: 1e-5)
+    monkeypatch.setattr(drift_module, "drift_bound", lambda *_: 1e-5)
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     assert row.verdict == "unexplained"
     largest = short(max(row.drift.error))

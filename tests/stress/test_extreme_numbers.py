@@ -62,7 +62,7 @@ TOO_MUCH = [
 )
 def test_numbers_that_float64_cannot_compute_with(network, strategy, message):
     with pytest.raises(InputError) as caught:
-        lower(network, CHIP, 8, strategy)
+        lower(network, CHIP, weight_bits=8, strategy=strategy)
     assert str(caught.value) == message
 
 
@@ -73,13 +73,13 @@ def test_numbers_that_float64_cannot_compute_with(network, strategy, message):
 )
 def test_what_no_scale_holds_is_named(network, strategy, message):
     with pytest.raises(TargetError) as caught:
-        lower(network, CHIP, 8, strategy)
+        lower(network, CHIP, weight_bits=8, strategy=strategy)
     assert str(caught.value) == message
 
 
 def test_few_bits_hold_smaller_weights():
     with pytest.raises(TargetError) as caught:
-        lower(one(Cuba.of(1, decay_v=1.0, threshold=1.0), 2e4), CHIP, 1)
+        lower(one(Cuba.of(1, decay_v=1.0, threshold=1.0), 2e4), CHIP, weight_bits=1)
     assert str(caught.value) == (
         "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 2e+04 thresholds "
         "against 16384). Train with smaller weights, or a higher threshold."
@@ -97,7 +97,7 @@ def test_few_bits_hold_smaller_weights():
 )  # fmt: skip
 def test_faint_kernels_are_none(neuron, strategy):
     """A kernel that the registers cannot tell from none is lowered as none, and its fit is a number."""
-    levels = lower(one(neuron, neuron.theta), CHIP, 8, strategy)
+    levels = lower(one(neuron, neuron.theta), CHIP, weight_bits=8, strategy=strategy)
     fit = levels.quantized.population("n").fit
     assert fit.input_max < 1e-2
     assert fit.refractory_max is None or np.isfinite(fit.refractory_max)
@@ -105,13 +105,15 @@ def test_faint_kernels_are_none(neuron, strategy):
 
 @pytest.mark.parametrize("bias", [5e-324, -1e-310, 1e-50])
 def test_denormal_biases_and_weights_are_0(bias):
-    levels = lower(one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=bias), bias), CHIP, 8)
+    levels = lower(
+        one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=bias), bias), CHIP, weight_bits=8
+    )
     assert levels.quantized.population("n").neuron.bias_mantissa.tolist() == [0]
     assert levels.quantized.projections[0].mantissa.tolist() == [[0]]
 
 
 def test_the_strongest_reset_is_finite():
-    levels = lower(one(replace(SRM, scale_ref=1e100)), CHIP, 8, "reset")
+    levels = lower(one(replace(SRM, scale_ref=1e100)), CHIP, weight_bits=8, strategy="reset")
     assert levels.quantized.population("n").neuron.refractory.tolist() == [63]
     assert np.isfinite(levels.quantized.population("n").fit.refractory_rms)
 
@@ -123,7 +125,7 @@ def test_a_kernel_that_is_over_at_once_has_no_gain(tau):
 
 def test_delay_line_holds_a_refractory_kernel_that_hardly_matters():
     """A millionth of a threshold is less than any tap; none is taken, and nothing is refused."""
-    levels = lower(one(replace(SRM, scale_ref=1e-6)), CHIP, 8, "delay-line")
+    levels = lower(one(replace(SRM, scale_ref=1e-6)), CHIP, weight_bits=8, strategy="delay-line")
     assert len(levels.quantized.population("n").neuron.refractory.delay) == 0
 
 
@@ -138,19 +140,19 @@ HEARD = [
 )
 def test_a_population_that_would_hear_nothing(network, message):
     with pytest.raises(TargetError) as caught:
-        lower(replace(network, steps=3000), CHIP, 8)
+        lower(replace(network, steps=3000), CHIP, weight_bits=8)
     assert str(caught.value) == message
 
 
 def test_weights_that_are_nothing_to_the_float_network_either_may_be_lost():
-    assert not lower(one(LIF, 1e-6), CHIP, 8).quantized.projections[0].mantissa.any()
-    assert not lower(one(SRM, 0.0), CHIP, 8).quantized.projections[0].mantissa.any()
+    assert not lower(one(LIF, 1e-6), CHIP, weight_bits=8).quantized.projections[0].mantissa.any()
+    assert not lower(one(SRM, 0.0), CHIP, weight_bits=8).quantized.projections[0].mantissa.any()
 
 
 def test_a_threshold_in_three_spikes_is_met_exactly():
     """10 / 3 is a third of 10 but for float rounding; the scale is one in which the chip's integers are thirds too."""
     network = one(Cuba.of(1, decay_v=0.0, threshold=10.0, rule=">="), 10.0 / 3.0)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     (weight,) = (
         64
         * levels.quantized.projections[0].mantissa[0]
@@ -162,7 +164,7 @@ def test_a_threshold_in_three_spikes_is_met_exactly():
 def test_one_tap_alone_is_the_kernel_in_the_error_budget():
     """With equal time constants one tap is the whole refractory kernel: the neuron model alone changes nothing."""
     network = one(replace(SRM, tau_sr=1.0), 20.0)
-    levels = lower(network, CHIP, 8, "delay-line")
+    levels = lower(network, CHIP, weight_bits=8, strategy="delay-line")
     assert set(levels.quantized.population("n").neuron.refractory.delay.tolist()) == {0}
     played = np.ones((1, network.steps, 1), dtype=np.uint8)
     observed = Observed(levels, played)
@@ -173,7 +175,7 @@ def test_one_tap_alone_is_the_kernel_in_the_error_budget():
 
 def test_a_network_without_weights_is_refused():
     with pytest.raises(InputError) as caught:
-        lower(replace(one(LIF), projections=()), CHIP, 8)
+        lower(replace(one(LIF), projections=()), CHIP, weight_bits=8)
     assert str(caught.value) == "model 'one': it has no weights. Connect an input to a population."
 
 

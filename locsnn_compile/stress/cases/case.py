@@ -18,12 +18,20 @@ from locsnn_compile.network.projections import ChipProjection, Projection, Signs
 from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.settings import NATIVE, USUAL
 
-POPULATION, TOUCH = "n", "touch"
-NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
-"""Defaults of a case; the rate is that of random input, in spikes per step."""
+POPULATION = "n"
+"""The name of the one population of a case."""
+TOUCH = "touch"
+"""The name of its input."""
+NEURONS = 4
+CHANNELS = 6
+STEPS = 200
+SAMPLES = 2
+RATE = 0.3
+"""Spikes per channel and step of random input."""
 THETA = 10.0
-"""The published threshold."""
+"""The published threshold: Kang et al., IJCNN 2022."""
 SEED = 0
+"""Of random weights; random input has the next one."""
 QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml_table(__package__, "quick.yaml")
 """Names of the cases of a quick run, by group and strategy."""
 
@@ -52,52 +60,53 @@ class Case(Frozen, eq=False):
 
 
 def srm_cases(
-    name: str, neuron: SrmAlpha | None = None, given: ArrayLike | None = None, **more: Any
+    name: str, neuron: SrmAlpha | None = None, weights: ArrayLike | None = None, **options: Any
 ) -> Iterator[Case]:
     """Yield a network of spike response neurons for every strategy.
 
-    Defaults are the published neuron, random weights and random input; ``more`` as in :func:`case_of`.
+    Defaults are the published neuron, random weights and random input; ``options`` as in :func:`case_of`.
     """
-    made = case_of(name, USUAL[0], neuron or srm(), weights() if given is None else given, **more)
+    if weights is None:
+        weights = random_weights()
+    case = case_of(name, USUAL[0], neuron or srm(), weights, **options)
     for strategy in USUAL:
-        yield replace(made, strategy=strategy)
+        yield replace(case, strategy=strategy)
 
 
 def lif_case(
-    name: str, neuron: Cuba | None = None, given: ArrayLike | None = None, **more: Any
+    name: str, neuron: Cuba | None = None, weights: ArrayLike | None = None, **options: Any
 ) -> Case:
-    """Return a network of integrate-and-fire neurons, by default with random weights and random input."""
-    return case_of(
-        name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, **more
-    )
+    """Return a network of integrate-and-fire neurons, by default with random weights and random input.
+
+    They are ``NATIVE``: the chip has such neurons, so no strategy has to lay them out.
+    """
+    if weights is None:
+        weights = random_weights(response="leak")
+    return case_of(name, NATIVE, neuron or lif(), weights, **options)
 
 
 def case_of(
     name: str,
     strategy: str,
     neuron: Neuron,
-    given: ArrayLike,
-    played: ByteArray | None = None,
-    **more: Any,
+    weights: ArrayLike,
+    recordings: ByteArray | None = None,
+    **options: Any,
 ) -> Case:
     """Return neurons with weights, by default with random input.
 
-    ``more`` are fields of the case, and ``delay``, ``exponent`` and ``signs`` of the network's weights.
+    ``options`` are fields of the case, and ``delay``, ``exponent`` and ``signs`` of the network's weights.
     """
-    recordings = random_input() if played is None else played
-    of_weights = {key: more.pop(key) for key in ("delay", "exponent", "signs") if key in more}
-    return Case(
-        name,
-        strategy,
-        network_of(neuron, given, steps=recordings.shape[1], **of_weights),
-        recordings,
-        **more,
-    )
+    if recordings is None:
+        recordings = random_input()
+    of_weights = {key: options.pop(key) for key in ("delay", "exponent", "signs") if key in options}
+    network = network_of(neuron, weights, steps=recordings.shape[1], **of_weights)
+    return Case(name, strategy, network, recordings, **options)
 
 
 def network_of(
     neuron: Neuron,
-    given: ArrayLike,
+    weights: ArrayLike,
     *,
     steps: int = STEPS,
     delay: int | IntArray = 0,
@@ -108,15 +117,15 @@ def network_of(
 
     For neurons on the chip's grid, weights are mantissas with this ``exponent`` and these ``signs``.
     """
+    projection: Projection | ChipProjection
     if isinstance(neuron, ChipNeuron):
-        held = matrix(given, np.int64)
-        projection: Projection | ChipProjection = ChipProjection(
-            TOUCH, POPULATION, held, exponent, 8, signs, delay
+        mantissas = matrix(weights, np.int64)
+        projection = ChipProjection(
+            TOUCH, POPULATION, mantissas, exponent, weight_bits=8, signs=signs, delay=delay
         )
     else:
-        held = matrix(given, np.float64)
-        projection = Projection(TOUCH, POPULATION, held, delay)
-    size, channels = held.shape
+        projection = Projection(TOUCH, POPULATION, matrix(weights, np.float64), delay)
+    size, channels = projection.held.shape
     return Network(
         name="stress",
         channels=channels,
@@ -135,23 +144,33 @@ def srm(**changes: float) -> SrmAlpha:
 
 def lif(tau: float = 10.0, size: int = NEURONS, **changes: ArrayLike) -> Cuba:
     """Return leaky integrate-and-fire neurons without a current, with a time constant in steps and other changes."""
-    return Cuba.of(size, **{"decay_v": -np.expm1(-1.0 / tau), "threshold": THETA, **changes})
+    lost_per_step = -np.expm1(-1.0 / tau)
+    return Cuba.of(size, **{"decay_v": lost_per_step, "threshold": THETA, **changes})
 
 
-def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS) -> FloatArray:
+def random_weights(
+    tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS
+) -> FloatArray:
     """Return random weights (size, CHANNELS) with which potentials of any time constant vary around the threshold.
 
     Let h be the response to a spike. Random input raises a potential by ``w * channels * rate * sum over k of h(k)`` on
     average, with a deviation of ``w * sqrt(channels * rate * sum over k of h(k)^2)``. The sums are about ``e tau`` and
     ``e^2 tau / 4`` for an alpha kernel, and ``tau`` and ``tau / 2`` for a leaky integrator.
+
+    So the mean weight lifts the potential to the threshold on average, and weights differ from it by about one over
+    the square root of the second sum. The ones that are added keep both finite for a time constant near 0.
     """
-    lift, energy = (math.e * tau, math.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
-    drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, CHANNELS))
-    drawn -= drawn.mean(axis=1, keepdims=True)
-    found: FloatArray = THETA * (
-        drawn / np.sqrt(1.0 + energy) + 1.0 / (CHANNELS * RATE * (1.0 + lift))
-    )
-    return found
+    if response == "alpha":
+        sum_of_response = math.e * tau
+        sum_of_squares = math.e**2 * tau / 4
+    else:
+        sum_of_response = tau
+        sum_of_squares = tau / 2
+    deviation = np.random.default_rng(SEED).normal(0.0, 1.0, (size, CHANNELS))
+    deviation -= deviation.mean(axis=1, keepdims=True)
+    mean = 1.0 / (CHANNELS * RATE * (1.0 + sum_of_response))
+    weights: FloatArray = THETA * (deviation / np.sqrt(1.0 + sum_of_squares) + mean)
+    return weights
 
 
 def random_input(
@@ -188,28 +207,34 @@ def long_runs() -> Iterator[LongRun]:
     # Two neurons of each network stay below the threshold, so potentials can be compared to the end.
     block = random_input(BLOCK, samples=1)[0]
     for strategy in USUAL:
-        yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(weights()), block, 2)
-    given = _mostly_quiet(weights(response="leak"))
-    yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2)
+        yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(random_weights()), block)
+    weights = _mostly_quiet(random_weights(response="leak"))
+    yield _run("leak of 10 steps", NATIVE, lif(10.0), weights, block)
     slowest = loihi_inverse.share_lost(1)
-    given = _mostly_quiet(weights(1 / slowest, response="leak"))
+    time_constant = 1 / slowest
+    weights = _mostly_quiet(random_weights(time_constant, response="leak"))
     # The chip has this decay exactly, so only truncation and weights differ.
     yield _run(
         "leak of 1 in 4096",
         NATIVE,
         lif(decay_v=slowest),
-        given,
+        weights,
         block,
-        int(SETTLED / slowest) // BLOCK,
+        blocks=int(SETTLED * time_constant) // BLOCK,
     )
-    yield _run("no leak, balanced input", NATIVE, lif(decay_v=0.0), *_balanced(), 2, fades=False)
+    balanced_weights, balanced_block = _balanced()
+    integrator = lif(decay_v=0.0)
+    yield _run(
+        "no leak, balanced input", NATIVE, integrator, balanced_weights, balanced_block, fades=False
+    )
     ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))
-    yield _run("no leak, bias alone", NATIVE, ticking, np.zeros_like(given), block, 2, fades=False)
+    no_weights = np.zeros_like(weights)
+    yield _run("no leak, bias alone", NATIVE, ticking, no_weights, block, fades=False)
 
 
-def _mostly_quiet(given: FloatArray) -> FloatArray:
+def _mostly_quiet(weights: FloatArray) -> FloatArray:
     """Return weights with which two neurons stay below the threshold."""
-    quiet = given.copy()
+    quiet = weights.copy()
     quiet[:2] *= 0.1
     return quiet
 
@@ -217,26 +242,30 @@ def _mostly_quiet(given: FloatArray) -> FloatArray:
 def _balanced() -> tuple[FloatArray, ByteArray]:
     """Return weights and input that add up to 0 in float, and almost to 0 with rounded weights.
 
-    61 spikes up, and 77 down with 61/77 of the weight; the mantissas are 255 and 202.013.
+    61 spikes up, and 77 down with 61/77 of the weight. If the first weight is the largest mantissa, 255, the second
+    is 255 * 61 / 77 = 202.013, so rounding it to 202 leaves a little of every spike.
     """
     up, down = 61, 77
-    given = np.tile([THETA / 32, -THETA / 32 * up / down], (NEURONS, 1))
-    pattern = np.zeros((200, 2), dtype=np.uint8)
-    drawn = np.random.default_rng(SEED)
-    pattern[drawn.permutation(200)[:up], 0] = 1
-    pattern[drawn.permutation(200)[:down], 1] = 1
-    return given, np.tile(pattern, (BLOCK // 200, 1))
+    weights = np.tile([THETA / 32, -THETA / 32 * up / down], (NEURONS, 1))
+    pattern_steps = 200
+    pattern = np.zeros((pattern_steps, 2), dtype=np.uint8)
+    rng = np.random.default_rng(SEED)
+    pattern[rng.permutation(pattern_steps)[:up], 0] = 1
+    pattern[rng.permutation(pattern_steps)[:down], 1] = 1
+    return weights, np.tile(pattern, (BLOCK // pattern_steps, 1))
 
 
 def _run(
     name: str,
     strategy: str,
     neuron: Neuron,
-    given: FloatArray,
+    weights: FloatArray,
     block: ByteArray,
-    blocks: int,
     *,
+    blocks: int = 2,
     fades: bool = True,
 ) -> LongRun:
-    played = np.tile(block, (blocks, 1))[None]
-    return LongRun(case_of(name, strategy, neuron, given, played, group=GROUP), block, fades)
+    """Return a long run whose case plays the first ``blocks``."""
+    recordings = np.tile(block, (blocks, 1))[None]
+    case = case_of(name, strategy, neuron, weights, recordings, group=GROUP)
+    return LongRun(case, block, fades)

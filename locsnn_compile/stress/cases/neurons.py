@@ -15,20 +15,40 @@ from hw_model.texts.templates import yaml_table
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
 from locsnn_compile.settings import NATIVE, USUAL
-from locsnn_compile.stress.cases import case as usual
-from locsnn_compile.stress.cases.case import Case, case_of, lif, lif_case, srm, srm_cases, weights
+from locsnn_compile.stress.cases.case import (
+    CHANNELS,
+    NEURONS,
+    SEED,
+    STEPS,
+    THETA,
+    Case,
+    case_of,
+    lif,
+    lif_case,
+    random_input,
+    random_weights,
+    srm,
+    srm_cases,
+)
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
-SHORT, LONG, FROM = 200, 2000, 200
-"""Steps of a recording, short and long; long for time constants from this many steps."""
+SHORT_STEPS = 200
+"""Steps of a recording for neurons of short time constants."""
+LONG_STEPS = 2000
+"""Steps of a recording for neurons of time constants of ``LONG_FROM`` steps or more."""
+LONG_FROM = 200
 KEEPS_ALL, FORGETS = DECAYS
+"""The ends of the grid of decays, 0 and 4096, in 4096ths that are lost per step."""
 ENDS = (KEEPS_ALL, KEEPS_ALL + 1, FORGETS - 1, FORGETS)
 THRESHOLD = 400
-PARTS = (1, 2, 3, 4, 7)
+"""A threshold mantissa, 64 units of the register each, around which the potentials of these cases vary."""
+SPIKES_TO_THRESHOLD = (1, 2, 3, 4, 7)
 """Spikes that add up to a threshold."""
 RULES: tuple[Rule, ...] = (">", ">=")
 LIMIT = 4090.0
-"""In thresholds: about the largest bias that leaves a threshold mantissa of 1."""
+"""In thresholds: about the largest bias, of 4,095 * 2^6, that leaves a threshold mantissa of 1."""
+MEMBRANE_OF_10_STEPS = 410
+"""In 4096ths: 4096 / 10, the decay of a membrane that loses a tenth per step."""
 EXTREMES: dict[str, dict[str, dict[str, Any]]] = yaml_table(__package__, "extremes.yaml")
 """What is changed, by neuron and by name of the case."""
 
@@ -39,12 +59,23 @@ def time_constants() -> Iterator[Case]:
     kernel gains so much that all weights are below the smallest charge.
     """
     for tau in STEPS_OF_TAU:
-        played = usual.random_input(LONG if tau >= FROM else SHORT, samples=1)
-        given, leaky = weights(tau), weights(tau, response="leak")
-        yield from srm_cases(f"tau_sr {tau:g}", srm(tau_sr=tau), given, played=played, x=tau)
-        yield lif_case(f"leak of {tau:g} steps", lif(tau), leaky, played=played, x=tau)
-        both = lif(tau, decay_u=-np.expm1(-1 / tau))
-        yield lif_case(f"leak and current of {tau:g}", both, given / tau**0.5, played=played)
+        steps = LONG_STEPS if tau >= LONG_FROM else SHORT_STEPS
+        recordings = random_input(steps, samples=1)
+        weights = random_weights(tau)
+        yield from srm_cases(
+            f"tau_sr {tau:g}", srm(tau_sr=tau), weights, recordings=recordings, x=tau
+        )
+        yield lif_case(
+            f"leak of {tau:g} steps",
+            lif(tau),
+            random_weights(tau, response="leak"),
+            recordings=recordings,
+            x=tau,
+        )
+        with_current = lif(tau, decay_u=-np.expm1(-1 / tau))
+        yield lif_case(
+            f"leak and current of {tau:g}", with_current, weights / tau**0.5, recordings=recordings
+        )
 
 
 def refractory_time_constants() -> Iterator[Case]:
@@ -58,22 +89,24 @@ def refractory_time_constants() -> Iterator[Case]:
 def decays() -> Iterator[Case]:
     """Networks that are already integers, so all of the error is truncation. A decay that keeps all
     or nothing cuts nothing."""
-    mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (usual.NEURONS, usual.CHANNELS))
+    mantissa = np.random.default_rng(SEED).integers(-90, 120, (NEURONS, CHANNELS))
     for decay_u, decay_v in product(ENDS, ENDS):
-        neuron = ChipCuba.of(usual.NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
+        neuron = ChipCuba.of(NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
         yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
-    for decay, own in zip(ENDS, reversed(ENDS), strict=True):
+    for decay, refractory_decay in zip(ENDS, reversed(ENDS), strict=True):
         dendrite = ChipSrm.with_taps(
-            usual.NEURONS,
+            NEURONS,
             decay=decay,
             threshold=THRESHOLD,
-            refractory_decay=own,
+            refractory_decay=refractory_decay,
             mantissa=-200,
             exponent=1,
         )
-        yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa)
+        yield case_of(
+            f"decays {decay}, refractory {refractory_decay}", "dendrite", dendrite, mantissa
+        )
         taps = ChipSrm.with_taps(
-            usual.NEURONS,
+            NEURONS,
             decay=decay,
             threshold=THRESHOLD,
             delay=[0, 1, 62],
@@ -87,79 +120,85 @@ def exact_thresholds() -> Iterator[Case]:
     """Weights that add up to exactly the threshold. If the chip holds them without rounding, the rule, `>` or `>=`, is
     kept; otherwise the least rounding decides, and each such decision is counted.
     """
-    one, two = (usual.random_input(channels=channels) for channels in (1, 2))
+    one_channel = random_input(channels=1)
+    two_channels = random_input(channels=2)
     for rule in RULES:
-        for parts in PARTS:
-            name, neuron = (
-                "one spike" if parts == 1 else f"{parts} spikes",
-                lif(size=1, decay_v=0.0, rule=rule),
-            )
+        integrator = lif(size=1, decay_v=0.0, rule=rule)
+        for spikes in SPIKES_TO_THRESHOLD:
+            words = "one spike" if spikes == 1 else f"{spikes} spikes"
             yield lif_case(
-                f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], played=one
+                f"integrator, {words}, rule {rule}",
+                integrator,
+                [[THETA / spikes]],
+                recordings=one_channel,
             )
-        neuron, given = (
+        yield lif_case(
+            f"memoryless, 1/4 and 3/4, rule {rule}",
             lif(size=1, decay_v=1.0, rule=rule),
-            [[0.25 * usual.THETA, 0.75 * usual.THETA]],
+            [[0.25 * THETA, 0.75 * THETA]],
+            recordings=two_channels,
         )
-        yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, given, played=two)
     # Single spikes, so far apart that the kernel of one ends before the next.
-    apart = np.zeros_like(one)
-    apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
+    apart = np.zeros_like(one_channel)
+    apart[:, 0 : STEPS : STEPS // 2] = 1
     for strategy, tau in product(USUAL, (1.0, 10.0)):
-        yield case_of(
-            f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[usual.THETA]], apart
-        )
-    for over, word in ((0, "at"), (1, "a unit above")):
+        yield case_of(f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[THETA]], apart)
+    # A weight mantissa of 100 charges 6,400 units, as much as a threshold mantissa of 100. A bias adds single units.
+    for bias, words in ((0, "at"), (1, "a unit above")):
         memoryless = ChipCuba.of(
-            1, decay_u=FORGETS, decay_v=FORGETS, threshold=100, bias_mantissa=over
+            1, decay_u=FORGETS, decay_v=FORGETS, threshold=100, bias_mantissa=bias
         )
-        yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one)
+        yield case_of(f"integers, {words} it", NATIVE, memoryless, [[100]], one_channel)
     memoryless_srm = ChipSrm.with_taps(
         1, decay=FORGETS, threshold=100, refractory_decay=FORGETS, mantissa=-1, exponent=0
     )
-    yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one)
+    yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one_channel)
 
 
 def refractory_counts() -> Iterator[Case]:
     """Steps for which a neuron is held after a spike: the chip counts to 63."""
     for steps in (0, 1, 2, 63, 64, 10**12):
-        yield lif_case(f"count {steps}", lif(refractory=steps), weights(response="leak") * 3)
+        yield lif_case(f"count {steps}", lif(refractory=steps), random_weights(response="leak") * 3)
     for scale in (5.0, 10.0, 100.0):
-        yield case_of(f"scale_ref {scale:g}", "reset", srm(scale_ref=scale), weights() * 3)
+        yield case_of(f"scale_ref {scale:g}", "reset", srm(scale_ref=scale), random_weights() * 3)
 
 
 def biases() -> Iterator[Case]:
     """A bias below half a unit of the register is lost, and one above 4,095 thresholds is refused."""
-    one = usual.random_input(channels=1)
+    one_channel = random_input(channels=1)
     for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
-        yield lif_case(f"bias {bias:g} thresholds", lif(bias=bias * usual.THETA))
-    alone = lif(bias=0.2 * usual.THETA, decay_v=0.0)
-    yield lif_case("bias alone, nothing fades", alone, np.zeros((usual.NEURONS, 1)), played=one)
+        yield lif_case(f"bias {bias:g} thresholds", lif(bias=bias * THETA))
+    alone = lif(bias=0.2 * THETA, decay_v=0.0)
+    yield lif_case(
+        "bias alone, nothing fades", alone, np.zeros((NEURONS, 1)), recordings=one_channel
+    )
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
         neuron = ChipCuba.of(
-            usual.NEURONS,
+            NEURONS,
             decay_u=FORGETS,
-            decay_v=410,
+            decay_v=MEMBRANE_OF_10_STEPS,
             threshold=8000,
             bias_mantissa=mantissa,
             bias_exponent=exponent,
         )
-        name, given = f"mantissa {mantissa}, exponent {exponent}", np.full((usual.NEURONS, 1), 255)
-        yield case_of(name, NATIVE, neuron, given, one)
+        name = f"mantissa {mantissa}, exponent {exponent}"
+        largest = np.full((NEURONS, 1), 255)
+        yield case_of(name, NATIVE, neuron, largest, one_channel)
 
 
 def float_extremes() -> Iterator[Case]:
     """Denormal numbers, infinity and nan are refused, or counted as lost; nothing turns into nan."""
     for name, change in EXTREMES["srm"].items():
         neuron = replace(srm(), **change)
-        scaled = weights() * (neuron.theta / usual.THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
-        yield from srm_cases(name, neuron, scaled)
+        # Weights keep their ratio to the threshold, as far as their products are finite.
+        is_moderate = 1e-200 < neuron.theta < 1e200
+        factor = neuron.theta / THETA if is_moderate else 1.0
+        yield from srm_cases(name, neuron, random_weights() * factor)
     for name, change in EXTREMES["lif"].items():
-        given = weights(response="leak") * change.get("weights times", 1.0)
-        for which, first in (("weights", 0), ("weights but the first", 1)):
-            if which in change:
-                given[:, first:] = change[which]
-        integrator = lif(
-            **{key: value for key, value in change.items() if not key.startswith("weights")}
-        )
-        yield lif_case(name, integrator, given)
+        weights = random_weights(response="leak") * change.get("weights times", 1.0)
+        if "weights" in change:
+            weights[:] = change["weights"]
+        if "weights but the first" in change:
+            weights[:, 1:] = change["weights but the first"]
+        of_neuron = {key: value for key, value in change.items() if not key.startswith("weights")}
+        yield lif_case(name, lif(**of_neuron), weights)
