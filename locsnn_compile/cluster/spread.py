@@ -294,7 +294,7 @@ def _in_processes(
     attempts = ATTEMPTS
     while left and attempts:
         attempts -= 1
-        for number, result in _one_pool(workers, job, left):
+        for number, result in one_pool(workers, job, left):
             del left[number]
             attempts = ATTEMPTS
             yield result
@@ -304,7 +304,7 @@ def _in_processes(
         raise InputError(f"--workers {workers}", "its processes die", measured=measured, fix=fix)
 
 
-def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[tuple[int, Any]]:
+def one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[tuple[int, Any]]:
     """Yield the results of a pool, until the end or until one of its processes dies, which ends the pool."""
     before = set(active_children())
     # Forking may hang, because the engine has threads.

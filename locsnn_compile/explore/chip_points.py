@@ -5,22 +5,19 @@ for, and the engines to time. A setting has values of some dials; the others are
 """
 
 import itertools
-import time
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 
-import numpy as np
-
 from hw_model.simulation import Engine
 from hw_model.targets.families import AnyChip, chip_named, family_of
-from hw_model.targets.programs import AnyProgram, PlayedProgram, kind_of
-from hw_model.values import ByteArray, Frozen
+from hw_model.values import Frozen
 from locsnn_compile.api import fulfil
 from locsnn_compile.cluster.spread import Spread, code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
-from locsnn_compile.explore.point import ENGINE_CALLS, Timing, digest_of, recordings_digest
+from locsnn_compile.explore.point import digest_of, recordings_digest
 from locsnn_compile.explore.sweep import Store, measured_points
+from locsnn_compile.explore.timing import Timing, engine_timings
 from locsnn_compile.families import setting_of
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.document import SharedFigures
@@ -198,9 +195,9 @@ class ChipStudy(Frozen, eq=False):
         chip = self.chips[setting.target]
         chosen = setting_of(chip, self.network, setting.values)
         calibration = self.calibration if self.network.by_strategy else None
-        asked = SettingRequest.of(chosen, setting.values, None, calibration)
+        setting_request = SettingRequest.of(chosen, setting.values, None, calibration)
         check = CheckRequest(self.recordings, diagnosis=False)
-        return CompileRequest(self.network, chip, asked, check)
+        return CompileRequest(self.network, chip, setting_request, check)
 
 
 def chips_of(targets: Sequence[str]) -> dict[str, AnyChip]:
@@ -236,35 +233,6 @@ def measure_chip(study: ChipStudy, setting: ChipSetting) -> ChipPoint:
     fitted = study.network.with_steps_of(study.recordings).fitted(study.recordings)
     timings = engine_timings(compiled.program, fitted.spikes, study.engines)
     return ChipPoint(setting, ChipFigures.of(compiled.figures), None, timings, code_version())
-
-
-def engine_timings(
-    program: AnyProgram, recordings: ByteArray, engines: Sequence[Engine]
-) -> dict[str, Timing]:
-    """Time each engine on the first recordings; their spikes are equal where they share some."""
-    timings: dict[str, Timing] = {}
-    played: list[PlayedProgram] = []
-    for engine in engines:
-        count, calls = ENGINE_CALLS[engine]
-        timed_recordings = recordings[:count]
-        seconds: list[float] = []
-        for _ in range(calls):
-            start = time.perf_counter()
-            result = kind_of(program).play(program, timed_recordings, engine)
-            seconds.append(time.perf_counter() - start)
-        per_recording = min(seconds) / len(timed_recordings)
-        timings[engine] = Timing(len(timed_recordings), per_recording)
-        played.append(result)
-    for later in played[1:]:
-        _check_equal(played[0], later)
-    return timings
-
-
-def _check_equal(first: PlayedProgram, later: PlayedProgram) -> None:
-    for name, spikes in later.spikes.items():
-        shared = min(len(spikes), len(first.spikes[name]))
-        is_equal = np.array_equal(spikes[:shared], first.spikes[name][:shared])
-        assert is_equal, f"the engines differ in {name}"
 
 
 def try_chips(

@@ -88,10 +88,10 @@ def report_events(
     """Return the recordings to report on: all, or the test part if they are divided."""
     part = REPORTING if recording_parts(events) else None
     chosen = choose_events(network, events, part, None, reading)
-    its = chosen.recordings
+    recordings = chosen.recordings
     # What does not fit is refused before all the work.
-    network.fit(its.spikes[:1], its.source)
-    check_labels(network, its.labels, len(its), its.source)
+    network.fit(recordings.spikes[:1], recordings.source)
+    check_labels(network, recordings.labels, len(recordings), recordings.source)
     # `locsnn-compile` plays the test part of divided recordings.
     return replace(chosen, file=events)
 

@@ -29,7 +29,8 @@ OBJECTIVES = ("spike_error", "prediction_error", "score_error", "energy_pj", "ch
 def beats(one: Figures, other: Figures) -> bool:
     """Tell whether one is at least as good in every objective and better in one."""
     pairs = list(zip(_objectives(one), _objectives(other), strict=True))
-    return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
+    is_never_worse = all(mine <= theirs for mine, theirs in pairs)
+    return is_never_worse and any(mine < theirs for mine, theirs in pairs)
 
 
 def on_front(figures: Sequence[Figures | None]) -> list[bool]:
@@ -173,12 +174,12 @@ class Exploration(Frozen, eq=False):
         calibration = self.calibration or self.events.file
         assert events.file is not None
         assert calibration is not None
-        given = [*self.model.arguments(), "--target", self.target]
+        model_arguments = [*self.model.arguments(), "--target", self.target]
         rounded_for = ["--calibration", calibration] if network.by_strategy else []
         return shlex.join(
             [
                 "locsnn-compile",
-                *given,
+                *model_arguments,
                 *setting.arguments(network),
                 *rounded_for,
                 "--events",

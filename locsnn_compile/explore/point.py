@@ -5,21 +5,19 @@ All points of an exploration share a study: a model, a chip, recordings, and the
 
 import hashlib
 import json
-import time
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 import hw_model as hw
 from hw_model.simulation import Engine
-from hw_model.values import ByteArray, Frozen
+from hw_model.values import Frozen
 from locsnn_compile.api import fulfil
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
+from locsnn_compile.explore.timing import Timing, engine_timings
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
@@ -115,12 +113,6 @@ def recordings_digest(recordings: Recordings) -> str:
     return digest_of(plain, spikes.tobytes(), label_bytes)
 
 
-ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
-"""How an engine is timed: on how many recordings, the first ones, and in how many calls, of which the fastest counts.
-The reference engine is too slow for more.
-"""
-
-
 class Figures(Losses):
     """The figures of a setting's report; energy and chip time are means per recording by the chip's default profile.
 
@@ -162,13 +154,6 @@ class Figures(Losses):
         )
 
 
-class Timing(Frozen):
-    """Seconds per recording of an engine, played ``recordings`` at a time on the machine that measured the point."""
-
-    recordings: int
-    seconds: float
-
-
 class Point(Frozen):
     """A setting with its figures or refusal, ``timings`` by engine, and the version of the code that measured it.
 
@@ -196,35 +181,5 @@ def measure(study: Study, setting: Setting) -> Point:
         compiled = fulfil(study.request(setting))
     except TargetError as error:
         return Point(setting, None, vars(error), {}, code_version())
-    timings = _timings(compiled.program, compiled.observed.recordings, study.engines)
+    timings = engine_timings(compiled.program, compiled.observed.recordings, study.engines)
     return Point(setting, Figures.of(compiled.figures), None, timings, code_version())
-
-
-def _timings(
-    program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]
-) -> dict[str, Timing]:
-    """Time each engine on the first recordings; their spikes must be equal on the recordings that they share."""
-    timings: dict[str, Timing] = {}
-    spikes: list[Mapping[str, ByteArray]] = []
-    for engine in engines:
-        count, calls = ENGINE_CALLS[engine]
-        timed_recordings = recordings[:count]
-        seconds = []
-        for _ in range(calls):
-            start = time.perf_counter()
-            result = hw.simulate(program, timed_recordings, engine=engine)
-            seconds.append(time.perf_counter() - start)
-        per_recording = min(seconds) / len(timed_recordings)
-        timings[engine] = Timing(len(timed_recordings), per_recording)
-        spikes.append(result.spikes)
-    for later in spikes[1:]:
-        _check_equal(spikes[0], later)
-    return timings
-
-
-def _check_equal(first: Mapping[str, ByteArray], later: Mapping[str, ByteArray]) -> None:
-    """Assert that two engines found the same spikes, by population, in the recordings that both played."""
-    for name, spikes in later.items():
-        shared = min(len(spikes), len(first[name]))
-        is_equal = np.array_equal(spikes[:shared], first[name][:shared])
-        assert is_equal, f"the engines differ in {name}"

@@ -34,20 +34,20 @@ COLUMNS: dict[str, Callable[[Figures], str]] = {
 X_LABEL = "spikes that differ from the float network's"
 
 
-def exploration_files(found: Exploration) -> dict[str, bytes]:
+def exploration_files(exploration: Exploration) -> dict[str, bytes]:
     """Return the files by name."""
-    document = ExploreDocument.of(found)
+    document = ExploreDocument.of(exploration)
     text = json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)
     return {
         "explore.json": f"{text}\n".encode(),
         "explore.csv": csv_bytes([table_row(point) for point in document.points]),
-        "explore.svg": figures_picture(found),
-        "timings.csv": csv_bytes(timing_rows(found)),
-        "timings.svg": timings_picture(found),
+        "explore.svg": figures_picture(exploration),
+        "timings.csv": csv_bytes(timing_rows(exploration)),
+        "timings.svg": timings_picture(exploration),
     }
 
 
-def timing_rows(found: Exploration) -> list[Document]:
+def timing_rows(exploration: Exploration) -> list[Document]:
     """Return a row for each point and engine: seconds per recording, over how many recordings."""
     return [
         asdict(point.setting)
@@ -56,61 +56,65 @@ def timing_rows(found: Exploration) -> list[Document]:
             "recordings": timing.recordings,
             "seconds_per_recording": timing.seconds,
         }
-        for point in found.points
+        for point in exploration.points
         for engine, timing in point.timings.items()
     ]
 
 
-def figures_picture(found: Exploration) -> bytes:
+def figures_picture(exploration: Exploration) -> bytes:
     """Draw energy and time on the chip over spike error; equal figures give equal bytes."""
-    timed = f"time per recording on the chip ({found.profile or 'cycles of the open core'})"
-    panels = [_panel(found, timed, time, lambda point, figures: figures.chip_time_ns)]
-    if found.profile:
-        priced = f"energy per recording ({found.profile})"
+    timed = f"time per recording on the chip ({exploration.profile or 'cycles of the open core'})"
+    panels = [_panel(exploration, timed, time, lambda point, figures: figures.chip_time_ns)]
+    if exploration.profile:
+        priced = f"energy per recording ({exploration.profile})"
         panels.insert(
-            0, _panel(found, priced, energy, lambda point, figures: figures.energy_pj or 0.0)
+            0, _panel(exploration, priced, energy, lambda point, figures: figures.energy_pj or 0.0)
         )
-    return _picture(found, "speed, error and energy", panels)
+    return _picture(exploration, "speed, error and energy", panels)
 
 
-def timings_picture(found: Exploration) -> bytes:
+def timings_picture(exploration: Exploration) -> bytes:
     """Draw the time of the simulator per recording, with a panel for each engine."""
     return _picture(
-        found,
+        exploration,
         "time in the simulator",
-        [_timed_panel(found, engine) for engine in found.study.engines],
+        [_timed_panel(exploration, engine) for engine in exploration.study.engines],
     )
 
 
-def _timed_panel(found: Exploration, engine: Engine) -> Panel:
-    many = max(point.timings[engine].recordings for point in found.points if point.figures)
+def _timed_panel(exploration: Exploration, engine: Engine) -> Panel:
+    many = max(point.timings[engine].recordings for point in exploration.points if point.figures)
     title = f"simulation time per recording, engine {engine}, {many} at a time"
-    return _panel(found, title, time, lambda point, figures: 1e9 * point.timings[engine].seconds)
+    return _panel(
+        exploration, title, time, lambda point, figures: 1e9 * point.timings[engine].seconds
+    )
 
 
-def _picture(found: Exploration, what: str, panels: Sequence[Panel]) -> bytes:
-    title = f"{found.study.network.name} on {found.study.chip.name}: {what}"
-    return draw(title, found.events.words(), [str(kind) for kind in _kinds(found)], panels)
+def _picture(exploration: Exploration, what: str, panels: Sequence[Panel]) -> bytes:
+    title = f"{exploration.study.network.name} on {exploration.study.chip.name}: {what}"
+    return draw(
+        title, exploration.events.words(), [str(kind) for kind in _kinds(exploration)], panels
+    )
 
 
 def _panel(
-    found: Exploration,
+    exploration: Exploration,
     title: str,
     text: Callable[[float], str],
     y: Callable[[Point, Figures], float],
 ) -> Panel:
-    kinds = _kinds(found)
+    kinds = _kinds(exploration)
     marks = tuple(
         Mark(
             x=error,
             y=y(point, point.figures),
             kind=kinds.index(point.setting.values[0]),
-            label=_label(found, point.setting),
+            label=_label(exploration, point.setting),
             words=_mark_words(point.setting, point.figures),
             front=mark,
-            taken=point is found.recommendation.taken,
+            taken=point is exploration.recommendation.taken,
         )
-        for point, mark in zip(found.points, found.on_front, strict=True)
+        for point, mark in zip(exploration.points, exploration.on_front, strict=True)
         # If no neuron spikes, the mark has no place.
         if point.figures and (error := point.figures.spike_error) is not None
     )
@@ -125,47 +129,56 @@ def _mark_words(setting: Setting, figures: Figures) -> str:
     )
 
 
-def _kinds(found: Exploration) -> list[Value]:
+def _kinds(exploration: Exploration) -> list[Value]:
     """Return the values of the first dial; each has a shape of its own."""
-    return list(dict.fromkeys(point.setting.values[0] for point in found.points))
+    return list(dict.fromkeys(point.setting.values[0] for point in exploration.points))
 
 
-def _label(found: Exploration, setting: Setting) -> str:
+def _label(exploration: Exploration, setting: Setting) -> str:
     """Return the values on the other dials on which points differ."""
-    columns = list(zip(*(point.setting.values for point in found.points), strict=True))
+    columns = list(zip(*(point.setting.values for point in exploration.points), strict=True))
     differing = [i for i in range(1, len(DIALS)) if len(set(columns[i])) > 1]
     return setting.name(differing)
 
 
-def lines(found: Exploration) -> list[str]:
+def lines(exploration: Exploration) -> list[str]:
     """Return the lines of the terminal."""
-    study = found.study
-    by = f"profile {found.profile}" if found.profile else "by cycles"
+    study = exploration.study
+    by = f"profile {exploration.profile}" if exploration.profile else "by cycles"
     names = f"{plain_text(study.network.name)} on {plain_text(study.chip.name)}"
-    first = f"{names}, {plain_text(found.events.words())}, {by}"
-    taken, why = found.recommendation.taken, found.recommendation.why
+    first = f"{names}, {plain_text(exploration.events.words())}, {by}"
+    taken, why = exploration.recommendation.taken, exploration.recommendation.why
     recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
     commands = [
         "Commands of the front:",
-        *(f"  {found.command(setting)}" for setting in found.front),
+        *(f"  {exploration.command(setting)}" for setting in exploration.front),
     ]
     warned = "Chosen on test recordings: figures on these no longer test the choice."
-    warnings = [warned] if found.events.part == "test" else []
-    if found.reported_on and (shared := found.reported_on.shared(found.events)):
+    warnings = [warned] if exploration.events.part == "test" else []
+    if exploration.reported_on and (shared := exploration.reported_on.shared(exploration.events)):
         warnings.append(
             f"Reported on {plural(shared, 'recording')} that settings were also chosen on."
         )
-    return [first, *warnings, "", *_table(found), "", *_reported(found), *recommended, *commands]
+    return [
+        first,
+        *warnings,
+        "",
+        *_table(exploration),
+        "",
+        *_reported(exploration),
+        *recommended,
+        *commands,
+    ]
 
 
-def _table(found: Exploration) -> list[str]:
+def _table(exploration: Exploration) -> list[str]:
     """Return a row for each point; refused ones come last, each with its reason."""
-    engines = found.study.engines
+    engines = exploration.study.engines
     rows = [["", *(dial.name.replace("_", " ") for dial in DIALS), *COLUMNS, *engines]]
     refused = []
-    for point, mark in zip(found.points, found.on_front, strict=True):
+    for point, mark in zip(exploration.points, exploration.on_front, strict=True):
         if point.figures:
-            sign = ">" if point is found.recommendation.taken else "*" if mark else ""
+            sign = ">" if point is exploration.recommendation.taken else "*" if mark else ""
             timings = [time(1e9 * point.timings[name].seconds) for name in engines]
             rows.append([sign, *map(str, point.setting.values), *_cells(point), *timings])
         elif point.refused:
@@ -185,14 +198,14 @@ def _table(found: Exploration) -> list[str]:
     ]
 
 
-def _reported(found: Exploration) -> list[str]:
-    if found.reported_on is None:
+def _reported(exploration: Exploration) -> list[str]:
+    if exploration.reported_on is None:
         return []
     rows = [
         ["", "front", *COLUMNS],
-        *(["", str(point.setting), *_cells(point)] for point in found.reported),
+        *(["", str(point.setting), *_cells(point)] for point in exploration.reported),
     ]
-    return [f"The front on {plain_text(found.reported_on.words())}:", *aligned(rows, 2), ""]
+    return [f"The front on {plain_text(exploration.reported_on.words())}:", *aligned(rows, 2), ""]
 
 
 def _cells(point: Point) -> list[str]:

@@ -77,7 +77,7 @@ TABLE = [
         (NO_BUDGET, "none", "nothing was compared: no neuron spikes on these recordings, and all class scores tie"),
         (ErrorBudget(max_spike_error=0.2), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms per recording, of 2 settings on the front within --max-spike-error 0.2"),
         (ErrorBudget(min_agreement=1.0), "dendrite, 8-bit", "the least energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within --min-agreement 1"),
-        (ErrorBudget(0.0, 1.0), "reset, 1-bit", "the least energy, 1.00 µJ and 100 µs per recording, of 4 settings on the front within --min-agreement 0 and --max-spike-error 1"),
+        (ErrorBudget(min_agreement=0.0, max_spike_error=1.0), "reset, 1-bit", "the least energy, 1.00 µJ and 100 µs per recording, of 4 settings on the front within --min-agreement 0 and --max-spike-error 1"),
         (ErrorBudget(max_score_error=0.05), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms per recording, of 2 settings on the front within --max-score-error 0.05"),
         (ErrorBudget(max_spike_error=0.05), "none", "no setting keeps --max-spike-error 0.05; the least spike error is 10.0 %, with 0 % of the predictions changed, by dendrite, 8-bit"),
     ],
@@ -105,7 +105,7 @@ def test_a_cheaper_setting_whose_potentials_are_off_beats_none_and_is_not_recomm
 
 def test_what_auto_keeps_is_said():
     points = [point(name, bits, one) for name, bits, one in TABLE]
-    found = recommend(points, ErrorBudget(1.0, 0.11), by_default=True)
+    found = recommend(points, ErrorBudget(min_agreement=1.0, max_spike_error=0.11), by_default=True)
     assert str(found.taken.setting) == "dendrite, 8-bit"
     assert found.why == (
         "the best weighed energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within what auto "
@@ -134,13 +134,22 @@ def test_a_bound_on_what_was_not_compared_is_not_kept():
     [
         (
             figures(spikes=0.75, predictions=0.5),
-            ErrorBudget(0.5, 0.25 + SPIKE_TOLERANCE, SCORE_TOLERANCE),
+            ErrorBudget(
+                min_agreement=0.5,
+                max_spike_error=0.25 + SPIKE_TOLERANCE,
+                max_score_error=SCORE_TOLERANCE,
+            ),
         ),
         (
             figures(spikes=0.75, predictions=None, scores=None),
-            ErrorBudget(None, 0.25 + SPIKE_TOLERANCE),
+            ErrorBudget(min_agreement=None, max_spike_error=0.25 + SPIKE_TOLERANCE),
         ),
-        (figures(spikes=None, scores=0.5), ErrorBudget(1.0, None, 0.5 + SCORE_TOLERANCE)),
+        (
+            figures(spikes=None, scores=0.5),
+            ErrorBudget(
+                min_agreement=1.0, max_spike_error=None, max_score_error=0.5 + SCORE_TOLERANCE
+            ),
+        ),
         (figures(spikes=None, predictions=None, scores=None), ErrorBudget()),
     ],
     ids=["all", "ties", "potentials", "silence"],

@@ -47,7 +47,7 @@ def test_a_setting_says_itself_three_ways(model):
     [(0.0, ""), (0.07, ", 7% split"), (0.125, ", 12.5% split"), (1.0, ", 100% split")],
 )
 def test_a_share_of_split_weights_is_said_in_full(share, said):
-    assert str(Setting("dendrite", 8, share)) == f"dendrite, 8-bit{said}"
+    assert str(Setting("dendrite", weight_bits=8, split_weights=share)) == f"dendrite, 8-bit{said}"
 
 
 def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):

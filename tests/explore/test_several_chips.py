@@ -21,11 +21,13 @@ RESET = ("--strategy", "reset")
 
 
 def on(*chips):
+    """The options that name these chips."""
     return [text for chip in chips for text in ("--target", chip)]
 
 
 @pytest.fixture(scope="module")
 def tried(model, events, tmp_path_factory):
+    """The folder of an exploration of strategy reset on all these chips."""
     folder = tmp_path_factory.mktemp("chips") / "out"
     assert explore(model, "--events", events, *RESET, *on(*CHIPS), "-o", folder, "--quiet") == 0
     return folder

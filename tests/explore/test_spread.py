@@ -26,6 +26,7 @@ MANY = 70
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
+    """A file of more recordings than are taken at a time."""
     return labelled(tmp_path_factory.mktemp("many") / "many.npz", seed=3, many=MANY)
 
 
@@ -36,6 +37,7 @@ def compiled(model, many):
 
 @pytest.fixture(scope="module")
 def build(compiled, tmp_path_factory):
+    """A folder with the program."""
     folder = tmp_path_factory.mktemp("build") / "small"
     compiled.program.save(folder)
     return folder

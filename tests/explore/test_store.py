@@ -7,8 +7,9 @@ import pytest
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import sweep as store_module
-from locsnn_compile.explore.point import Point, Timing, digest_of
+from locsnn_compile.explore.point import Point, digest_of
 from locsnn_compile.explore.sweep import Store
+from locsnn_compile.explore.timing import Timing
 from locsnn_compile.settings import Setting
 from tests.support.explored_model import explore, figures, lasting, point
 

@@ -40,6 +40,7 @@ def serial(model, events, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def study(model, events):
+    """A study without engines to time, calibrated and checked on the same recordings."""
     network = lc.load(model)
     recordings = choose_events(network, str(events), None, None).recordings
     return Study(network, "digest", hw.chip("loihi-sim"), recordings, recordings)
@@ -47,6 +48,7 @@ def study(model, events):
 
 @pytest.fixture(scope="module")
 def grid(study):
+    """Fourteen settings: two strategies, with every width of weights."""
     neutral = {dial.name: [dial.neutral] for dial in DIALS}
     wanted = {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]}
     return settings(study.network, neutral | wanted, 8)
@@ -129,7 +131,7 @@ def test_dask_workers_killed_in_the_middle_take_nothing_along(
 
 
 def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
-    monkeypatch.setattr(spread, "_one_pool", lambda *arguments: iter(()))
+    monkeypatch.setattr(spread, "one_pool", lambda *arguments: iter(()))
     with pytest.raises(InputError) as caught, spread_over(None, 2) as processes:
         list(processes(partial(measure, study), grid[:1]))
     assert str(caught.value) == (

@@ -30,7 +30,11 @@ def figures_of(build):
 def model(tmp_path_factory):
     """A time branch of random weights that spikes on random events."""
     description = NetworkDescription(
-        "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name="small"
+        "tactile-snn",
+        InputLayout(neutouch(1), STEPS, step_seconds=0.02),
+        classes=3,
+        hidden=6,
+        name="small",
     )
     r = np.random.default_rng(0)
     weights = {
