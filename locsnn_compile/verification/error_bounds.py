@@ -13,9 +13,16 @@ SCORE_TOLERANCE = 0.05
 """Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
 
 
-def within(error: float, most: float) -> bool:
+def _is_kept(error: float | None, bound: float | None) -> bool:
+    """Tell whether an error keeps a bound, if there is one; an error that is not known keeps none."""
+    if bound is None:
+        return True
+    return error is not None and within(error, bound)
+
+
+def within(error: float, bound: float) -> bool:
     """Tell whether an error is not above a bound, apart from the last digits of floats: 1 - 0.99 is above 0.01."""
-    return error <= most or round(error, 12) <= most
+    return error <= bound or round(error, 12) <= bound
 
 
 LossesT = TypeVar("LossesT", bound="Losses")
@@ -85,13 +92,12 @@ class Losses(Frozen):
 
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
-        agreement, least = self.prediction_agreement, budget.min_agreement
-        errors = (
-            (self.spike_error, budget.max_spike_error),
-            (self.score_error, budget.max_score_error),
-        )
-        return (least is None or (agreement is not None and agreement >= least)) and all(
-            most is None or (error is not None and within(error, most)) for error, most in errors
+        agreement = self.prediction_agreement
+        least = budget.min_agreement
+        if least is not None and (agreement is None or agreement < least):
+            return False
+        return _is_kept(self.spike_error, budget.max_spike_error) and _is_kept(
+            self.score_error, budget.max_score_error
         )
 
     @property

@@ -49,8 +49,8 @@ class SpikeRows(Frozen, eq=False):
 
     def during(self, steps: range) -> "SpikeRows":
         """Return the rows in some steps."""
-        here = slice(steps.start, steps.stop)
-        return replace(self, reference=self.reference[here], chip=self.chip[here])
+        window = slice(steps.start, steps.stop)
+        return replace(self, reference=self.reference[window], chip=self.chip[window])
 
 
 class NeuronPotential(Frozen, eq=False):
@@ -89,16 +89,18 @@ def take_excerpt(observed: Observed, first: Divergence | None) -> Excerpt:
     network = observed.network
     recording = 0 if first is None else first.recording
     seen = observed.recording(recording)
-    wanted = seen.reference
-    found = seen.chip.spikes
+    reference = seen.reference
+    chip_spikes = seen.chip.spikes
     shown = _populations(network, first)
     all_steps = {phase.name: network.steps_of(phase.name) for phase in network.phases}
     inputs = [
-        _input(view, wanted.spikes[view.name][0])
+        _input(view, reference.spikes[view.name][0])
         for view in network.views
         if view.phase in all_steps
     ]
-    rows = [rows_shown(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
+    rows = [
+        rows_shown(p, reference.spikes[p.name][0], chip_spikes[p.name][0], first) for p in shown
+    ]
     central = (
         {}
         if first is None

@@ -82,8 +82,8 @@ def over_time(observed: Observed, psi: float = PSI) -> OverTime | str:
         labelled=labels is not None,
         psi=psi,
         right={
-            name: (readout.decided(found) == wanted[:, None])[known].mean(axis=0)
-            for name, found in scores.items()
+            name: (readout.decided(scores_of_axis) == wanted[:, None])[known].mean(axis=0)
+            for name, scores_of_axis in scores.items()
         },
         proven=hw.stop_when_proven(program, played),
     )
@@ -98,10 +98,10 @@ def stop_all(
 ) -> hw.Stops:
     """Stop recordings chunk by chunk, so memory does not grow with their number."""
     parts = []
-    for found in spread(
+    for stops in spread(
         stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))
     ):
-        parts.append(found)
+        parts.append(stops)
         if progress:
             progress(min(len(parts) * chunk, len(recordings)), len(recordings))
     by_recording, sums = (

@@ -253,12 +253,12 @@ def _deviation(
     network: Network, wanted: ReferenceResult, spikes: Mapping[str, ByteArray], scores: FloatArray
 ) -> Deviation:
     """Compare a variant with the float network."""
-    found = {
+    spikes_of = {
         p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name])
         for p in network.own_populations
     }
     changed = int((network.readout.decided(scores) != network.readout.decided(wanted.scores)).sum())
-    return Deviation(found, changed, ScoreMatch.of(wanted.scores, scores))
+    return Deviation(spikes_of, changed, ScoreMatch.of(wanted.scores, scores))
 
 
 _Played = tuple[Mapping[str, ByteArray], FloatArray]
@@ -278,14 +278,14 @@ def _play(
         different = list(dict.fromkeys(of_phase))
         ran = run_twins(different, lines_of(network, phase, recordings), potentials=kept)
         traces.append([ran[different.index(twin)] for twin in of_phase])
-    found: list[_Played] = []
+    played: list[_Played] = []
     for variant in zip(*traces, strict=True):
         spikes, potential = (
             {name: array for trace in variant for name, array in getattr(trace, kind).items()}
             for kind in ("spikes", "potential")
         )
-        found.append((spikes, readout.scores(spikes, potential) / quantized.score_scale))
-    return found
+        played.append((spikes, readout.scores(spikes, potential) / quantized.score_scale))
+    return played
 
 
 def _different(spikes: Mapping[str, ByteArray], others: Mapping[str, ByteArray]) -> int:

@@ -104,17 +104,17 @@ def _taps(
 ) -> list[SynapseNumbers]:
     """Return the self-synapses whose response is the refractory kernel, up to the last tap of the chip."""
     name, n = q.population.name, q.population.size
-    held = {
+    weight_of_delay = {
         delay: m.diagonal()
         for (source, delay), m in numbers.chip_weights(graph, alpha.chip.name).items()
         if source == name
     }
-    k = np.arange(1, max(held, default=-1) + 2, dtype=np.float64)[:, None]
+    k = np.arange(1, max(weight_of_delay, default=-1) + 2, dtype=np.float64)[:, None]
     response = -neuron.scale_ref * neuron.theta * kernel(neuron.tau_ref, k) * q.scale
     exact, fitted = (own_charges(response, group.keep_u) for group in (alpha.exact, alpha.chip))
     taps = []
     for delay in range(len(k)):
-        chip = held.get(delay, np.zeros(n))
+        chip = weight_of_delay.get(delay, np.zeros(n))
         tap = TwinSynapses(name, alpha.exact.name, exact[delay], delay)
         taps.append(SynapseNumbers(tap, fitted[delay], chip, exact[delay] + chip - fitted[delay]))
     return taps

@@ -90,31 +90,34 @@ def exact_synapses(
     network: Network, population: str, target: str, gain: FloatArray
 ) -> list[TwinSynapses]:
     """Return the float weights onto a population, times a gain (n,), as synapses onto a group: one entry per delay."""
-    found: dict[tuple[str, int], Matrix] = {}
+    weights_from: dict[tuple[str, int], Matrix] = {}
     for projection in network.into(population):
         assert isinstance(
             projection, Projection
         )  # check_network: only float weights reach float neurons
         for delay, weights in by_delay(projection.weights, projection.delay):
-            found = added(found, {(projection.source, delay): times(weights, gain)})
+            weights_from = added(weights_from, {(projection.source, delay): times(weights, gain)})
     return [
-        TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()
+        TwinSynapses(source, target, weights, delay)
+        for (source, delay), weights in weights_from.items()
     ]
 
 
 def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:
     """Return effective weights onto a group, CSR (n_target, n_source) by source and delay, summed over formats."""
     size = {node.name: node.size for node in graph.nodes}
-    found: dict[tuple[str, int], Matrix] = {}
+    weights_from: dict[tuple[str, int], Matrix] = {}
     for s in graph.synapses:
         if s.target == target:
             weights = loihi.charge_of(s.mantissa, s.exponent).astype(np.float64)
             for delay in np.unique(s.delay):
-                here = s.delay == delay
-                ends = (s.target_index[here], s.source_index[here])
-                part = sparse.csr_array((weights[here], ends), shape=(size[target], size[s.source]))
-                found = added(found, {(s.source, int(delay)): part})
-    return found
+                has_delay = s.delay == delay
+                ends = (s.target_index[has_delay], s.source_index[has_delay])
+                part = sparse.csr_array(
+                    (weights[has_delay], ends), shape=(size[target], size[s.source])
+                )
+                weights_from = added(weights_from, {(s.source, int(delay)): part})
+    return weights_from
 
 
 def times(weights: Matrix, factor: FloatArray) -> Matrix:

@@ -6,7 +6,7 @@ exactly, so the twin equals the simulator bit for bit. With every switch off, it
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -74,9 +74,9 @@ class TwinTrace(Frozen, eq=False):
     potential: dict[str, FloatArray]
 
 
-def run_twin(twin: Twin, lines: Mapping[str, ByteArray], **kept: Any) -> TwinTrace:
+def run_twin(twin: Twin, lines: Mapping[str, ByteArray], **options: Any) -> TwinTrace:
     """Run recordings through a twin: see :func:`run_twins`."""
-    return run_twins([twin], lines, **kept)[0]
+    return run_twins([twin], lines, **options)[0]
 
 
 def run_twins(
@@ -93,82 +93,145 @@ def run_twins(
     are kept.
     """
     batch, steps = next(iter(lines.values())).shape[:2]
-    registers = twins[0].registers
-    *joined, spiking = _blocks(twins, batch, steps, registers)
-    home = {
-        key: (block, columns)
+    *joined, spiking = _blocks(twins, batch, steps, twins[0].registers)
+    place_of = {
+        key: _Place(block, columns)
         for block in (*joined, spiking)
         for key, columns in block.columns.items()
     }
-    early = {
-        name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()
-    }
-    sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
     synapses = [
-        (i, s)
-        for i, twin in enumerate(twins)
+        (number, s)
+        for number, twin in enumerate(twins)
         for s in twin.synapses
         if loihi.acts_at(0, s.delay) < steps
     ]
-    longest = 1 + max((s.delay for _, s in synapses if s.weights.ndim == 1), default=0)
-    arrived: dict[tuple[str, int, int], FloatArray] = {}
-    own: dict[_Block, FloatArray] = {}
-    others: list[dict[str, list[_Onto]]] = [{} for _ in twins]
-    for i, s in synapses:
-        target, to_columns = home[i, s.target]
-        if s.source in lines:
-            if (same := (s.source, s.delay, id(s.weights))) not in arrived:
-                # Few lines spike, so their spikes are sparse, whatever the weights are.
-                found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
-                charge = found.toarray() if sparse.issparse(found) else found
-                arrived[same] = charge.reshape(-1, batch, s.weights.shape[0])
-            target.charge[loihi.acts_at(0, s.delay) :, :, to_columns] += arrived[same]
-        elif s.weights.ndim == 1:
-            if target not in own:
-                own[target] = np.zeros((longest, 1, target.size))
-            own[target][s.delay, 0, to_columns] += s.weights
-        else:
-            reach = (loihi.acts_at(0, s.delay), home[i, s.source][1], target, to_columns, s.weights)
-            others[i].setdefault(s.source, []).append(reach)
-    onto = _stacked(others)
-    watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
+    _add_charge_of_lines(synapses, lines, place_of)
+    between_neurons = [(number, s) for number, s in synapses if s.source not in lines]
+    onto_itself = _weights_onto_itself(between_neurons, place_of)
+    onto_others = _weights_onto_others(between_neurons, place_of, len(twins))
     potential = {
-        key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()
+        key: np.empty((batch, steps, place.size))
+        for key, place in place_of.items()
+        if key[1] in potentials
     }
     for step in range(steps):
-        spiking.joined[:] = 0.0
-        for block in joined:
-            block.update(step)
-            spiking.joined[:, : block.size] += block.v
-        spiking.update(step)
-        for key, kept in potential.items():
-            block, columns = home[key]
-            kept[:, step] = block.v[:, columns]
+        _update(joined, spiking, step)
+        for key, by_step in potential.items():
+            by_step[:, step] = place_of[key].v
         fired = spiking.fire(step)
         if forced is not None:
-            fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(
-                np.bool_
-            )
+            spikes = [forced[name][:, step] for _, name in spiking.columns]
+            fired = np.hstack(spikes).astype(np.bool_)
         spiking.reset(fired)
         sent = fired.astype(np.float64)
         # What neurons send to those of the same number is added first: in another order, sums round differently.
-        for target, weights in own.items():
-            later = target.charge[step + 1 : step + 1 + longest]
-            later += weights[: len(later)] * sent[:, : target.size]
-        for late, columns, target, to_columns, weights in onto:
-            here = sent[:, columns]
-            if step + late < steps and here.any():
-                if sparse.issparse(weights):
-                    charge = (weights @ here.T).T
-                else:
-                    by_twin = here.reshape(batch, len(weights), -1).transpose(1, 2, 0)
-                    charge = (weights @ by_twin).transpose(2, 0, 1).reshape(batch, -1)
-                target.charge[step + late, :, to_columns] += charge
-    traces = [TwinTrace({}, {}) for _ in twins]
-    for (i, name), columns in spiking.columns.items():
-        traces[i].spikes[name] = np.ascontiguousarray(spiking.spikes[:, :, columns])
-    for (i, name), kept in potential.items():
-        traces[i].potential[name] = kept
+        _send_to_itself(onto_itself, sent, step)
+        _send_to_others(onto_others, sent, step)
+    return _traces(len(twins), spiking, potential)
+
+
+def _add_charge_of_lines(
+    synapses: "Sequence[tuple[int, TwinSynapses]]",
+    lines: Mapping[str, ByteArray],
+    place_of: "Mapping[_Key, _Place]",
+) -> None:
+    """Add what the inputs send in all steps, which depends on no neuron, to the charges; twins may share weights."""
+    batch, steps = next(iter(lines.values())).shape[:2]
+    sparse_lines = {}
+    for name, played in lines.items():
+        by_step = played.transpose(1, 0, 2).reshape(steps * batch, -1)
+        sparse_lines[name] = sparse_spikes(by_step, np.float64)
+    charge_of: dict[tuple[str, int, int], FloatArray] = {}
+    for number, s in synapses:
+        if s.source not in lines:
+            continue
+        key = (s.source, s.delay, id(s.weights))
+        if key not in charge_of:
+            # Few lines spike, so their spikes are sparse, whatever the weights are.
+            spikes_that_act = sparse_lines[s.source][: batch * (steps - loihi.acts_at(0, s.delay))]
+            products = spikes_that_act @ s.weights.T
+            charge = products.toarray() if sparse.issparse(products) else products
+            charge_of[key] = charge.reshape(-1, batch, s.weights.shape[0])
+        target = place_of[number, s.target]
+        target.block.charge[loihi.acts_at(0, s.delay) :, :, target.columns] += charge_of[key]
+
+
+def _weights_onto_itself(
+    synapses: "Sequence[tuple[int, TwinSynapses]]", place_of: "Mapping[_Key, _Place]"
+) -> "dict[_Block, FloatArray]":
+    """Return the weights from neurons onto those of the same number, (delays, 1, columns), by block."""
+    onto_itself = [(number, s) for number, s in synapses if s.weights.ndim == 1]
+    delays = 1 + max((s.delay for _, s in onto_itself), default=0)
+    weights: dict[_Block, FloatArray] = {}
+    for number, s in onto_itself:
+        target = place_of[number, s.target]
+        if target.block not in weights:
+            weights[target.block] = np.zeros((delays, 1, target.block.size))
+        weights[target.block][s.delay, 0, target.columns] += s.weights
+    return weights
+
+
+def _weights_onto_others(
+    synapses: "Sequence[tuple[int, TwinSynapses]]", place_of: "Mapping[_Key, _Place]", twins: int
+) -> "list[_Onto]":
+    """Return all other weights, those from one source one after the other."""
+    by_twin: list[dict[str, list[_Onto]]] = [{} for _ in range(twins)]
+    for number, s in synapses:
+        if s.weights.ndim > 1:
+            target = place_of[number, s.target]
+            onto = _Onto(
+                acts_after=loihi.acts_at(0, s.delay),
+                senders=place_of[number, s.source].columns,
+                block=target.block,
+                columns=target.columns,
+                weights=s.weights,
+            )
+            by_twin[number].setdefault(s.source, []).append(onto)
+    return _stacked(by_twin)
+
+
+def _update(joined: "Sequence[_Block]", spiking: "_Block", step: int) -> None:
+    """Take the step of all compartments up to the threshold: children first, which add their v to their parents."""
+    spiking.joined[:] = 0.0
+    for block in joined:
+        block.update(step)
+        spiking.joined[:, : block.size] += block.v
+    spiking.update(step)
+
+
+def _send_to_itself(weights: "Mapping[_Block, FloatArray]", sent: FloatArray, step: int) -> None:
+    """Add the charge of spikes (batch, columns) to neurons of the same number, in the steps in which it acts."""
+    for block, by_delay in weights.items():
+        first = loihi.acts_at(step, 0)
+        later = block.charge[first : first + len(by_delay)]
+        later += by_delay[: len(later)] * sent[:, : block.size]
+
+
+def _send_to_others(weights: "Sequence[_Onto]", sent: FloatArray, step: int) -> None:
+    """Add the charge of spikes (batch, columns) to other neurons, in the step in which it acts."""
+    batch = len(sent)
+    for onto in weights:
+        spikes = sent[:, onto.senders]
+        acts_at = step + onto.acts_after
+        if acts_at >= len(onto.block.charge) or not spikes.any():
+            continue
+        if sparse.issparse(onto.weights):
+            charge = (onto.weights @ spikes.T).T
+        else:
+            by_twin = spikes.reshape(batch, len(onto.weights), -1).transpose(1, 2, 0)
+            charge = (onto.weights @ by_twin).transpose(2, 0, 1).reshape(batch, -1)
+        onto.block.charge[acts_at, :, onto.columns] += charge
+
+
+def _traces(
+    twins: int, spiking: "_Block", potential: "Mapping[_Key, FloatArray]"
+) -> list[TwinTrace]:
+    """Return what each twin did."""
+    traces = [TwinTrace({}, {}) for _ in range(twins)]
+    for (number, name), columns in spiking.columns.items():
+        traces[number].spikes[name] = np.ascontiguousarray(spiking.spikes[:, :, columns])
+    for (number, name), by_step in potential.items():
+        traces[number].potential[name] = by_step
     return traces
 
 
@@ -198,37 +261,77 @@ def _blocks(twins: Sequence[Twin], batch: int, steps: int, registers: Registers)
     ]
 
 
-def _stacked(others: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]":
+def _stacked(by_twin: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]":
     """Stack small dense weights of neighbouring twins, (twins, n_target, n_source), and keep the order of each twin."""
     numbered = [
-        item for by_source in others for item in enumerate(chain.from_iterable(by_source.values()))
+        item for by_source in by_twin for item in enumerate(chain.from_iterable(by_source.values()))
     ]
-    found: list[_Onto] = []
-    for _, (late, columns, target, to_columns, weights) in sorted(
-        numbered, key=lambda item: (item[0], item[1][1].start)
-    ):
-        held = weights if sparse.issparse(weights) else weights[None]
-        if found and held.ndim == 3 and weights.size <= STACKED_ENTRIES:
-            late_before, before, target_before, to_before, held_before = found[-1]
-            neighbours = (before.stop, to_before.stop) == (columns.start, to_columns.start)
-            if neighbours and (late, target, *weights.shape) == (
-                late_before,
-                target_before,
-                *held_before.shape[1:],
-            ):
-                columns, to_columns = (
-                    slice(before.start, columns.stop),
-                    slice(to_before.start, to_columns.stop),
-                )
-                held = np.concatenate([found.pop()[-1], held])
-        found.append((late, columns, target, to_columns, held))
-    return found
+    stacked: list[_Onto] = []
+    for _, onto in sorted(numbered, key=lambda item: (item[0], item[1].senders.start)):
+        if sparse.issparse(onto.weights):
+            stacked.append(onto)
+            continue
+        layer = onto._replace(weights=onto.weights[None])
+        if stacked and onto.weights.size <= STACKED_ENTRIES and _fits_behind(stacked[-1], layer):
+            stacked[-1] = _behind(stacked[-1], layer)
+        else:
+            stacked.append(layer)
+    return stacked
+
+
+def _fits_behind(stack: "_Onto", layer: "_Onto") -> bool:
+    """Tell whether weights are like those of a stack, from and onto the columns next to them."""
+    is_neighbour = (stack.senders.stop, stack.columns.stop) == (
+        layer.senders.start,
+        layer.columns.start,
+    )
+    is_alike = (stack.acts_after, stack.block) == (layer.acts_after, layer.block)
+    return is_neighbour and is_alike and stack.weights.shape[1:] == layer.weights.shape[1:]
+
+
+def _behind(stack: "_Onto", layer: "_Onto") -> "_Onto":
+    """Return a stack with one more layer of weights."""
+    return stack._replace(
+        senders=slice(stack.senders.start, layer.senders.stop),
+        columns=slice(stack.columns.start, layer.columns.stop),
+        weights=np.concatenate([stack.weights, layer.weights]),
+    )
 
 
 _Key = tuple[int, str]
 """The number of a twin and the name of one of its groups."""
-_Onto = tuple[int, slice, "_Block", slice, Matrix]
-"""Steps until spikes arrive, the columns that send them, the block and its columns that they reach, and the weights."""
+
+
+class _Place(NamedTuple):
+    """Where the registers of a group lie."""
+
+    block: "_Block"
+    columns: slice
+
+    @property
+    def size(self) -> int:
+        """Number of compartments."""
+        return int(self.columns.stop - self.columns.start)
+
+    @property
+    def v(self) -> FloatArray:
+        """Voltages, (batch, size)."""
+        return self.block.v[:, self.columns]
+
+
+class _Onto(NamedTuple):
+    """Weights from one group onto another, or stacked ones of several twins.
+
+    - ``acts_after``: steps until a spike acts
+    - ``senders``: the columns that send, of the block of groups that spike
+    - ``block`` and its ``columns``: those that the spikes reach
+    """
+
+    acts_after: int
+    senders: slice
+    block: "_Block"
+    columns: slice
+    weights: Matrix
 
 
 class _OnFloats:
