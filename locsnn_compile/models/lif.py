@@ -65,14 +65,14 @@ class _Spike(torch.autograd.Function):
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         neuron: LifParameters = ctx.neuron
         gradient = to_host(grads[0])
-        found = np.empty_like(gradient)
+        by_drive = np.empty_like(gradient)
         scan_back(
             gradient,
             ctx.u,
             constants(gradient.dtype, neuron.keep, neuron.threshold, neuron.window, 0),
-            found,
+            by_drive,
         )
-        return to_device(found, grads[0]), None
+        return to_device(by_drive, grads[0]), None
 
 
 def spike(drive: Tensor, neuron: LifParameters) -> Tensor:
@@ -105,16 +105,17 @@ class _SpikeOfSpikes(torch.autograd.Function):
         gradient = np.ascontiguousarray(grads[0].numpy())
         batch, steps, size = gradient.shape
         by_weight = np.zeros(tuple(weight.shape), gradient.dtype)
-        found = np.empty((batch * steps if ctx.needs_input_grad[0] else 1, size), gradient.dtype)
-        given = constants(
+        rows = batch * steps if ctx.needs_input_grad[0] else 1
+        by_drive = np.empty((rows, size), gradient.dtype)
+        neuron_constants = constants(
             gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0
         )
-        scan_active_back(gradient, ctx.u, given, *ctx.active, by_weight, found)
+        scan_active_back(gradient, ctx.u, neuron_constants, *ctx.active, by_weight, by_drive)
         by_x = None
         if ctx.needs_input_grad[0]:
             # Into numpy's memory, which uses large pages: torch would take half the time of the product to allocate it.
             by_x = torch.from_numpy(np.empty((batch * steps, len(weight)), gradient.dtype))
-            torch.mm(torch.from_numpy(found), weight.T, out=by_x)
+            torch.mm(torch.from_numpy(by_drive), weight.T, out=by_x)
             by_x = by_x.reshape(batch, steps, len(weight))
         return by_x, torch.from_numpy(by_weight), None
 

@@ -47,14 +47,14 @@ def scan(drive, constants, potential, spikes):  # type: ignore[no-untyped-def]  
 
 
 @compiled_with_arrays
-def scan_back(gradient, potential, constants, found):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """Fill ``found``, the gradient by drive, for that by spikes."""
+def scan_back(gradient, potential, constants, by_drive):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Fill ``by_drive``, the gradient by drive, for that by spikes."""
     batch, steps, size = gradient.shape
     by_u = np.empty(size, gradient.dtype)
     for b in range(batch):
         by_u[:] = 0
         for t in range(steps - 1, -1, -1):
-            found[b, t] = by_u
+            by_drive[b, t] = by_u
             _step_back(gradient[b, t], potential[b, t], constants, by_u)
 
 
@@ -66,13 +66,13 @@ def list_active(x, ends, inputs):  # type: ignore[no-untyped-def]  # pragma: no 
     one more than x has entries.
     """
     rows, size = x.shape
-    found = 0
+    count = 0
     for r in range(rows):
         for i in range(size):
-            inputs[found] = i
-            found += x[r, i] != 0
-        ends[r] = found
-    return found
+            inputs[count] = i
+            count += x[r, i] != 0
+        ends[r] = count
+    return count
 
 
 @absorbed
@@ -109,11 +109,11 @@ def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type:
 
 @compiled_with_arrays
 def scan_active_back(  # type: ignore[no-untyped-def]
-    gradient, potential, constants, x, ends, inputs, by_weight, found
+    gradient, potential, constants, x, ends, inputs, by_weight, by_drive
 ):  # pragma: no cover - compiled
-    """Add the gradient by weights to ``by_weight`` (inputs, n), for that by spikes, and fill ``found``, that by drive.
+    """Add the gradient by weights to ``by_weight`` (inputs, n), for that by spikes, and fill ``by_drive``.
 
-    ``found`` is (batch * steps, n), or (1, n) where the gradient by x is not needed.
+    ``by_drive``, the gradient by drive, is (batch * steps, n), or (1, n) where the gradient by x is not needed.
     """
     batch, steps, size = gradient.shape
     by_u = np.empty(size, gradient.dtype)
@@ -121,7 +121,7 @@ def scan_active_back(  # type: ignore[no-untyped-def]
         by_u[:] = 0
         for t in range(steps - 1, -1, -1):
             r = b * steps + t
-            found[min(r, len(found) - 1)] = by_u
+            by_drive[min(r, len(by_drive) - 1)] = by_u
             for i in inputs[ends[r - 1] if r else 0 : ends[r]]:
                 value, row = x[r, i], by_weight[i]
                 for o in range(size):

@@ -138,9 +138,11 @@ class WindowNetwork(TouchModel):
         if self.chip is None:
             return {}
         weights, offsets = (self.chip.populations[name] for name in self.names)
-        held = rounded(self.output, weights)
-        kept = self.bias.double() - weights.unit * (held.double() @ self.usual.double())
-        both = zip(self.names, (held, rounded(kept, offsets)), strict=True)
+        weight_mantissas = rounded(self.output, weights)
+        kept_biases = self.bias.double() - weights.unit * (
+            weight_mantissas.double() @ self.usual.double()
+        )
+        both = zip(self.names, (weight_mantissas, rounded(kept_biases, offsets)), strict=True)
         return {name: to_host(values).astype(np.int64) for name, values in both}
 
 

@@ -28,14 +28,14 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
     computes outside of modules is not counted. Raises ``InputError`` for a kind without a counter, and for a module
     that has both inner modules and its own weights.
     """
-    found: list[AnnCounts] = []
+    counts: list[AnnCounts] = []
     counters = {
         module: _counter(name, module)
         for name, module in network.named_modules()
         if _is_counted(name, module)
     }
     hooks = [
-        module.register_forward_hook(partial(_add, found, counter))
+        module.register_forward_hook(partial(_add, counts, counter))
         for module, counter in counters.items()
     ]
     training = network.training
@@ -48,9 +48,9 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
         for hook in hooks:
             hook.remove()
     return AnnCounts(
-        sum(c.macs for c in found),
-        sum(c.multiplications for c in found),
-        sum(c.additions for c in found),
+        sum(c.macs for c in counts),
+        sum(c.multiplications for c in counts),
+        sum(c.additions for c in counts),
     )
 
 
@@ -76,17 +76,17 @@ def _unknown(name: str, module: nn.Module) -> InputError:
 
 
 def _add(
-    found: list[AnnCounts],
+    counts: list[AnnCounts],
     counter: Counter,
     module: nn.Module,
     inputs: tuple[Tensor, ...],
     output: Any,
 ) -> None:
-    found.append(counter(module, inputs[0], output if isinstance(output, Tensor) else output[0]))
+    counts.append(counter(module, inputs[0], output if isinstance(output, Tensor) else output[0]))
 
 
 def _products(
-    of_output: Callable[[Any], int], module: nn.Module, given: Tensor, output: Tensor
+    of_output: Callable[[Any], int], module: nn.Module, module_input: Tensor, output: Tensor
 ) -> AnnCounts:
     """Count the products with weights in each output; ``of_output`` returns their number for a module."""
     macs = output.numel() * of_output(module)
@@ -98,12 +98,12 @@ def _heard_by_pixel(module: nn.Conv1d | nn.Conv2d | nn.Conv3d) -> int:
 
 
 def _recurrent(
-    gates: int, products: int, sums: int, module: nn.RNNBase, given: Tensor, output: Tensor
+    gates: int, products: int, sums: int, module: nn.RNNBase, module_input: Tensor, output: Tensor
 ) -> AnnCounts:
     """Count a recurrent cell with these numbers of gates, element-wise products and sums per step and hidden unit."""
     directions = 2 if module.bidirectional else 1
     hidden = module.hidden_size
-    cells = directions * given.numel() // module.input_size
+    cells = directions * module_input.numel() // module.input_size
     macs = units = 0
     for layer in range(module.num_layers):
         inputs = module.input_size if layer == 0 else directions * hidden

@@ -66,43 +66,51 @@ def check_network(network: Network) -> None:
 
 def _check_readout(network: Network) -> None:
     readout = network.readout
-    found = [
+    sizes = [
         p.size
         for name in readout.populations
         for p in network.populations
         if p.name == name and not p.helper
     ]
     weights = np.asarray(readout.weights, dtype=np.float64)
-    whole = len(found) == len(readout.populations) == len(weights) and np.isfinite(weights).all()
-    if len(set(found)) != 1 or not whole:
-        measured = f"populations {readout.populations}, sizes {found}, weights {readout.weights}"
+    is_complete = len(sizes) == len(readout.populations) == len(weights)
+    is_finite = bool(np.isfinite(weights).all())
+    if len(set(sizes)) != 1 or not is_complete or not is_finite:
+        measured = f"populations {readout.populations}, sizes {sizes}, weights {readout.weights}"
         fix = "Name populations of one size, each with its weight."
         raise InputError(
             "readout", "its populations or weights do not fit together", measured=measured, fix=fix
         )
-    given = readout.potentials_from
-    steps = given if isinstance(given, tuple) else (given,) * len(found)
-    if len(steps) != len(found) or not all(
-        one is None or (type(one) is int and 0 <= one <= MOST) for one in steps
-    ):
+    potentials_from = readout.potentials_from
+    steps = (
+        potentials_from if isinstance(potentials_from, tuple) else (potentials_from,) * len(sizes)
+    )
+    if len(steps) != len(sizes) or not all(map(_is_step_or_none, steps)):
         fix = "Give a step from 0 up, or one or None for each population."
         raise InputError(
-            "readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix
+            "readout",
+            "potentials_from is not a step",
+            measured=f"{potentials_from!r}"[:80],
+            fix=fix,
         )
     _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
     tie_class = readout.tie_class
-    if tie_class is not None and not (type(tie_class) is int and 0 <= tie_class < found[0]):
+    if tie_class is not None and not (type(tie_class) is int and 0 <= tie_class < sizes[0]):
         raise InputError(
             "readout",
             "tie_class is not a class",
-            measured=f"{tie_class!r} against 0..{found[0] - 1}"[:80],
+            measured=f"{tie_class!r} against 0..{sizes[0] - 1}"[:80],
             fix="Give the number of a class, or None.",
         )
     if network.class_names is not None:
         where = f"model {network.name!r}"
-        many = len(clean_class_names(where, network.class_names, network.classes))
-        what, fix = "its class names do not fit its classes", "Give one for each class."
-        check_same(many, network.classes, where, what, fix=fix)
+        names = clean_class_names(where, network.class_names, network.classes)
+        what = "its class names do not fit its classes"
+        check_same(len(names), network.classes, where, what, fix="Give one for each class.")
+
+
+def _is_step_or_none(step: object) -> bool:
+    return step is None or (type(step) is int and 0 <= step <= MOST)
 
 
 def _check_axes(network: Network) -> None:

@@ -80,13 +80,16 @@ class ChipCuba(Shown, ChipNeuron):
 
     usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
 
-    def with_biases(self, held: IntArray, exponent: int) -> "ChipCuba":
-        """Return these neurons with biases of ``held * 2^exponent`` units, ``held`` (n,) of 8 bits, as weights are."""
+    def with_biases(self, mantissas: IntArray, exponent: int) -> "ChipCuba":
+        """Return these neurons with biases of ``mantissas * 2^exponent`` units.
+
+        ``mantissas`` (n,) have 8 bits, as weights have.
+        """
         places = loihi_inverse.bits_of_unit(exponent)
         fine = min(places, BIAS_PLACES)
-        mantissa = np.left_shift(held, fine) if fine >= 0 else np.right_shift(held, -fine)
+        mantissa = np.left_shift(mantissas, fine) if fine >= 0 else np.right_shift(mantissas, -fine)
         return replace(
-            self, bias_mantissa=mantissa, bias_exponent=integers(places - fine, len(held))
+            self, bias_mantissa=mantissa, bias_exponent=integers(places - fine, len(mantissas))
         )
 
     @property
@@ -143,15 +146,13 @@ class Refractory(Frozen, eq=False):
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays."""
         taps = len(self.delay)
-        found = [
+        of_taps = [
             Parameter("tap exponent", self.exponent, (taps,)),
             Parameter("tap mantissa", self.mantissa, (taps, size)),
         ]
-        return (
-            found
-            if self.decay is None
-            else [Parameter("refractory decay", self.decay, (size,)), *found]
-        )
+        if self.decay is None:
+            return of_taps
+        return [Parameter("refractory decay", self.decay, (size,)), *of_taps]
 
 
 class ChipSrm(Shown, ChipNeuron):

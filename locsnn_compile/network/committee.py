@@ -1,14 +1,15 @@
 """Several networks with the same input as one network, whose class scores are the weighted sums of theirs."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hw_model.mapping.graph import Phase, Readout
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import InputView, Member, Network, Population
 from locsnn_compile.network.projections import ChipProjection, Projection
@@ -38,6 +39,35 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
     Phases are equal if name, axis, steps and start are equal. Raises ``InputError`` for members that disagree, and
     unless there is one weight above 0 per network.
     """
+    _check_networks(networks)
+    _check_weights(weights, networks)
+    agreed = {key: _shared(key, networks) for key in _SHARED}
+    _shared("classes", networks)
+    joined = _Joined()
+    for network, weight in zip(networks, weights, strict=True):
+        joined.add(network, float(weight))
+    hashes = " ".join(network.sha256 for network in networks)
+    assumptions = [sentence for network in networks for sentence in network.assumptions]
+    return Network(
+        name=name or "+".join(member.name for member in joined.members),
+        views=tuple(joined.views),
+        populations=tuple(joined.populations),
+        projections=tuple(joined.projections),
+        readout=_readout(joined.terms, networks),
+        sha256=sha256(hashes.encode()).hexdigest(),
+        recordings=_first_recordings(networks),
+        assumptions=tuple(dict.fromkeys(assumptions)),
+        psi=_common_psi(networks),
+        trained_on={
+            name: bits for network in networks for name, bits in network.trained_on.items()
+        },
+        members=tuple(joined.members),
+        **agreed,
+    )
+
+
+def _check_networks(networks: Sequence[Network]) -> None:
+    """Refuse what is not a network, and networks with layers on the host."""
     if not networks or not all(isinstance(network, Network) for network in networks):
         given = ", ".join(type(network).__name__ for network in networks) or "none"
         raise InputError(
@@ -50,67 +80,100 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
         if network.host is not None:
             what = "it has layers on the host, and networks are joined without such layers"
             raise InputError(f"model {network.name!r}", what, fix="Compile it by itself.")
-    if len(weights) != len(networks) or not all(
-        0 < w <= MOST_APART * min(weights) for w in weights
-    ):
-        measured = f"{', '.join(f'{w:g}' for w in weights)} for {len(networks)} networks"
-        what = f"each network needs one above 0, at most {MOST_APART:,} times any other"
-        raise InputError("weights", what, measured=measured, fix="Give numbers such as 1,2.")
-    shared = {key: _shared(key, networks) for key in _SHARED}
-    _shared("classes", networks)
-    phases: dict[Phase, str] = {}
-    views: list[InputView] = []
-    members: list[Member] = []
-    populations: list[Population] = []
-    projections: list[Projection | ChipProjection] = []
-    terms: list[tuple[str, float, int | None]] = []
-    for network, weight in zip(networks, weights, strict=True):
-        member = _free(network.name.replace("/", "_"), [other.name for other in members])
-        members.append(Member(member, network.sha256, float(weight)))
-        phase = {
-            its.name: phases.setdefault(its, _free(its.name, phases.values()))
-            for its in network.phases
+
+
+def _check_weights(weights: Sequence[float], networks: Sequence[Network]) -> None:
+    """Refuse other than one weight above 0 for each network, and weights too far apart."""
+    fits = len(weights) == len(networks)
+    if not fits or not all(0 < weight <= MOST_APART * min(weights) for weight in weights):
+        shown = ", ".join(f"{weight:g}" for weight in weights)
+        raise InputError(
+            "weights",
+            f"each network needs one above 0, at most {MOST_APART:,} times any other",
+            measured=f"{shown} for {len(networks)} networks",
+            fix="Give numbers such as 1,2.",
+        )
+
+
+class _Term(NamedTuple):
+    """A population that is read: its weight, and the step from which its potentials count, or None for spikes."""
+
+    population: str
+    weight: float
+    from_step: int | None
+
+
+class _Joined:
+    """The parts of the networks so far, under the names that they have in the committee."""
+
+    def __init__(self) -> None:
+        self.members: list[Member] = []
+        self.views: list[InputView] = []
+        self.populations: list[Population] = []
+        self.projections: list[Projection | ChipProjection] = []
+        self.terms: list[_Term] = []
+        self._phase_names: dict[Phase, str] = {}
+
+    def add(self, network: Network, weight: float) -> None:
+        """Add the parts of a network whose class scores have a weight."""
+        member = self._add_member(network, weight)
+        phase_names = self._shared_phases(network)
+        new_names = {p.name: f"{member}/{p.name}" for p in network.populations}
+        new_names |= self._shared_views(network, phase_names)
+        for p in network.populations:
+            phase = phase_names[p.phase]
+            self.populations.append(replace(p, name=new_names[p.name], own_phase=phase))
+        for projection in network.projections:
+            source = new_names[projection.source]
+            target = new_names[projection.target]
+            self.projections.append(replace(projection, source=source, target=target))
+        from_step = network.readout.from_step
+        for name, weight_within in network.readout.terms:
+            term = _Term(new_names[name], weight * weight_within, from_step.get(name))
+            self.terms.append(term)
+
+    def _add_member(self, network: Network, weight: float) -> str:
+        """Add a member, and return its name; slashes divide the names of populations."""
+        taken = [member.name for member in self.members]
+        name = _free(network.name.replace("/", "_"), taken)
+        self.members.append(Member(name, network.sha256, weight))
+        return name
+
+    def _shared_phases(self, network: Network) -> dict[str, str]:
+        """Return the names of a network's phases in the committee, which equal phases share."""
+        return {
+            phase.name: self._phase_names.setdefault(
+                phase, _free(phase.name, self._phase_names.values())
+            )
+            for phase in network.phases
         }
-        new = {p.name: f"{member}/{p.name}" for p in network.populations}
+
+    def _shared_views(self, network: Network, phase_names: Mapping[str, str]) -> dict[str, str]:
+        """Return the names of a network's inputs in the committee, which equal inputs share."""
+        names = {}
         for view in network.views:
-            if view.phase in phase:
-                new[view.name] = _input(views, replace(view, own_phase=phase[view.phase]))
-        populations += [
-            replace(p, name=new[p.name], own_phase=phase[p.phase]) for p in network.populations
-        ]
-        projections += [
-            replace(p, source=new[p.source], target=new[p.target]) for p in network.projections
-        ]
-        read = network.readout.from_step
-        terms += [(new[its], weight * w, read.get(its)) for its, w in network.readout.terms]
-    return Network(
-        name=name or "+".join(member.name for member in members),
-        views=tuple(views),
-        populations=tuple(populations),
-        projections=tuple(projections),
-        readout=_readout(terms, networks),
-        sha256=sha256(" ".join(network.sha256 for network in networks).encode()).hexdigest(),
-        recordings=next(
-            (network.recordings for network in networks if network.recordings is not None), None
-        ),
-        assumptions=tuple(
-            dict.fromkeys(said for network in networks for said in network.assumptions)
-        ),
-        psi=networks[0].psi if len({network.psi for network in networks}) == 1 else None,
-        trained_on={
-            name: bits for network in networks for name, bits in network.trained_on.items()
-        },
-        members=tuple(members),
-        **shared,
-    )
+            if view.phase in phase_names:  # no population runs in another one
+                in_phase = replace(view, own_phase=phase_names[view.phase])
+                names[view.name] = _input(self.views, in_phase)
+        return names
 
 
-def _readout(
-    terms: Sequence[tuple[str, float, int | None]], networks: Sequence[Network]
-) -> Readout:
-    """Return the readout of terms: a population, its weight, and the step from which its potentials count."""
-    names, weights, first = zip(*terms, strict=True)
-    return Readout(names, weights, first, _tie_class(networks))
+def _first_recordings(networks: Sequence[Network]) -> Recordings | None:
+    """Return the recordings of the first network that carries some."""
+    carried = (network.recordings for network in networks)
+    return next((recordings for recordings in carried if recordings is not None), None)
+
+
+def _common_psi(networks: Sequence[Network]) -> float | None:
+    """Return the psi of all networks; None where they differ."""
+    values = {network.psi for network in networks}
+    return values.pop() if len(values) == 1 else None
+
+
+def _readout(terms: Sequence[_Term], networks: Sequence[Network]) -> Readout:
+    """Return the readout that adds terms."""
+    names, weights, from_steps = zip(*terms, strict=True)
+    return Readout(names, weights, from_steps, _tie_class(networks))
 
 
 def _tie_class(networks: Sequence[Network]) -> int | None:
@@ -121,42 +184,40 @@ def _tie_class(networks: Sequence[Network]) -> int | None:
 
 def _shared(key: str, networks: Sequence[Network]) -> Any:
     """Return the value that the networks agree on, None if none has one; refuse values that differ."""
-    said = [
-        (network.name, value)
-        for network in networks
-        if (value := getattr(network, key)) is not None
-    ]
-    for (first, its), (name, value) in pairwise(said):
-        if value != its:
-            what = f"it differs from {first!r} in {key.replace('_', ' ')}"
-            measured = f"{_short(value)} against {_short(its)}"
+    values = [(network.name, getattr(network, key)) for network in networks]
+    known = [(name, value) for name, value in values if value is not None]
+    for (earlier, expected), (name, value) in pairwise(known):
+        if value != expected:
+            what = f"it differs from {earlier!r} in {key.replace('_', ' ')}"
+            measured = f"{_short(value)} against {_short(expected)}"
             raise InputError(
                 f"model {name!r}", what, measured=measured, fix="Join networks of one input."
             )
-    return said[0][1] if said else None
+    return known[0][1] if known else None
 
 
 def _short(value: Any) -> str:
     """Return a value as messages show it: a sensor by its name, texts without brackets."""
-    return (", ".join(value) if isinstance(value, tuple) else str(getattr(value, "name", value)))[
-        :60
-    ]
+    shown = ", ".join(value) if isinstance(value, tuple) else str(getattr(value, "name", value))
+    return shown[:60]
 
 
 def _free(name: str, taken: Collection[str]) -> str:
     """Return the name, with a number if it is taken."""
-    return next(
-        free
-        for i in range(1, len(taken) + 2)
-        if (free := name if i == 1 else f"{name}_{i}") not in taken
-    )
+    free = name
+    number = 1
+    while free in taken:
+        number += 1
+        free = f"{name}_{number}"
+    return free
 
 
 def _input(views: list[InputView], view: InputView) -> str:
     """Return the name of the view that plays the same; add this one if there is none."""
-    parts = [field.name for field in fields(view) if field.name != "name"]
-    for other in views:
-        if all(np.array_equal(getattr(view, part), getattr(other, part)) for part in parts):
-            return other.name
-    views.append(replace(view, name=_free(view.name, [other.name for other in views])))
-    return views[-1].name
+    what_it_plays = [field.name for field in fields(view) if field.name != "name"]
+    for known in views:
+        if all(np.array_equal(getattr(view, key), getattr(known, key)) for key in what_it_plays):
+            return known.name
+    name = _free(view.name, [known.name for known in views])
+    views.append(replace(view, name=name))
+    return name

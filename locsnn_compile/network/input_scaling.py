@@ -22,8 +22,8 @@ class InputScaling(Frozen):
     def scaled(self, values: FloatArray) -> FloatArray:
         """Return what reaches the neurons, in float64; its multiples of 1/1024 are exact."""
         # Both ends are multiples themselves: numbers may be cut before slayer's float32, which ends sooner.
-        held = np.clip(values, LEAST, MOST).astype(np.float32)
-        rounded: FloatArray = np.rint(held / STEP).astype(np.float64) * STEP
+        within_range = np.clip(values, LEAST, MOST).astype(np.float32)
+        rounded: FloatArray = np.rint(within_range / STEP).astype(np.float64) * STEP
         return rounded * self.weight + self.bias
 
     def cut_sentences(self, values: FloatArray) -> tuple[str, ...]:

@@ -273,8 +273,8 @@ def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Numb
         raise InputError(
             "neurons", "a parameter is not a number", measured=str(array.dtype), fix="Give numbers."
         )
-    given = whole_numbers(array) if issubclass(dtype, np.integer) else array
-    if given.shape not in ((), (1,), (size,)):
-        measured, fix = f"{given.shape} against ({size},)", "Give one number per neuron."
+    numbers = whole_numbers(array) if issubclass(dtype, np.integer) else array
+    if numbers.shape not in ((), (1,), (size,)):
+        measured, fix = f"{numbers.shape} against ({size},)", "Give one number per neuron."
         raise InputError("neurons", "a parameter has the wrong shape", measured=measured, fix=fix)
-    return sealed(np.broadcast_to(given, (size,)).astype(dtype))
+    return sealed(np.broadcast_to(numbers, (size,)).astype(dtype))

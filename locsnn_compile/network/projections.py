@@ -105,12 +105,12 @@ def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
     Integers must be whole.
     """
     if sparse.issparse(given):
-        held = sparse.csr_array(given, copy=True)
-        held.data = _of_type(held.data, dtype)
-        held.sum_duplicates()
-        for part in (held.data, held.indices, held.indptr):
+        csr = sparse.csr_array(given, copy=True)
+        csr.data = _of_type(csr.data, dtype)
+        csr.sum_duplicates()
+        for part in (csr.data, csr.indices, csr.indptr):
             part.setflags(write=False)
-        return held
+        return csr
     return sealed(_of_type(given, dtype))
 
 
@@ -130,9 +130,9 @@ def _of_type(given: ArrayLike, dtype: npt.DTypeLike) -> Values:
     """Return a copy as another type; ``TypeError`` for complex numbers."""
     if np.iscomplexobj(given):
         raise TypeError
-    return (
-        whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
-    )
+    if np.issubdtype(dtype, np.integer):
+        return whole_numbers(given)
+    return np.array(given, dtype=dtype)
 
 
 def values_of(m: Matrix) -> Values:
@@ -143,10 +143,10 @@ def values_of(m: Matrix) -> Values:
 
 def with_values(m: Matrix, values: Values) -> Matrix:
     """Return a matrix of the same connections with other values, shaped as :func:`values_of`; read-only."""
-    held = sealed(values)
-    return (
-        sparse.csr_array((held, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else held
-    )
+    sealed_values = sealed(values)
+    if sparse.issparse(m):
+        return sparse.csr_array((sealed_values, m.indices, m.indptr), shape=m.shape)
+    return sealed_values
 
 
 def of_target(m: Matrix, each: ArrayLike) -> Values:
@@ -172,8 +172,9 @@ def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
 
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
     """Return (target, source, index into the flat values) of all values except 0, ordered by source, then target."""
-    target, source = (found.astype(np.int64) for found in m.nonzero())
-    index, order = np.flatnonzero(values_of(m)), np.lexsort((target, source))
+    target, source = (indices.astype(np.int64) for indices in m.nonzero())
+    index = np.flatnonzero(values_of(m))
+    order = np.lexsort((target, source))
     return target[order], source[order], index[order]
 
 
@@ -184,18 +185,19 @@ def fan_out(m: Matrix) -> IntArray:
 
 def row_maxima(m: Matrix) -> FloatArray:
     """Return the largest magnitude among the weights of each target, (n_target,); 0 if it has none."""
-    found = np.zeros(m.shape[0])
+    maxima = np.zeros(m.shape[0])
     target, _, index = connections(m)
-    np.maximum.at(found, target, np.abs(values_of(m).ravel()[index]).astype(np.float64))
-    return found
+    np.maximum.at(maxima, target, np.abs(values_of(m).ravel()[index]).astype(np.float64))
+    return maxima
 
 
 def row_sums(m: Matrix) -> FloatArray:
     """Return the larger of the sums of each target's positive and negative weights, without its sign, (n_target,)."""
     target, _, index = connections(m)
     weights = values_of(m).ravel()[index].astype(np.float64)
-    sides = np.maximum(weights, 0.0), np.maximum(-weights, 0.0)
-    positive, negative = (np.bincount(target, weights=side, minlength=m.shape[0]) for side in sides)
+    rows = m.shape[0]
+    positive = np.bincount(target, weights=np.maximum(weights, 0.0), minlength=rows)
+    negative = np.bincount(target, weights=np.maximum(-weights, 0.0), minlength=rows)
     return np.maximum(positive, negative)
 
 
@@ -206,15 +208,15 @@ def charge(spikes: ByteArray, m: Matrix) -> Values:
     """
     rows = spikes.reshape(-1, m.shape[1])
     if np.issubdtype(values_of(m).dtype, np.integer):
-        found = sparse_spikes(rows, np.int64) @ m.T
-        added: Values = found.toarray() if sparse.issparse(found) else found
+        sums = sparse_spikes(rows, np.int64) @ m.T
+        charges: Values = sums.toarray() if sparse.issparse(sums) else sums
     else:
-        added = (
+        charges = (
             rows.astype(np.float64) @ m.T
             if not sparse.issparse(m)
             else (m @ rows.T.astype(np.float64)).T
         )
-    return added.reshape(*spikes.shape[:-1], m.shape[0])
+    return charges.reshape(*spikes.shape[:-1], m.shape[0])
 
 
 def sparse_spikes(rows: ByteArray, dtype: npt.DTypeLike) -> Matrix:

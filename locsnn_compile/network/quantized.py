@@ -100,14 +100,13 @@ class QuantizedNetwork(Frozen, eq=False):
         readout = self.readout
         rows = zip(readout.populations, readout.weights, self.network.readout.weights, strict=True)
         # The least weight is the one that was made whole without rounding.
-        least, weight, name = min(
-            ((abs(its), abs(of), name) for name, its, of in rows if its), default=(1.0, 1.0, "")
-        )
-        return (
-            least
-            / weight
-            * (float(self.population(name).scale.max()) if name in readout.from_step else 1.0)
-        )
+        weights = [
+            (abs(on_grid), abs(in_float), name) for name, on_grid, in_float in rows if on_grid
+        ]
+        least, in_float, name = min(weights, default=(1.0, 1.0, ""))
+        reads_potentials = name in readout.from_step
+        scale = float(self.population(name).scale.max()) if reads_potentials else 1.0
+        return least / in_float * scale
 
     def on_grid(self) -> Network:
         """Return the network with these integers in it: when evaluated, it spikes as the program must, bit for bit."""

@@ -94,15 +94,15 @@ def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
 
     all_lost = np.full(population.size, loihi.FORGETS)
     soma = (all_lost, all_lost) if neuron.parts else (neuron.decay_u, neuron.decay_v)
-    found = [group(population.name, soma, **neuron.registers)]
+    groups = [group(population.name, soma, **neuron.registers)]
     for number in range(neuron.dendrites):
         for kind, decays in neuron.parts.items():
-            found.append(
+            groups.append(
                 group(
                     dendrite_name(population.name, kind, number), decays, joined_to=population.name
                 )
             )
-    return found
+    return groups
 
 
 def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
@@ -113,21 +113,22 @@ def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
     name = q.population.name
     signs: tuple[tuple[SignMode, int], ...] = (("excitatory", 1), ("inhibitory", -1))
     return [
-        _own_synapses(name, dendrite_name(name, kind, number), taps, here, mode, chip)
+        _own_synapses(name, dendrite_name(name, kind, number), taps, is_marked, mode, chip)
         for kind, taps in q.neuron.own.items()
         for number in range(q.neuron.dendrites)
         for e in np.unique(taps.exponent)
         for mode, sign in signs
-        if (here := (taps.mantissa * sign > 0) & (taps.exponent == e)[:, None]).any()
+        if (is_marked := (taps.mantissa * sign > 0) & (taps.exponent == e)[:, None]).any()
     ]
 
 
 def _own_synapses(
-    name: str, target: str, taps: Refractory, here: BoolArray, sign_mode: SignMode, chip: Chip
+    name: str, target: str, taps: Refractory, is_marked: BoolArray, sign_mode: SignMode, chip: Chip
 ) -> Synapses:
-    """Return the synapses of the marked taps, ``here`` (taps, n), neuron by neuron."""
-    neuron, tap = np.nonzero(here.T)
-    mantissa, bits = taps.mantissa[tap, neuron], chip.registers.weight_bits[-1]
+    """Return the synapses of the marked taps, ``is_marked`` (taps, n), neuron by neuron."""
+    neuron, tap = np.nonzero(is_marked.T)
+    mantissa = taps.mantissa[tap, neuron]
+    bits = chip.registers.weight_bits[-1]
     # Weights that came with a network may be finer than this chip's; the check of the graph reports them.
     if weight_grid(bits, sign_mode).off_grid(mantissa).any():
         bits = WEIGHT_BITS[-1]
@@ -142,24 +143,23 @@ def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
     target, source, index = connections(p.mantissa)
     mantissa = values_of(p.mantissa).ravel()[index]
     delay = np.broadcast_to(p.delay, values_of(p.mantissa).shape).ravel()[index]
-    kinds: dict[SignMode, BoolArray] = (
-        {"mixed": mantissa != 0}
-        if p.signs == "mixed"
-        else {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
-    )
-    bits, e = p.weight_bits, p.exponent
+    kinds: dict[SignMode, BoolArray]
+    if p.signs == "mixed":
+        kinds = {"mixed": mantissa != 0}
+    else:
+        kinds = {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
     return [
         Synapses(
             p.source,
             target_group,
-            source[here],
-            target[here],
-            mantissa[here],
-            delay[here],
-            e,
-            bits,
+            source[is_of_sign],
+            target[is_of_sign],
+            mantissa[is_of_sign],
+            delay[is_of_sign],
+            p.exponent,
+            p.weight_bits,
             mode,
         )
-        for mode, here in kinds.items()
-        if here.any()
+        for mode, is_of_sign in kinds.items()
+        if is_of_sign.any()
     ]

@@ -80,8 +80,10 @@ def quantize_by(
             rounded = [[p] for p in incoming if isinstance(p, ChipProjection)]
         else:
             floats = tuple(p for p in incoming if isinstance(p, Projection))
-            here = rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
-            task = Task(population, floats, chip, grid, setting, here, calibration)
+            rounding_here = (
+                rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
+            )
+            task = Task(population, floats, chip, grid, setting, rounding_here, calibration)
             scaled, rounded = round_onto(neuron, task, integers_of(neuron, task))
             fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))

@@ -47,17 +47,17 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     holding = (1 - share_kept(decay_u)) * (1 - share_kept(decay_v)) / gain
     bounded = _stays_below(neuron, task.incoming, holding)
     if bounded:
-        room = loihi.charge_span(chip.registers.charge_bits) / holding.max()
+        charge_room = loihi.charge_span(chip.registers.charge_bits) / holding.max()
     else:
-        room = _room(neuron, task.incoming, chip)
+        charge_room = _room(neuron, task.incoming, chip)
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
     lossless = 0.0 if bounded else task.grid.high / max(heaviest, 1e-9)
     most_of_register = chip.registers.threshold_mantissa_max
-    most = int(min(most_of_register, max(room, lossless, 1.0)))
+    mantissa_max = int(min(most_of_register, max(charge_room, lossless, 1.0)))
     bias = _steady_bias(neuron, decay_v)
-    most = _most_for_bias(bias / neuron.threshold, most, task)
-    exponent, mantissa = checked_scale(task, heaviest, most, over, bounded=bounded)
+    mantissa_max = _most_for_bias(bias / neuron.threshold, mantissa_max, task)
+    exponent, mantissa = checked_scale(task, heaviest, mantissa_max, over, bounded=bounded)
     threshold = integers(mantissa, size)
     vmin = None
     if neuron.floor is not None:
@@ -82,21 +82,21 @@ def _steady_bias(neuron: Cuba, decay_v: IntArray) -> FloatArray:
     return bias
 
 
-def _most_for_bias(thresholds: FloatArray, most: int, task: Task) -> int:
-    """Return the largest threshold mantissa, at most ``most``, with which biases fit.
+def _most_for_bias(thresholds: FloatArray, mantissa_max: int, task: Task) -> int:
+    """Return the largest threshold mantissa, at most ``mantissa_max``, with which biases fit.
 
     ``thresholds`` (n,): the biases in thresholds. Refuses those that fit no threshold.
     """
     strongest = float(np.abs(thresholds).max())
     if not strongest:
-        return most
+        return mantissa_max
     largest_bias = loihi_inverse.largest_bias(task.chip.registers)
     most_thresholds = loihi.in_units(largest_bias) / 2
     if strongest > most_thresholds:
         measured = f"one bias reaches {strongest:.6g} thresholds against {most_thresholds:.0f}"
         fix = "Train with smaller biases, or a higher threshold."
         raise task.no_scale("largest bias", measured, fix)
-    return int(min(loihi.in_units(largest_bias / strongest) - 1, most))
+    return int(min(loihi.in_units(largest_bias / strongest) - 1, mantissa_max))
 
 
 def _exponent(
@@ -139,11 +139,12 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
 
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Round to mantissas (n,) times the smallest powers of two that hold them."""
-    most = chip.registers.bias_mantissa_max
-    exponent = np.array(
-        [math.ceil(math.log2(v / most)) if v > most else 0 for v in np.abs(values)], dtype=np.int64
+    largest_mantissa = chip.registers.bias_mantissa_max
+    times_too_large = np.maximum(np.abs(values) / largest_mantissa, 1.0)
+    exponent = np.array([math.ceil(math.log2(times)) for times in times_too_large], dtype=np.int64)
+    mantissa = np.clip(np.rint(values / 2.0**exponent), -largest_mantissa, largest_mantissa).astype(
+        np.int64
     )
-    mantissa = np.clip(np.rint(values / 2.0**exponent), -most, most).astype(np.int64)
     return mantissa, exponent
 
 
@@ -154,12 +155,12 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
     heaviest = float((task.largest * gain / neuron.threshold).max())
     deepest = float((neuron.drop / neuron.threshold).max())
     grid = own_grid(chip)
-    most = min(_largest_own_charge(grid), largest_charge(chip))
-    if deepest > most:
-        measured = f"a spike takes {deepest:.3g} thresholds against {most}"
+    largest_charge_in_thresholds = min(_largest_own_charge(grid), largest_charge(chip))
+    if deepest > largest_charge_in_thresholds:
+        measured = f"a spike takes {deepest:.3g} thresholds against {largest_charge_in_thresholds}"
         fix = "Train with a smaller drop, or a higher threshold."
         raise task.no_scale("drop of a spike", measured, fix)
-    cap = int(most / max(deepest, 1.0))
+    cap = int(largest_charge_in_thresholds / max(deepest, 1.0))
     exponent, mantissa = checked_scale(task, heaviest, cap, 0)
     threshold = integers(mantissa, len(neuron.drop))
     vmin = None

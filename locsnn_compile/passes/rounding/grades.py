@@ -52,8 +52,8 @@ class Grades(Frozen):
         """Return, for each magnitude, the finest grade that holds it with one more step, else the coarsest."""
         grades = np.array(self.held, dtype=np.int64)
         one_more_step = 1 << grades if self.weight_bits > 1 else 0
-        most = (self.largest_of(grades) - one_more_step).astype(np.float64)
-        index = np.minimum(np.searchsorted(most, magnitude), len(grades) - 1)
+        largest = (self.largest_of(grades) - one_more_step).astype(np.float64)
+        index = np.minimum(np.searchsorted(largest, magnitude), len(grades) - 1)
         return grades[index]
 
     def second_grade(self, grade: IntArray) -> IntArray:
@@ -96,11 +96,11 @@ def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
     delay_widths = {int(np.max(p.delay, initial=0)).bit_length() for p in task.incoming}
     kinds = max(1, len(delay_widths))
     if not split:
-        most = GRADES
+        count_max = GRADES
     elif taps:
-        most = GRADES_BESIDE_TAPS
+        count_max = GRADES_BESIDE_TAPS
     else:
-        most = GRADES_IF_SPLIT
+        count_max = GRADES_IF_SPLIT
     if taps:
         own_formats = FORMATS_OF_TAPS
     else:
@@ -108,16 +108,16 @@ def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
     signs = 2
     synapses = 2 if split else 1
     formats_left = task.chip.limits.synapse_formats_per_core - own_formats
-    count = max(1, min(most, formats_left // (signs * kinds * synapses)))
+    count = max(1, min(count_max, formats_left // (signs * kinds * synapses)))
     if not task.rounding.graded:
         count = 1
     return Grades.holding(largest, task.grid.weight_bits, count=count, split=split)
 
 
-def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
+def nearest(quanta: FloatArray, step: IntArray, largest: IntArray) -> IntArray:
     """Round to the nearest multiples of ``step``, half to even, and clip to magnitudes; 0 where the step is 0."""
     rounded = np.rint(quanta / np.maximum(step, 1)) * step
-    return np.clip(rounded, -most, most).astype(np.int64)
+    return np.clip(rounded, -largest, largest).astype(np.int64)
 
 
 def largest_multiple(weight_bits: int) -> int:

@@ -133,22 +133,30 @@ def exponent_and_threshold(
     registers hold fewer, but at least one.
     """
     registers = chip.registers
-    room = (
+    # The largest threshold, in units of the register, of which each register holds enough.
+    largest_thresholds = (
         registers.voltage_max / headroom,
         registers.half_current / headroom,
         registers.half_charge * HEADROOM / CHARGE_ROOM / headroom,
     )
-    cap = min(cap, max(1, int(loihi.in_units(min(room)))))
-    most = heaviest_weight(chip)
-    fits = [
-        min(grid.high * 2**e, most) / heaviest - loihi.in_units(over) if heaviest else math.inf
+    cap = min(cap, max(1, int(loihi.in_units(min(largest_thresholds)))))
+    heaviest_held = heaviest_weight(chip)
+    threshold_of = [
+        min(grid.high * 2**e, heaviest_held) / heaviest - loihi.in_units(over)
+        if heaviest
+        else math.inf
         for e in range(8)
     ]
-    exponent = max((e for e, threshold in enumerate(fits) if threshold <= cap), default=None)
+    exponent = max(
+        (e for e, threshold in enumerate(threshold_of) if threshold <= cap), default=None
+    )
     if exponent is not None:
         # Some weights are more thresholds than a mantissa holds: they need a larger exponent for a threshold of 1.
-        exponent = next((e for e in range(exponent, len(fits)) if fits[e] * WHOLE >= 1), exponent)
-        return exponent, min(int(fits[exponent] * WHOLE), cap)
+        exponent = next(
+            (e for e in range(exponent, len(threshold_of)) if threshold_of[e] * WHOLE >= 1),
+            exponent,
+        )
+        return exponent, min(int(threshold_of[exponent] * WHOLE), cap)
     return min(0, exponent_holding(heaviest * (cap + loihi.in_units(over)), grid)), cap
 
 
@@ -162,10 +170,10 @@ def checked_scale(
     chip, grid, headroom = task.chip, task.grid, 1 if bounded else HEADROOM
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)
     if threshold < 1:
-        most = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (
+        thresholds_max = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (
             1 + loihi.in_units(over)
         )
-        measured = f"one weight reaches {heaviest:.3g} thresholds against {most:.0f}"
+        measured = f"one weight reaches {heaviest:.3g} thresholds against {thresholds_max:.0f}"
         raise task.no_scale(
             "largest weight", measured, "Train with smaller weights, or a higher threshold."
         )

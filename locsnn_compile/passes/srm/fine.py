@@ -49,8 +49,10 @@ CURRENT_ROOM = 4
 """The current register holds at least this multiple of the largest current of the calibration recordings."""
 NEAR = 0.3
 """An error of the potential has weight ``exp(-distance / NEAR)``, with the distance from threshold in thresholds."""
-BEAM, BEAM_TO_COMPARE = 8, 1
-"""Candidates per neuron when weights are rounded, and when scales are only compared."""
+BEAM = 8
+"""Candidates per neuron when weights are rounded."""
+BEAM_TO_COMPARE = 1
+"""Candidates per neuron when scales are only compared."""
 
 
 class Drive(Frozen, eq=False):
@@ -89,10 +91,11 @@ def drive_of(
     Return None for weights that are sparse or have delays of their own, for more inputs than :data:`INPUTS_MAX`, and
     for silent inputs.
     """
-    known, asked = _known.setdefault(calibration, {}), (neuron, incoming, decays, gain)
-    if asked not in known:
-        known[asked] = _drive_of(neuron, incoming, decays, gain, calibration)
-    return known[asked]
+    drives = _known.setdefault(calibration, {})
+    key = (neuron, incoming, decays, gain)
+    if key not in drives:
+        drives[key] = _drive_of(neuron, incoming, decays, gain, calibration)
+    return drives[key]
 
 
 def _drive_of(
@@ -174,54 +177,62 @@ class _Task(Task, eq=False):
 
 def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
     """Return neurons and weights, given the plain integers of a strategy; None if there is nothing to round for."""
-    made, rounding = plain.neuron, known.rounding
-    asked = rounding.error_aware or rounding.scaled_apart
-    if known.calibration is None or not asked or not isinstance(made, ChipSrm):
+    neurons = plain.neuron
+    rounding = known.rounding
+    is_fine = rounding.error_aware or rounding.scaled_apart
+    if known.calibration is None or not is_fine or not isinstance(neurons, ChipSrm):
         return None
-    decays = (int(made.decay_u[0]), int(made.decay_v[0]))
+    decays = (int(neurons.decay_u[0]), int(neurons.decay_v[0]))
     drive = drive_of(neuron, known.incoming, decays, float(plain.gain[0]), known.calibration)
     if drive is None:
         return None
     task = _Task(**vars(known), neuron=neuron, drive=drive)
-    if rounding.scaled_apart and made.refractory.decay is not None:
-        made = _scaled_apart(task, made)
-    quanta, grade, split, grades = _rounded(task, made, BEAM)
+    if rounding.scaled_apart and neurons.refractory.decay is not None:
+        neurons = _scaled_apart(task, neurons)
+    quanta, grade, split, grades = _rounded(task, neurons, BEAM)
     columns = zip(
         task.incoming,
         *(np.split(part, _ends(task), axis=1) for part in (quanta, grade, split)),
         strict=True,
     )
-    projections = [in_grades(p, q, g, two, grades, made.dendrites) for p, q, g, two in columns]
-    return Scaled(made, _scale(task, made), plain.gain, plain.exponent), projections
+    projections = [in_grades(p, q, g, two, grades, neurons.dendrites) for p, q, g, two in columns]
+    return Scaled(neurons, _scale(task, neurons), plain.gain, plain.exponent), projections
 
 
-def _scale(task: _Task, made: ChipSrm) -> FloatArray:
+def _scale(task: _Task, neurons: ChipSrm) -> FloatArray:
     """Return the value of a potential of 1 in the registers of each neuron: theta is the least v that spikes."""
-    scale: FloatArray = loihi_inverse.least_to_spike(made.threshold) / task.neuron.theta
+    scale: FloatArray = loihi_inverse.least_to_spike(neurons.threshold) / task.neuron.theta
     return scale
 
 
-def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
+def _scaled_apart(task: _Task, neurons: ChipSrm) -> ChipSrm:
     """Return the neurons, each at the scale whose potential errs least; the plain scale is always allowed."""
-    share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
-    wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
+    share, dendrites = of_a_dendrite(task.neuron, neurons.dendrites), neurons.dendrites
+    wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), neurons.threshold[0])
     charge = dendrite_charge(share, task.where)
     thresholds, mantissas, exponent = whole_mantissas(charge, wanted, own_grid(task.chip))
     size = task.population.size
-    candidates = _at(made, np.repeat(thresholds, size), np.repeat(mantissas, size), exponent)
+    candidates = _at(neurons, np.repeat(thresholds, size), np.repeat(mantissas, size), exponent)
     errors = _errors(task, candidates, len(thresholds))
     errors[:-1][thresholds[:-1, None] > dendrites * _threshold_limits(task)] = np.inf
     best = errors.argmin(axis=0)
-    return _at(made, thresholds[best], mantissas[best], exponent)
+    return _at(neurons, thresholds[best], mantissas[best], exponent)
 
 
-def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int) -> ChipSrm:
-    """Return neurons like ``made`` with these threshold and refractory mantissas, (n,)."""
-    assert made.refractory.decay is not None
-    size, (u, v) = len(thresholds), (made.decay_u[0], made.decay_v[0])
-    own = Refractory.of(size, mantissas[None], exponent, refractory_decay=made.refractory.decay[0])
+def _at(neurons: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int) -> ChipSrm:
+    """Return neurons like ``neurons`` with these threshold and refractory mantissas, (n,)."""
+    assert neurons.refractory.decay is not None
+    size, (u, v) = len(thresholds), (neurons.decay_u[0], neurons.decay_v[0])
+    own = Refractory.of(
+        size, mantissas[None], exponent, refractory_decay=neurons.refractory.decay[0]
+    )
     return ChipSrm.of(
-        size, decay_u=u, decay_v=v, threshold=thresholds, refractory=own, dendrites=made.dendrites
+        size,
+        decay_u=u,
+        decay_v=v,
+        threshold=thresholds,
+        refractory=own,
+        dendrites=neurons.dendrites,
     )
 
 
@@ -288,25 +299,27 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     return error.reshape(count, -1)
 
 
-def _rounded(task: _Task, made: ChipSrm, beam: int) -> tuple[IntArray, IntArray, BoolArray, Grades]:
+def _rounded(
+    task: _Task, neurons: ChipSrm, beam: int
+) -> tuple[IntArray, IntArray, BoolArray, Grades]:
     """Round the ideal weights onto neurons, which hold the population once or several times.
 
     Returns quanta (k, n) over all dendrites, the grade of each dendrite's share, what is split, and all grades.
     """
-    scale = _scale(task, made)
+    scale = _scale(task, neurons)
     times = len(scale) // task.population.size
     ideal = np.tile(task.drive.ideal, (times, 1)) * loihi.in_units(scale[:, None])
-    magnitude = np.abs(ideal) / made.dendrites
-    grades = grades_for(float(magnitude.max()), task, made)
+    magnitude = np.abs(ideal) / neurons.dendrites
+    grades = grades_for(float(magnitude.max()), task, neurons)
     grade = grades.grade(magnitude)
     present = np.tile(np.hstack([p.weights for p in task.incoming]) != 0, (times, 1))
     split = _worth_splitting(task, grades, grade, present)
     step = np.where(present, 1 << np.where(split, grades.second_grade(grade), grade), 0)
-    most = made.dendrites * grades.largest_of(grade)
+    largest = neurons.dendrites * grades.largest_of(grade)
     if task.rounding.error_aware:
-        quanta = round_together(task.drive.metric, ideal, step, most, beam)
+        quanta = round_together(task.drive.metric, ideal, step, largest, beam)
     else:
-        quanta = nearest(ideal, step, most)
+        quanta = nearest(ideal, step, largest)
     return quanta, grade, split, grades
 
 
