@@ -84,15 +84,15 @@ class Played(Frozen, eq=False):
     @cached_property
     def _sent(self) -> dict[str, ByteArray]:
         """The spikes of all sources of each phase, (steps, lines + columns)."""
-        found = {}
+        sent = {}
         for phase, lines in self.lines.items():
             count = sum(core.compartments for core in self.program.cores_of(phase))
             spikes = np.zeros((len(lines), count), dtype=np.uint8)
-            for name, here in self.program.columns_of(phase).items():
+            for name, columns in self.program.columns_of(phase).items():
                 if name in self.result.spikes:
-                    spikes[:, here] = self.recorded(phase, "spikes", name)
-            found[phase] = np.concatenate((lines, spikes), axis=1)
-        return found
+                    spikes[:, columns] = self.recorded(phase, "spikes", name)
+            sent[phase] = np.concatenate((lines, spikes), axis=1)
+        return sent
 
 
 def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "recording 0") -> Played:
@@ -109,11 +109,12 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
     events = {name: list_events(name, array) for name, array in streams.items()}
     inputs = {phase.name: play(program, phase, events, None, Player()) for phase in program.phases}
     runs = {
-        phase: range(int(given.start[0]), int(given.stop[0])) for phase, given in inputs.items()
+        phase: range(int(played_phase.start[0]), int(played_phase.stop[0]))
+        for phase, played_phase in inputs.items()
     }
     lines = {
-        phase: given.lines(0)[runs[phase].start : runs[phase].stop]
-        for phase, given in inputs.items()
+        phase: played_phase.lines(0)[runs[phase].start : runs[phase].stop]
+        for phase, played_phase in inputs.items()
     }
     return Played(program, title, runs, lines, result)
 

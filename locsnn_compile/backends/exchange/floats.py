@@ -25,8 +25,10 @@ HELD = "program.yaml holds it, and --emit network shows it."
 def weights_of(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
     """Return weights and the factor that they stand for."""
     if isinstance(projection, ChipProjection):
-        held = values_of(projection.mantissa)
-        units = loihi.whole_units(loihi.charge_of(held, projection.exponent)).astype(np.float64)
+        mantissas = values_of(projection.mantissa)
+        units = loihi.whole_units(loihi.charge_of(mantissas, projection.exponent)).astype(
+            np.float64
+        )
         return with_values(projection.mantissa, units), loihi.in_registers(1.0)
     return projection.weights, 1.0
 

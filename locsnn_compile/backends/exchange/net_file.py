@@ -29,8 +29,8 @@ def file_bytes(file: NetFile) -> bytes:
     """Return layers as HDF5, in the layout of lava-dl's ``export_hdf5``."""
     import h5py
 
-    held = io.BytesIO()
-    with h5py.File(held, "w") as out:
+    content = io.BytesIO()
+    with h5py.File(content, "w") as out:
         for layer in file.layers:
             group = out.create_group(f"layer/{layer.number}")
             group.create_dataset("type", (1,), "S10", [layer.kind.encode("ascii")])
@@ -39,7 +39,7 @@ def file_bytes(file: NetFile) -> bytes:
                     group.create_dataset(key, data=value)
         for key, value in file.simulation.items():
             out.create_dataset(f"simulation/{key}", data=value)
-    return held.getvalue()
+    return content.getvalue()
 
 
 def net_file(quantized: QuantizedNetwork) -> NetFile:
@@ -142,8 +142,8 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
 
 def _weights(projection: ChipProjection, where: str) -> Any:
     """Return weights (out, in); ``InputError`` unless they are even and -256..254, as lava-dl stores them."""
-    held: Matrix = projection.mantissa
-    dense = held.toarray() if values_of(held).ndim == 1 else held
+    mantissas: Matrix = projection.mantissa
+    dense = mantissas.toarray() if values_of(mantissas).ndim == 1 else mantissas
     weights = loihi.whole_units(loihi.charge_of(dense, projection.exponent))
     if (weights % 2).any() or weights.min(initial=0) < -256 or weights.max(initial=0) > 254:
         measured = f"{weights.min()}..{weights.max()} against -256..254"

@@ -30,7 +30,13 @@ from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba
-from locsnn_compile.network.projections import by_delay, connections, values_of
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Projection,
+    by_delay,
+    connections,
+    values_of,
+)
 from locsnn_compile.network.quantized import QuantizedNetwork
 
 _VERSION = "1.0"
@@ -55,11 +61,11 @@ def graph_bytes(graph: NirGraph) -> bytes:
     """Return a graph as HDF5, in the layout of ``nir.write``."""
     import h5py
 
-    held = io.BytesIO()
-    with h5py.File(held, "w") as file:
+    content = io.BytesIO()
+    with h5py.File(content, "w") as file:
         file.create_dataset("version", data=_VERSION, dtype=h5py.string_dtype())
         _write_graph(file.create_group("node"), graph)
-    return held.getvalue()
+    return content.getvalue()
 
 
 def _write_graph(group: Any, graph: NirGraph) -> None:
@@ -88,70 +94,89 @@ def _write_values(group: Any, values: Mapping[str, Array | str]) -> None:
 def nir_graph(network: Network) -> NirGraph:
     """Return the graph of a network of leaky integrate-and-fire neurons along time."""
     dt = network.stated_step_seconds or DT_SECONDS
-    nodes: dict[str, NirNode | NirGraph] = {}
-    edges: list[Edge] = []
-    called: dict[str, str] = {}
-
-    def add(name: str, kind: str, parameters: Mapping[str, Array | str]) -> str:
-        # HDF5 would read a slash as a group.
-        name = name.replace("/", ".")
-        while name in nodes:
-            name += "_"
-        nodes[name] = NirNode(kind, parameters)
-        return name
-
-    # All inputs over time play the same recording, and a reader would put the lines of several nodes side by side.
-    inputs = [view for view in network.views if view.axis == "time"]
-    image = _image_shape(network)
-    for view in inputs:
-        if inputs[0].name in called:
-            called[view.name] = called[inputs[0].name]
-            continue
-        shape = (view.lines,) if image is None else image
-        entered = add(view.name, "Input", {"shape": np.array(shape)})
-        if image is not None:
-            flat = add(f"{view.name}.flat", "Flatten", _flattening(image))
-            edges.append((entered, flat))
-            entered = flat
-        called[view.name] = entered
+    graph = _Graph()
+    _add_inputs(graph, network)
     read = network.readout.from_step
     for population in network.populations:
-        called[population.name] = add(
-            population.name, *_neuron(population, dt, population.name in read)
-        )
-    pairs = ((p.source, p.target) for p in network.projections)
-    paths = Paths(
-        pairs, [view.name for view in network.views], [p.name for p in network.populations]
-    )
-    deep = dict(paths.depths)
-    paths.fit(
-        [
-            (p.source, p.target, delay)
-            for p in network.projections
-            for delay in np.unique(p.delay).tolist()
-        ]
-    )
-    _check_readout(network, deep, paths.depths)
-    for k, projection in enumerate(network.projections):
-        weights, factor = weights_of(projection)
-        late = paths.late(projection.source, projection.target)
-        for delay, part in by_delay(weights, projection.delay) or [(late, weights)]:
-            name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
-            dense = (part.toarray() if sparse.issparse(part) else part) * factor
-            ways = [
-                called[projection.source],
-                add(name, "Linear", {"weight": dense}),
-                called[projection.target],
-            ]
-            if delay > late:
-                held = np.full(dense.shape[1], (delay - late) * dt)
-                ways.insert(1, add(f"{name}.delay", "Delay", {"delay": held}))
-            edges += itertools.pairwise(ways)
+        kind, parameters = _neuron(population, dt, population.name in read)
+        graph.name_of[population.name] = graph.add(population.name, kind, parameters)
+    paths = _paths(network)
+    for number, projection in enumerate(network.projections):
+        _add_weights(graph, projection, number, paths, dt)
     for name in network.readout.populations:
-        edges.append(
-            (called[name], add(f"{name}.output", "Output", {"shape": np.array([network.classes])}))
-        )
-    return NirGraph(nodes, tuple(edges))
+        shape = np.array([network.classes])
+        output = graph.add(f"{name}.output", "Output", {"shape": shape})
+        graph.edges.append((graph.name_of[name], output))
+    return NirGraph(graph.nodes, tuple(graph.edges))
+
+
+class _Graph:
+    """The nodes and edges so far; ``name_of`` has the node that stands for each input and population."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[str, NirNode | NirGraph] = {}
+        self.edges: list[Edge] = []
+        self.name_of: dict[str, str] = {}
+
+    def add(self, name: str, kind: str, parameters: Mapping[str, Array | str]) -> str:
+        """Add a node, and return its name, which is one that no other node has."""
+        # HDF5 would read a slash as a group.
+        name = name.replace("/", ".")
+        while name in self.nodes:
+            name += "_"
+        self.nodes[name] = NirNode(kind, parameters)
+        return name
+
+
+def _add_inputs(graph: _Graph, network: Network) -> None:
+    """Add one Input for all inputs: they play the same recording, and a reader would put several side by side."""
+    views = [view for view in network.views if view.axis == "time"]
+    if not views:
+        return
+    image = _image_shape(network)
+    shape = (views[0].lines,) if image is None else image
+    node = graph.add(views[0].name, "Input", {"shape": np.array(shape)})
+    if image is not None:
+        flat = graph.add(f"{views[0].name}.flat", "Flatten", _flattening(image))
+        graph.edges.append((node, flat))
+        node = flat
+    for view in views:
+        graph.name_of[view.name] = node
+
+
+def _paths(network: Network) -> Paths:
+    """Return how deep a reader will place populations, made less where delays of the network are too short for it."""
+    pairs = ((p.source, p.target) for p in network.projections)
+    inputs = [view.name for view in network.views]
+    paths = Paths(pairs, inputs, [p.name for p in network.populations])
+    depths_when_read = dict(paths.depths)
+    delays = [
+        (p.source, p.target, delay)
+        for p in network.projections
+        for delay in np.unique(p.delay).tolist()
+    ]
+    paths.fit(delays)
+    _check_readout(network, depths_when_read, paths.depths)
+    return paths
+
+
+def _add_weights(
+    graph: _Graph, projection: Projection | ChipProjection, number: int, paths: Paths, dt: float
+) -> None:
+    """Add a Linear node for each delay of a projection, behind a Delay node where a reader adds less by itself."""
+    weights, factor = weights_of(projection)
+    late = paths.late(projection.source, projection.target)
+    has_one_delay = np.size(projection.delay) == 1
+    for delay, part in by_delay(weights, projection.delay) or [(late, weights)]:
+        name = f"weights{number}" if has_one_delay else f"weights{number}.{delay}"
+        dense = (part.toarray() if sparse.issparse(part) else part) * factor
+        chain = [graph.name_of[projection.source]]
+        linear = graph.add(name, "Linear", {"weight": dense})
+        if delay > late:
+            seconds = np.full(dense.shape[1], (delay - late) * dt)
+            chain.append(graph.add(f"{name}.delay", "Delay", {"delay": seconds}))
+        chain += [linear, graph.name_of[projection.target]]
+        graph.edges += itertools.pairwise(chain)
 
 
 def _image_shape(network: Network) -> tuple[int, int, int] | None:
@@ -167,21 +192,25 @@ def _flattening(image: tuple[int, int, int]) -> dict[str, Array | str]:
     return {"input_type": np.array(image), "start_dim": np.array(0), "end_dim": np.array(-1)}
 
 
-def _check_readout(network: Network, deep: Mapping[str, int], depths: Mapping[str, int]) -> None:
+def _check_readout(
+    network: Network, depths_when_read: Mapping[str, int], depths: Mapping[str, int]
+) -> None:
     """Refuse a readout by potentials that a reader would take for another one.
 
-    Readers count potentials from the last of the ``deep`` steps after which inputs reach them; here inputs arrive after
-    ``depths``.
+    Readers count potentials from the last of the ``depths_when_read``, after which inputs reach them; here inputs
+    arrive after ``depths``.
     """
-    readout, read = network.readout, network.readout.from_step
+    readout = network.readout
+    from_steps = readout.from_step
     where = "--emit nir, readout"
-    if 0 < len(read) < len(readout.populations):
+    if 0 < len(from_steps) < len(readout.populations):
         raise InputError(where, "NIR cannot add spikes and potentials", fix=HELD)
-    for name, first in read.items():
-        late = deep[name] - depths[name]
-        if first + late != max(deep[its] for its in read):
+    deepest = max((depths_when_read[name] for name in from_steps), default=0)
+    for name, from_step in from_steps.items():
+        late = depths_when_read[name] - depths[name]
+        if from_step + late != deepest:
             what = f"NIR counts potentials of {name!r} from another step"
-            measured = f"{max(deep[its] for its in read) - late} against {first}"
+            measured = f"{deepest - late} against {from_step}"
             raise InputError(where, what, measured=measured, fix=HELD)
         neuron = next(p.neuron for p in network.populations if p.name == name)
         if neuron.biased.any() or (
@@ -222,23 +251,23 @@ def _neuron(population: Population, dt: float, read: bool) -> tuple[str, dict[st
 
 def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
     """Return the integers of the quantised network as metadata."""
-    found: dict[str, Array | str] = {}
+    metadata: dict[str, Array | str] = {}
     for q in quantized.populations:
         # HDF5 would read a slash as a group.
         name = q.population.name.replace("/", ".")
-        found[f"quantized.{name}.scale"] = np.asarray(q.scale)
+        metadata[f"quantized.{name}.scale"] = np.asarray(q.scale)
         numbers = dict(vars(q.neuron))
         if isinstance(q.neuron, ChipSrm):
-            held_back = {
+            of_taps = {
                 key: value for key, value in vars(q.neuron.refractory).items() if value is not None
             }
-            numbers |= {f"refractory.{key}": np.asarray(value) for key, value in held_back.items()}
+            numbers |= {f"refractory.{key}": np.asarray(value) for key, value in of_taps.items()}
         for key, values in numbers.items():
             if isinstance(values, np.ndarray):
-                found[f"quantized.{name}.{key}"] = values
+                metadata[f"quantized.{name}.{key}"] = values
     for k, p in enumerate(quantized.projections):
         target, source, index = connections(p.mantissa)
-        held: dict[str, Array | str] = {
+        entries: dict[str, Array | str] = {
             "source": p.source,
             "target": p.target,
             "rows": target,
@@ -248,5 +277,5 @@ def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
             "exponent": np.array(p.exponent),
             "weight_bits": np.array(p.weight_bits),
         }
-        found |= {f"quantized.projection{k}.{key}": value for key, value in held.items()}
-    return found
+        metadata |= {f"quantized.projection{k}.{key}": value for key, value in entries.items()}
+    return metadata

@@ -58,7 +58,8 @@ def tile_number(chip: hw.Chip, slot: int) -> int:
 
 def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
     """Return the architecture file; ``uses[tile]`` is the use of each tile, by SANA-FE's numbers."""
-    profile, columns = priced_by(chip), chip.mesh.columns * chip.chips
+    profile = priced_by(chip)
+    columns = chip.mesh.columns * chip.chips
     attributes = {
         "width": columns,
         "height": chip.mesh.rows,
@@ -69,9 +70,9 @@ def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
         },
     }
     tiles = []
-    for found, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
-        numbers, use = list(tiles_alike), found or TileUse(0, 0)
-        tile: Any = _priced(_tile(chip, numbers, use), profile)
+    for use_of_tiles, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
+        use = use_of_tiles or TileUse(0, 0)
+        tile: Any = _priced(_tile(chip, list(tiles_alike), use), profile)
         if not use.replayed:
             del tile["core"][0]["soma"][1]
         if not use.lines:
@@ -97,11 +98,11 @@ def _priced(value: Any, profile: hw.Profile) -> Any:
         return [_priced(one, profile) for one in value]
     if not isinstance(value, dict):
         return value
-    found = {}
-    for name, held in value.items():
-        if isinstance(held, str) and held in _EVENTS:
-            found[f"energy_{name}"] = profile.energy_pj.get(held, 0.0) * 1e-12
-            found[f"latency_{name}"] = profile.time_ns.get(held, 0.0) * 1e-9
+    priced = {}
+    for name, entry in value.items():
+        if isinstance(entry, str) and entry in _EVENTS:
+            priced[f"energy_{name}"] = profile.energy_pj.get(entry, 0.0) * 1e-12
+            priced[f"latency_{name}"] = profile.time_ns.get(entry, 0.0) * 1e-9
         else:
-            found[name] = _priced(held, profile)
-    return found
+            priced[name] = _priced(entry, profile)
+    return priced

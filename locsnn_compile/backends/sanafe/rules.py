@@ -35,7 +35,7 @@ def obstacles(played: Played, phase: str) -> list[str]:
     def count(marked: Callable[[Core], BoolArray]) -> int:
         return sum(int(marked(core).sum()) for core in cores)
 
-    found = {
+    count_of = {
         "joined compartments, of which its neurons have none": count(lambda core: core.parent >= 0),
         "refractory periods, in which it loses charge that arrives": count(
             lambda core: core.setting("refractory") > 1
@@ -45,13 +45,15 @@ def obstacles(played: Played, phase: str) -> list[str]:
             lambda core: core.vmax <= core.threshold_voltage
         ),
         "wraps of registers in this recording; it has none": sum(
-            held.get(kind, 0) for held in events for kind in ("charge_wraps", "current_wraps")
+            events_of_group.get(kind, 0)
+            for events_of_group in events
+            for kind in ("charge_wraps", "current_wraps")
         ),
         "currents that lose a fraction in this recording; it keeps fractions": count(
             lambda core: _loses_fraction(core, played)
         ),
     }
-    return [f"{what} ({number})" for what, number in found.items() if number]
+    return [f"{what} ({number})" for what, number in count_of.items() if number]
 
 
 def updates(core: Core, played: Played) -> int:
@@ -59,8 +61,8 @@ def updates(core: Core, played: Played) -> int:
 
     A compartment that spiked has a voltage in the next step, see :data:`AFTER_SPIKE`.
     """
-    held = (played.register(core, "v") != 0) | (played.spikes(core) != 0)
-    before = np.concatenate((np.zeros_like(held[:1]), held[:-1]))
+    is_active = (played.register(core, "v") != 0) | (played.spikes(core) != 0)
+    before = np.concatenate((np.zeros_like(is_active[:1]), is_active[:-1]))
     return int((before | (core.bias != 0) | _arrives(core, played)).sum())
 
 
@@ -72,15 +74,16 @@ def _loses_fraction(core: Core, played: Played) -> BoolArray:
 
 def _arrives(core: Core, played: Played) -> BoolArray:
     """Return where at least one synapse delivers its weight, (steps, compartments)."""
-    axons, spikes = core.axons, played.axons(core)
-    found = np.zeros((len(spikes), core.compartments), dtype=np.bool_)
+    axons = core.axons
+    spikes = played.axons(core)
+    arrives = np.zeros((len(spikes), core.compartments), dtype=np.bool_)
     for delay in np.unique(axons.delay).tolist():
-        mine = axons.delay == delay
-        ends = axons.axon_of_synapse[mine], axons.target[mine]
+        has_delay = axons.delay == delay
+        ends = axons.axon_of_synapse[has_delay], axons.target[has_delay]
         synapses = sparse.csr_array(
             (np.ones_like(ends[0]), ends), shape=(axons.input_axons, core.compartments)
         )
         arriving = (sparse.csr_array(spikes, dtype=np.int64) @ synapses).toarray() > 0
-        acting = loihi.acts_at(0, delay)
-        found[acting:] |= arriving[: max(len(spikes) - acting, 0)]
-    return found
+        acts_after = loihi.acts_at(0, delay)
+        arrives[acts_after:] |= arriving[: max(len(spikes) - acts_after, 0)]
+    return arrives

@@ -152,8 +152,8 @@ def _layouts(chip: Chip) -> dict[str, Layout]:
 
 def _compartments(core: Core, layout: Layout) -> BitArray:
     has_parent: IntArray = (core.parent >= 0).astype(np.int64)
-    held = {field.name: getattr(core, field.name, has_parent) for field in layout.fields}
-    return layout.pack({**held, "parent": core.parent * has_parent})
+    fields = {field.name: getattr(core, field.name, has_parent) for field in layout.fields}
+    return layout.pack({**fields, "parent": core.parent * has_parent})
 
 
 def _core_entry(
