@@ -114,7 +114,8 @@ def compile(
       and 1; by default those in the model, or else synthetic touches. ``labels`` (samples,) belong to an array
     - ``calibration``: recordings, given like ``events``, for which weights are rounded and settings chosen; from a
       divided archive, the train part. By default those in the model, or else synthetic touches, so that the program
-      does not depend on the recordings of the check; if there are neither, ``events``
+      does not depend on the recordings of the check; if there are neither, ``events``. Strategy ``reset`` rounds each
+      weight by itself, so by itself it needs none
     - ``budget``: take the cheapest setting tried of strategy, split weights and weight bits that keeps these bounds on
       ``calibration``
     - ``split_weights``: the share of the weights onto SRM neurons, 0 to 1, that get a second synapse
@@ -134,11 +135,22 @@ def compile(
     check_dials(dials, "compile")
     chip = chip_named(target)
     dials |= {"strategy": strategy, "weight_bits": weight_bits, "split_weights": split_weights}
-    whole = _one_network(network, weights, calibration)
-    setting = setting_of(chip, whole, dials)
-    asked = SettingRequest.of(setting, dials, budget, calibration)
-    check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress, events_per_step)
-    return fulfil(CompileRequest(whole, chip, asked, check, PricingRequest(profile)))
+    one_network = _one_network(network, weights, calibration)
+    setting = setting_of(chip, one_network, dials)
+    setting_request = SettingRequest.of(setting, dials, budget, calibration)
+    check_request = CheckRequest(
+        events=events,
+        labels=labels,
+        psi=psi,
+        diagnosis=diagnosis,
+        scheduler=scheduler,
+        progress=progress,
+        events_per_step=events_per_step,
+    )
+    pricing_request = PricingRequest(profile)
+    return fulfil(
+        CompileRequest(one_network, chip, setting_request, check_request, pricing_request)
+    )
 
 
 def _one_network(
@@ -189,26 +201,27 @@ def join(
     joined = committee(networks, weights or (1.0,) * len(networks))
     if weights:
         return joined
-    recordings = (
-        joined.recordings
-        if calibration is None
-        else calibration_recordings(joined, calibration, reading)
-    )
+    recordings = joined.recordings
+    if calibration is not None:
+        recordings = calibration_recordings(joined, calibration, reading)
     if recordings is None:
-        said = "Class scores of the networks are added as they are (--weights)."
-        return replace(joined, assumptions=(*joined.assumptions, said))
-    spreads = [score_spread(network, network.fitted(recordings)) for network in networks]
-    if 0.0 in spreads:
-        silent = listed(
-            [network.name for network, spread in zip(networks, spreads, strict=True) if not spread]
+        sentence = "Class scores of the networks are added as they are (--weights)."
+        return replace(joined, assumptions=(*joined.assumptions, sentence))
+    deviations = [score_spread(network, network.fitted(recordings)) for network in networks]
+    if 0.0 in deviations:
+        rows = zip(networks, deviations, strict=True)
+        silent = listed([network.name for network, deviation in rows if not deviation])
+        sentence = (
+            f"Class scores of {silent} are equal on {recordings.source}: scores are added as they are "
+            "(--weights)."
         )
-        said = f"Class scores of {silent} are equal on {recordings.source}: scores are added as they are (--weights)."
-        return replace(joined, assumptions=(*joined.assumptions, said))
-    found = committee(networks, [spreads[0] / spread for spread in spreads])
-    said = ", ".join(f"{member.name} {member.weight:.4g}" for member in found.members)
+        return replace(joined, assumptions=(*joined.assumptions, sentence))
+    # The first network has a weight of 1; the others are scaled to its deviation.
+    weighed = committee(networks, [deviations[0] / deviation for deviation in deviations])
+    weights_found = ", ".join(f"{member.name} {member.weight:.4g}" for member in weighed.members)
     on = f"{counted(len(recordings), 'recording')} of {recordings.source}"
-    said = f"Class scores vary alike on {on}: weights {said} (--weights)."
-    return replace(found, assumptions=(*found.assumptions, said))
+    sentence = f"Class scores vary alike on {on}: weights {weights_found} (--weights)."
+    return replace(weighed, assumptions=(*weighed.assumptions, sentence))
 
 
 @checked

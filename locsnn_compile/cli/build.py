@@ -60,12 +60,12 @@ def build(args: Namespace) -> int:
     name = "+".join(Path(model).stem for model in args.model)
     folder = Path(args.output) if args.output else default_folder(f"{name}.pt")
     _check_places(args, folder)
-    network = _network(args)
+    network = asked_network(args)
     target = chip_named(args.target)
     family = family_of(target)
     family.check_network(target, network)
     family.check_kinds(target, args.emit)
-    recordings, calibration = _recordings(args, network)
+    recordings, calibration = asked_recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
         check = CheckRequest(
@@ -75,9 +75,9 @@ def build(args: Namespace) -> int:
             progress=progress,
             events_per_step=args.events_per_step,
         )
-        asked = _setting_request(args, target, network, calibration)
+        setting_request = _setting_request(args, target, network, calibration)
         pricing = PricingRequest(args.profile)
-        compiled = fulfil(CompileRequest(network, target, asked, check, pricing))
+        compiled = fulfil(CompileRequest(network, target, setting_request, check, pricing))
     gates = check_gates(compiled.figures, given(args, GATES))
     compiled = compiled.with_gates(gates_entry(gates))
     title = f"recording {number} of {recordings.source}"
@@ -104,6 +104,11 @@ def build(args: Namespace) -> int:
             "Emit them again, or remove them.",
             file=sys.stderr,
         )
+    if args.calibration is not None and _rounds_one_by_one(args):
+        print(
+            "--calibration: it changed nothing: strategy reset rounds each weight by itself.",
+            file=sys.stderr,
+        )
     failed = [gate for gate in gates if not gate.holds]
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
@@ -111,6 +116,11 @@ def build(args: Namespace) -> int:
     if compiled.choice and unmet:
         print(unmet_budget(compiled.choice), file=sys.stderr)
     return EXIT_GATE if failed or unmet else 0
+
+
+def _rounds_one_by_one(args: Namespace) -> bool:
+    """Tell whether nothing is rounded or chosen for recordings; a committee's weights of scores are found on some."""
+    return args.strategy == "reset" and not given(args, BOUNDS) and len(args.model) == 1
 
 
 def _setting_request(
@@ -146,7 +156,7 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
     ]
 
 
-def _network(args: Namespace) -> Network:
+def asked_network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
     options = LoadOptions.of(args)
     networks = [load(model, **vars(options)) for model in args.model]
@@ -170,7 +180,7 @@ def _network(args: Namespace) -> Network:
     return with_steps(network, args)
 
 
-def _recordings(args: Namespace, network: Network) -> tuple[Recordings, Recordings | None]:
+def asked_recordings(args: Namespace, network: Network) -> tuple[Recordings, Recordings | None]:
     """Return the recordings to check on, and those to calibrate on; never the same of a file that is divided here."""
     divided = given(args, ("--split", "--fold"))
     if args.events is None:

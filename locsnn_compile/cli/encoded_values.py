@@ -55,12 +55,12 @@ def check_encoder_options(args: argparse.Namespace) -> None:
         what = "it describes recordings of events, and --encode takes arrays of numbers"
         raise InputError(option, what, fix="Leave it out.")
     takes = _TAKES[args.encode]
-    asked = given(args, ("--steps", *OF_ENCODERS))
-    for option in asked:
+    typed = given(args, ("--steps", *OF_ENCODERS))
+    for option in typed:
         if option not in takes:
             raise InputError(option, f"the encoder {args.encode} has none", fix="Leave it out.")
     for option in takes:
-        if option != "--seed" and option not in asked:
+        if option != "--seed" and option not in typed:
             raise InputError(f"--encode {args.encode}", f"it needs {option}", fix=f"Add {option}.")
 
 

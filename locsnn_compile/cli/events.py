@@ -41,8 +41,8 @@ _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 def run(args: argparse.Namespace) -> int:
     """Print the figures, and write the files asked for."""
     _check_options(args)
-    given = (("-o", args.output), ("--to", args.to))
-    writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
+    outputs = (("-o", args.output), ("--to", args.to))
+    writes = [(f"{option} {str(path)!r}", path) for option, path in outputs if path is not None]
     # A folder is written only if it is new or empty.
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
     encoded = None if args.encode is None else encoded_values(args)
@@ -52,15 +52,16 @@ def run(args: argparse.Namespace) -> int:
         recordings = read_recordings(args.file, split=args.part, **asked_reading(args))
     number = recording_of(args.recording, recordings)
     sensor = _laid_out(args)
-    found = event_statistics(recordings, sensor)
+    statistics = event_statistics(recordings, sensor)
     written = _write(args, recordings, number, sensor)
-    said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
-    said += assumption_lines(recordings)
-    found = {**found, "assumptions": list(recordings.assumed)}
+    binning = recordings.binned.words if recordings.binned else None
+    report_lines = statistics_lines(statistics, binning)
+    report_lines += assumption_lines(recordings)
+    statistics = {**statistics, "assumptions": list(recordings.assumed)}
     if encoded is not None:
-        said.append(encoded.line)
-        found["encoding"] = encoded.document
-    say(args, found, [*said, *_raster(recordings, number), *written])
+        report_lines.append(encoded.line)
+        statistics["encoding"] = encoded.document
+    say(args, statistics, [*report_lines, *_raster(recordings, number), *written])
     return 0
 
 
@@ -72,47 +73,47 @@ def _laid_out(args: argparse.Namespace) -> SensorLayout | None:
     return selected_layout(sensor, asked_selection(args))
 
 
-def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
+def statistics_lines(statistics: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what was left out on reading."""
-    events, silence = found["events"], found["silence"]
+    events, silence = statistics["events"], statistics["silence"]
     facts = {
-        "labels": _labels(found["labels"]),
+        "labels": _labels(statistics["labels"]),
         "events": f"{events['per_recording']['mean']:.1f} per recording "
         f"({_ends(events['per_recording'])}), {percent(events['share_of_bins'], 2)} of bins",
         "binning": binning,
-        "rate": _rate(found),
+        "rate": _rate(statistics),
         "silent at start": f"{silence['start_steps']['mean']:.1f} steps "
         f"({_ends(silence['start_steps'])})",
         "silent at end": f"{silence['end_steps']['mean']:.1f} steps "
         f"({_ends(silence['end_steps'])})",
         "silent steps": f"{percent(silence['share_of_steps'], 1)}, "
         f"{plural(silence['empty_recordings'], 'recording')} without any event",
-        "polarity": _polarity(found["polarity"]),
-        "busiest channels": _busiest(found["busiest_channels"]),
-        "dead channels": _dead(found["dead_channels"]),
+        "polarity": _polarity(statistics["polarity"]),
+        "busiest channels": _busiest(statistics["busiest_channels"]),
+        "dead channels": _dead(statistics["dead_channels"]),
     }
     lines = (f"{fact.label:<17} {fact.value}" for fact in Facts.of(facts).facts)
-    return [_size(found), *lines]
+    return [_size(statistics), *lines]
 
 
-def _size(found: Mapping[str, Any]) -> str:
+def _size(statistics: Mapping[str, Any]) -> str:
     """Return how many recordings there are, of how many steps and channels."""
-    width, steps = found["step_seconds"], found["steps"]
+    width, steps = statistics["step_seconds"], statistics["steps"]
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
-    recordings = plural(found["recordings"], "recording")
+    recordings = plural(statistics["recordings"], "recording")
     of_steps = f"{plural(steps, 'step')}{seconds}"
-    return f"{found['source']}: {recordings}, {of_steps}, {plural(found['channels'], 'channel')}"
+    return f"{statistics['source']}: {recordings}, {of_steps}, {plural(statistics['channels'], 'channel')}"
 
 
 def _ends(spread: Mapping[str, float]) -> str:
     return f"{spread['least']} to {spread['most']}"
 
 
-def _rate(found: Mapping[str, Any]) -> str | None:
-    hz = found["rate_hz_per_channel"]
+def _rate(statistics: Mapping[str, Any]) -> str | None:
+    hz = statistics["rate_hz_per_channel"]
     if hz is None:
         return None
-    return f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all"
+    return f"{hz:.3g} Hz per channel, {hz * statistics['channels']:.4g} Hz in all"
 
 
 def _polarity(polarity: Mapping[str, float] | None) -> str | None:
@@ -138,9 +139,9 @@ def _dead(channels: Sequence[int]) -> str:
 def _labels(labels: dict[int, int] | None) -> str:
     if labels is None:
         return "none"
-    least, most = min(labels.values()), max(labels.values())
-    if least == most:
-        return f"{plural(len(labels), 'class', 'classes')}, {plural(least, 'recording')} each"
+    smallest, largest = min(labels.values()), max(labels.values())
+    if smallest == largest:
+        return f"{plural(len(labels), 'class', 'classes')}, {plural(smallest, 'recording')} each"
     shown = ", ".join(f"{label}: {count}" for label, count in list(labels.items())[:_SHOWN_LABELS])
     return f"{plural(len(labels), 'class', 'classes')} ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
 

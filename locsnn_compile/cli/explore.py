@@ -68,18 +68,18 @@ def run(args: argparse.Namespace) -> int:
         with spread_over(args.scheduler, args.workers) as spread:
             if not _has_grid(targets):
                 return explore_chips(args, targets, folder, spread)
-            found = _explore(args, targets[0], wanted, folder, spread)
+            exploration = _explore(args, targets[0], wanted, folder, spread)
     except KeyboardInterrupt:
         print("Stopped. The same command resumes from here.", file=sys.stderr)
         return EXIT_INTERRUPTED
-    files = exploration_files(found)
+    files = exploration_files(exploration)
     write_build(folder, files)
     if args.json:
         sys.stdout.write(files["explore.json"].decode())
     elif not args.quiet:
-        print("\n".join([*lines(found), f"wrote {folder}/: {', '.join(files)}"]))
-    if found.recommendation.taken is None and not found.by_default:
-        print(f"gate failed: {found.recommendation.why}.", file=sys.stderr)
+        print("\n".join([*lines(exploration), f"wrote {folder}/: {', '.join(files)}"]))
+    if exploration.recommendation.taken is None and not exploration.by_default:
+        print(f"gate failed: {exploration.recommendation.why}.", file=sys.stderr)
         return EXIT_GATE
     return 0
 
@@ -118,23 +118,23 @@ def _explore(
     with progress_bar("exploring", show=not args.quiet) as progress:
         tried = settings(network, wanted, weight_bits_of(chip, None))
         points = sweep(study, tried, store, spread, progress)
-        asked = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
-        budget = asked if asked.given else auto_bounds(study, points, store, spread)
+        asked_bounds = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
+        budget = asked_bounds if asked_bounds.given else auto_bounds(study, points, store, spread)
     files = compared.written()
     if reported_on is not None and compared.rewritten:
         reported_on = written(replace(reported_on, file=None), folder / REPORTED)
-    found = Exploration(
+    exploration = Exploration(
         study,
         compared.model,
         target,
         files.calibration_file,
         files.events,
         budget,
-        not asked.given,
+        not asked_bounds.given,
         points,
         reading_arguments=files.reading_arguments,
     )
     if reported_on is None:
-        return found
+        return exploration
     with progress_bar("reporting", show=not args.quiet) as progress:
-        return found.report_on(reported_on, store, spread, progress)
+        return exploration.report_on(reported_on, store, spread, progress)

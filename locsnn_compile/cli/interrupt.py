@@ -94,7 +94,7 @@ def _watched() -> Iterator[None]:
     pythons.setblocking(False)
     before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
     left = threading.Event()
-    threading.Thread(target=_watch, args=(ours, left), daemon=True).start()
+    threading.Thread(target=watch, args=(ours, left), daemon=True).start()
     try:
         yield
     finally:
@@ -103,7 +103,8 @@ def _watched() -> Iterator[None]:
         pythons.close()  # ends the watch, unless a signal came first
 
 
-def _watch(ours: socket.socket, left: threading.Event) -> None:
+def watch(ours: socket.socket, left: threading.Event) -> None:
+    """Read the numbers of signals as they come, until Python's end of the pair of sockets is closed."""
     with ours:
         while received := ours.recv(64):
             for number in set(received) & set(_endings):

@@ -21,16 +21,16 @@ COMMANDS = (
 
 def parser() -> Parser:
     """Return the argument parser, with a subparser for each command."""
-    made = Parser("locsnn", description="Compile, train, run and inspect spiking networks.")
-    add_common(made)
-    commands = made.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    root = Parser("locsnn", description="Compile, train, run and inspect spiking networks.")
+    add_common(root)
+    commands = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         add_command(commands, command)
     core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
     kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in ("rtl/sim", "rtl/fit", "rtl/stream"):
         add_command(kinds, command)
-    return made
+    return root
 
 
 def main(argv: Sequence[str] | None = None) -> int:

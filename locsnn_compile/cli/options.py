@@ -52,9 +52,9 @@ def given(args: argparse.Namespace, options: Iterable[str]) -> dict[str, Any]:
     return {option: value for option, value in values.items() if value is not None}
 
 
-def recording_of(asked: int | None, recordings: "Recordings") -> int:
+def recording_of(option: int | None, recordings: "Recordings") -> int:
     """Return the number of the recording asked for, by default the first; refuse one that does not exist."""
-    number = asked or 0
+    number = option or 0
     if not 0 <= number < len(recordings):
         measured = f"{len(recordings)} in {recordings.source}"
         fix = f"Count from 0 to {len(recordings) - 1}."

@@ -22,7 +22,9 @@ def check_places(
     written into the folder of ``-o``, which has a check of its own. Two paths are equal if they lead to the same file,
     through links or under other names.
     """
-    inputs = [(option, Path(given)) for option, given in reads.items() if given is not None]
+    inputs = [
+        (option, Path(path_given)) for option, path_given in reads.items() if path_given is not None
+    ]
     for option, path in inputs:
         check_path(path, f"{option} {path.name[:60]!r}")
     known = {_identity(file): option for option, path in inputs for file in _read_of(path)}
@@ -68,10 +70,10 @@ def _read_of(path: Path) -> Iterable[Path]:
 def _identity(path: Path) -> tuple[int, int] | None:
     """Return what identifies a file under any of its names; None if there is no such file."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return status.st_dev, status.st_ino
 
 
 def _lies_in(path: str, folder: str) -> bool:

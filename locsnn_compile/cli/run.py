@@ -252,20 +252,20 @@ def _known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Rec
     """Return the margin that is given, or else calibrated on other recordings than those ``played``."""
     if args.margin is not None:
         return _Margin(args.margin)
-    asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
+    min_agreement = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
     part = "train" if "train" in recording_parts(args.calibrate, test_share=args.split) else None
     recordings = read_for_program(args, args.calibrate, program, part)
     if np.array_equal(recordings.spikes, played.spikes):
         what = "these recordings are also played, and a margin always suits the recordings that it was found on"
         raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix="Give others.")
     with progress_bar("calibrating", show=True):
-        lead = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
+        lead = hw.calibrate_margin(program, recordings.spikes, min_agreement, args.psi)
         stops = hw.stop_at_margin(program, recordings.spikes, lead, args.psi)
     calibrated_on = CalibratedOn(
         source=recordings.source,
         part=part,
         recordings=len(recordings),
-        min_agreement=asked,
+        min_agreement=min_agreement,
         agreement=float(np.mean(stops.prediction == stops.final)),
     )
     return _Margin(lead, calibrated_on)

@@ -67,24 +67,24 @@ class Parser(argparse.ArgumentParser):
                 self.error(
                     f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale"
                 )
-        found, rest = super().parse_known_args(args, namespace)
+        parsed, rest = super().parse_known_args(args, namespace)
         if rest:  # refused here, where the help of the command itself is at hand
             self.error(f"unrecognized arguments: {' '.join(rest)}")
-        if "--options" in self._option_string_actions and found.options is not None:
-            values = read_options(self, found.options)
+        if "--options" in self._option_string_actions and parsed.options is not None:
+            values = read_options(self, parsed.options)
             # argparse sets a default only if the attribute is missing: what is still None after this was not typed.
             typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
             for name, value in values.items():
                 setattr(
-                    found, name, value if getattr(typed, name) is None else getattr(typed, name)
+                    parsed, name, value if getattr(typed, name) is None else getattr(typed, name)
                 )
         for action in self._actions:
-            value = getattr(found, action.dest, None)
+            value = getattr(parsed, action.dest, None)
             if "" in (value if isinstance(value, list) else [value]):
                 self.error(
                     f"argument {'/'.join(action.option_strings) or action.metavar}: it is empty"
                 )
-        return found, rest
+        return parsed, rest
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -227,9 +227,9 @@ def terminal() -> "Console":
 
 def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
     """Return an error with the path as typed in place of the bare file name, unless two typed paths have that name."""
-    found = {word.partition("=")[2] if word.startswith("--") else word for word in typed}
-    names = [os.path.basename(path.rstrip("/")) for path in found]
-    for path, name in zip(found, names, strict=True):
+    paths = {word.partition("=")[2] if word.startswith("--") else word for word in typed}
+    names = [os.path.basename(path.rstrip("/")) for path in paths]
+    for path, name in zip(paths, names, strict=True):
         if names.count(name) == 1 and repr(name) in error.where:
             where = error.where.replace(repr(name), repr(path))
             return type(error)(where, error.what, measured=error.measured, fix=error.fix)
@@ -284,11 +284,11 @@ def _show_log(verbose: bool) -> None:
         logging.getLogger("locsnn").setLevel(logging.DEBUG if verbose else logging.INFO)
 
 
-def say(args: argparse.Namespace, found: object, lines: Iterable[str]) -> None:
+def say(args: argparse.Namespace, document: object, lines: Iterable[str]) -> None:
     """Print what a command found: with ``--json`` all of it, otherwise these lines."""
     import json
 
-    print(json.dumps(found, indent=2, allow_nan=False) if args.json else "\n".join(lines))
+    print(json.dumps(document, indent=2, allow_nan=False) if args.json else "\n".join(lines))
 
 
 Moved = Callable[..., None]

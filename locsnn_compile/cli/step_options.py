@@ -99,8 +99,8 @@ def read_for_program(
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` in the same way, a few at a time if the file allows it."""
     model = _expected(args, program)
-    found = read_in_chunks(args.events, BATCH, model=model, **asked_reading(args))
-    return (_fitting(program, part) for part in found)
+    chunks = read_in_chunks(args.events, BATCH, model=model, **asked_reading(args))
+    return (_fitting(program, part) for part in chunks)
 
 
 def chunks_expected(args: argparse.Namespace, expected: Expected) -> Iterator[Recordings]:

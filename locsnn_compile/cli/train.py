@@ -185,29 +185,33 @@ def training_config(
     typed = vars(args) | {"event_threshold": args.threshold, "threshold": None}
     # In the record of a run, ``start`` is the network that it starts from.
     typed |= {"start_at": args.start, "start": None}
-    asked = {name: value for name, value in typed.items() if name in options and value is not None}
+    typed_options = {
+        name: value for name, value in typed.items() if name in options and value is not None
+    }
     flags = {
         "location_weight": "--lambda",
         "event_threshold": "--threshold",
         "start_at": "--start",
     }
     usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
-    config = config_from_mapping(usual | values | asked)
-    check_used({name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}, config)
+    config = config_from_mapping(usual | values | typed_options)
+    check_used(
+        {name: flags.get(name, f"--{name.replace('_', '-')}") for name in typed_options}, config
+    )
     # A file may serve several runs: it may hold what would count without the other options and, if it does not name the
     # model, what counts for any model.
     models = ARCHITECTURES if args.model is not None and "model" not in values else [config.model]
     shared = [config_from_mapping(usual | {"model": model} | values) for model in models]
     check_used(of_file, config, *shared)
     if start is None:
-        return config, values | asked
-    check_fits_start(values | asked, start.description)
+        return config, values | typed_options
+    check_fits_start(values | typed_options, start.description)
     times = start.event_times
     if times is not None and config.start_at is None:
         config = replace(config, start_at=times.start)
     if times is not None and config.time_unit is None:
         config = replace(config, time_unit=times.time_unit)
-    return fine_tuning_config(config, start.description), values | asked
+    return fine_tuning_config(config, start.description), values | typed_options
 
 
 def _summary(
@@ -220,19 +224,19 @@ def _summary(
     from locsnn_compile.training.export import accuracy_of
     from locsnn_compile.training.measure import chance_remarks, tie_remarks
 
-    found = measured.confusion
+    confusion = measured.confusion
     lines, remarks = [f"epoch {result.chosen_epoch} chosen"], list(result.remarks)
     if result.validation_accuracy is not None:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
-    if found is not None and test is not None and test.labels is not None:
-        accuracy = accuracy_of(found, test)
+    if confusion is not None and test is not None and test.labels is not None:
+        accuracy = accuracy_of(confusion, test)
         if recordings.source != test.source:
             lines += [
                 f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)
             ]
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
-        lines += _confusion(found, test.class_names)
-        remarks += tie_remarks(found)
+        lines += _confusion(confusion, test.class_names)
+        remarks += tie_remarks(confusion)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     if measured.comparison is not None:
         lines.append(measured.comparison.words)
@@ -242,20 +246,20 @@ def _summary(
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 
-def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
+def _confusion(confusion: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
     """Return the confusion matrix as lines, with class names if there is room; nothing for more than SHOWN_CLASSES.
 
     Its column of ties is left out where there is none.
     """
-    if len(found) > SHOWN_CLASSES:
+    if len(confusion) > SHOWN_CLASSES:
         return []
     from locsnn_compile.training.measure import NO_CLASS
 
-    heads = [str(label) for label in range(len(found))]
+    heads = [str(label) for label in range(len(confusion))]
     if names is not None and sum(map(len, names)) < SHOWN_NAMES:
         heads = list(names)
-    ties = found[:, -1].any()
-    shown = found if ties else found[:, :-1]
+    ties = confusion[:, -1].any()
+    shown = confusion if ties else confusion[:, :-1]
     columns = [*heads, NO_CLASS] if ties else heads
     width = max(len(text) for text in (*columns, str(shown.max()))) + 2
     rows = ["".join(f"{n:>{width}}" for n in row) for row in (columns, *shown.tolist())]
@@ -271,15 +275,13 @@ def after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         if log is not None:
             log(done, expected, record)
-        held = (
-            ""
-            if record.validation_accuracy is None
-            else f", validation {record.validation_accuracy:.3f}"
-        )
-        said = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}"
+        validation = ""
+        if record.validation_accuracy is not None:
+            validation = f", validation {record.validation_accuracy:.3f}"
+        line = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{validation}"
         if moved is not None:
-            moved(done, expected, said)
+            moved(done, expected, line)
         elif not args.quiet:
-            print(f"{done}/{expected} {said}", file=sys.stderr, flush=True)
+            print(f"{done}/{expected} {line}", file=sys.stderr, flush=True)
 
     return after_epoch

@@ -76,7 +76,7 @@ class Choice(Shown):
 def choose_strategy(
     network: Network,
     chip: hw.Chip,
-    asked: SettingRequest,
+    request: SettingRequest,
     recordings: Recordings,
     spread: Spread = here,
 ) -> Choice | None:
@@ -85,16 +85,16 @@ def choose_strategy(
     Without a budget, the cost is weighed against errors: a percent of the spikes is worth
     ``spike_worth`` percent of the least cost.
 
-    The setting that is ``asked`` for has one strategy or ``auto``, and the most weight bits to try.
+    The setting of the ``request`` has one strategy or ``auto``, and the most weight bits to try.
     Settings that this chip cannot hold are skipped; if it holds none, the first ``TargetError`` is
     raised. Returns None if there is nothing to choose: no weight is rounded, or no neuron is
     lowered by a strategy and no budget is given.
     """
-    budget = asked.budget
+    budget = request.budget
     if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
     trial = Trial(network, chip, recordings, spread)
-    firsts = first_settings(network, asked.setting)
+    firsts = first_settings(network, request.setting)
     usual = [setting for setting in firsts if not setting.is_last_resort] or firsts
     for setting in usual:
         trial.measure(setting)
@@ -102,15 +102,15 @@ def choose_strategy(
         raise trial.errors[0]
     if budget.given:
         for setting in usual:
-            _make_finer(trial, setting, budget, asked.given)
+            _make_finer(trial, setting, budget, request.given)
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
             for setting in firsts:
                 if setting not in usual:
-                    _make_finer(trial, setting, budget, asked.given)
-        _make_coarser(trial, asked.setting, budget)
+                    _make_finer(trial, setting, budget, request.given)
+        _make_coarser(trial, request.setting, budget)
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
-    spike_worth = None if budget.given else asked.spike_worth
+    spike_worth = None if budget.given else request.spike_worth
     taken = _best(candidates, limits, spike_worth)
     return Choice(
         taken=taken,
@@ -250,10 +250,10 @@ def lower_or_advise(
     except TargetError as error:
         if not target_of(chip).advises_strategies:
             raise
-        said = vars(error)
+        arguments = vars(error)
         for name in STRATEGIES:
             with suppress(TargetError):
                 lower_as(network, chip, replace(setting, strategy=name), calibration)
-                said = said | {"fix": f"Use strategy {name}."}
+                arguments = arguments | {"fix": f"Use strategy {name}."}
                 break
-        raise TargetError(**said) from None
+        raise TargetError(**arguments) from None

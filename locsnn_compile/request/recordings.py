@@ -50,17 +50,21 @@ def recordings_for(
         )
         # Their labels are motions of the generator, not classes of this model.
         return Recordings(
-            touches.spikes, None, network.stated_step_seconds, touches.source, touches.origin
+            touches.spikes,
+            labels=None,
+            step_seconds=network.stated_step_seconds,
+            source=touches.source,
+            origin=touches.origin,
         )
     if isinstance(events, Recordings):
         network.expected.check(events)
         return join_channels(events, network.expected)
     if isinstance(events, str | Path):
         return read_recordings(events, model=network.expected)
-    given = None if labels is None else np.asarray(labels)
+    labels_array = None if labels is None else np.asarray(labels)
     spikes, pixels = frames_as_channels(np.asarray(events))
     step_seconds = network.stated_step_seconds
-    recordings = Recordings(spikes, given, step_seconds, "array", channels=pixels)
+    recordings = Recordings(spikes, labels_array, step_seconds, "array", channels=pixels)
     return join_channels(recordings, network.expected)
 
 

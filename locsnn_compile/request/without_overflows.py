@@ -76,16 +76,16 @@ def try_widths(trial: Trial, narrower: list[Setting]) -> None:
     Narrower weights let the compiler choose a smaller scale, which leaves more room in registers.
     So where the narrowest that the chip can hold have overflows, those between are not tried.
     """
-    held = list(narrower)
-    while held and trial.measure(held[-1]) is None:
-        held.pop()
+    settings = list(narrower)
+    while settings and trial.measure(settings[-1]) is None:
+        settings.pop()
 
     def is_clean(index: int) -> bool:
-        tried = trial.measure(held[index])
+        tried = trial.measure(settings[index])
         return tried is not None and not tried.overflows
 
-    widest_clean = len(held) - 1
-    if not held or not is_clean(widest_clean):
+    widest_clean = len(settings) - 1
+    if not settings or not is_clean(widest_clean):
         return
     first_unknown = 0
     while first_unknown < widest_clean:

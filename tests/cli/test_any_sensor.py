@@ -22,7 +22,7 @@ NAMES = ("press", "slide", "twist")
 
 
 def grid_layout(text: str, polarities: int) -> SensorLayout:
-    found = asked_layout(text, polarities, None, None)
+    found = asked_layout(text, polarities, channels=None, layout=None)
     assert found is not None
     return found
 
@@ -39,6 +39,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def write(
     sensor: SensorLayout, name: str = "a.npz", *, step_major: bool = False, **more: object
 ) -> str:
+    """Write synthetic touches of a sensor, with labels and class names, and return the file's name."""
     touches = synthetic_touches(6, steps=20, classes=3, sensor=sensor)
     spikes = touches.spikes if step_major else touches.spikes.transpose(0, 2, 1)
     np.savez(name, **{"spikes": spikes, "labels": touches.labels, "class_names": NAMES} | more)  # type: ignore[arg-type]
@@ -53,6 +54,7 @@ def train(data: str, *options: str, output: str = "a.pt") -> int:
 
 
 def compiled(*options: str, model: str = "a.pt") -> dict:
+    """Compile a model in this folder, and return the report."""
     assert compile_main([model, "--quiet", "-o", "built", *options]) == 0
     return json.loads(Path("built/report.json").read_text("utf-8"))
 
@@ -61,7 +63,7 @@ def compiled(*options: str, model: str = "a.pt") -> dict:
 @pytest.mark.parametrize(
     ("sensor", "options"),
     [
-        pytest.param(SensorLayout("8 channels", 8), ("--channels", "8"), id="8 channels"),
+        pytest.param(SensorLayout("8 channels", taxels=8), ("--channels", "8"), id="8 channels"),
         pytest.param(GRID, ("--grid", "4x5", "--order", "snake"), id="40 channels"),
         pytest.param(
             grid_layout("16x16", 2), ("--grid", "16x16", "--order", "hilbert"), id="512 channels"
@@ -105,7 +107,7 @@ def test_every_kind_of_network_takes_a_grid(model: str) -> None:
 def test_networks_that_a_sensor_cannot_have_are_not_compared(tmp_path: Path) -> None:
     """Both names stay in report.json: without a grid there are no frames, and without a sensor no channels."""
     undefined = {"operations": None, "ratio": None, "chip_ratio": None}
-    train(write(SensorLayout("8 channels", 8)), "--channels", "8")
+    train(write(SensorLayout("8 channels", taxels=8)), "--channels", "8")
     found = compiled("--events", "a.npz")["ann_comparison"]
     assert found["cnn-3d"] == undefined
     assert found["gru-mlp"]["operations"] > 0
@@ -127,7 +129,7 @@ def test_without_events_the_check_plays_touches_of_the_sensor() -> None:
 
 def test_taxels_of_any_sensor_are_dropped_mixed_and_shifted() -> None:
     Path("run.yaml").write_text("taxel_dropout: 0.5\nmixing: 0.5\ntaxel_shift: 2\nchannels: 7\n")
-    assert train(write(SensorLayout("7 channels", 7)), "--config", "run.yaml") == 0
+    assert train(write(SensorLayout("7 channels", taxels=7)), "--config", "run.yaml") == 0
 
 
 @pytest.mark.parametrize(
@@ -207,9 +209,9 @@ def test_a_layout_file_is_kept_in_the_checkpoint() -> None:
     )
     sensor = SensorLayout(
         "glove",
-        3,
-        1,
-        2,
+        taxels=3,
+        polarities=1,
+        surfaces=2,
         positions=((0.0, 0.0), (2.0, 0.0), (0.0, 1.0)),
         names=("thumb", "index", "palm"),
     )

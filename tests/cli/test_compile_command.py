@@ -46,6 +46,7 @@ def few(tmp_path_factory):
 
 
 def run(*arguments):
+    """Run ``locsnn-compile``; return the exit code."""
     return main([str(argument) for argument in arguments])
 
 

@@ -129,7 +129,7 @@ def test_ctrl_c_that_a_library_turns_into_another_error_is_an_interrupt(
     raised, capsys, monkeypatch
 ):
     """As numba's and numpy's modules do while they are imported."""
-    monkeypatch.setattr(interrupt, "_watch", without_a_watch)
+    monkeypatch.setattr(interrupt, "watch", without_a_watch)
 
     def run(args):
         try:

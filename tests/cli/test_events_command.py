@@ -22,7 +22,10 @@ def small(tmp_path: Path) -> Path:
     spikes[0, 2, [0, 1]] = 1
     spikes[0, 5, 0] = 1
     spikes[1, 7, 2] = 1
-    write_recordings(tmp_path / "small.npz", Recordings(spikes, np.array([1, 0, 1]), 0.02, "small"))
+    write_recordings(
+        tmp_path / "small.npz",
+        Recordings(spikes, np.array([1, 0, 1]), step_seconds=0.02, source="small"),
+    )
     return tmp_path / "small.npz"
 
 
@@ -232,7 +235,9 @@ def test_options_that_nothing_comes_of(
 def test_files_of_a_grid_are_read_as_that_grid(tmp_path, monkeypatch, capsys, members):
     monkeypatch.chdir(tmp_path)
     spikes = np.ones((2, 3, 40), dtype=np.uint8)
-    write_recordings("grid.npz", Recordings(spikes, np.array([1, 0]), 0.02, "grid"))
+    write_recordings(
+        "grid.npz", Recordings(spikes, np.array([1, 0]), step_seconds=0.02, source="grid")
+    )
     assert (
         main(["events", "grid.npz", "--grid", "4x5", "--to", "grid.zip", "--members", members]) == 0
     )

@@ -20,6 +20,7 @@ MODEL = ROOT / "examples/models/objects-hybrid.pt"
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
+    """A folder with three random recordings, and a program that was checked on them."""
     folder = tmp_path_factory.mktemp("build")
     r = np.random.default_rng(0)
     np.save(folder / "few.npy", (r.random((3, 78, 60)) < 0.1).astype(np.uint8))

@@ -29,6 +29,7 @@ def _touches():
 
 
 def pack(*arguments):
+    """Run ``locsnn pack``; return the exit code."""
     return locsnn.main(["pack", *map(str, arguments)])
 
 

@@ -45,14 +45,17 @@ def build(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def program(build):
+    """The program that the build wrote."""
     return hw.load_program(build / "out")
 
 
 def spikes(build, name="few"):
+    """Recordings (samples, steps, channels) of a file of the build, which holds (samples, channels, steps)."""
     return np.load(build / f"{name}.npy").transpose(0, 2, 1)
 
 
 def run(build, *arguments):
+    """Run ``locsnn run`` on the build's program and its few recordings; return the exit code."""
     return main(
         ["run", str(build / "out"), "--events", str(build / "few.npy"), *map(str, arguments)]
     )

@@ -21,9 +21,11 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
 Capture = pytest.CaptureFixture[str]
 STEPS = 36
+EVENTS = 427
+"""Events of every recording here: any number that shows again where events are counted."""
 
 
-def slip_file(path: Path, seed: int, steps: int = STEPS, events: int = 427) -> Path:
+def slip_file(path: Path, seed: int, steps: int = STEPS, events: int = EVENTS) -> Path:
     """Write a recording of so many events in bins of 1 ms, the first at 0 s and the last in the last bin."""
     rng = np.random.default_rng(seed)
     ms = np.sort(rng.uniform(0, steps, events))
@@ -117,12 +119,12 @@ def test_a_checkpoint_and_its_program_keep_the_steps(slip: Path) -> None:
     report = json.loads((slip / "out" / "report.json").read_text())
     assert report["skipped"]["binning"] == {
         "threshold": 0,
-        "events": 427,
+        "events": EVENTS,
         "outside": 0,
         "below": 0,
         "elsewhere": 0,
         "dropped": 0,
-        "words": "0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0",
+        "words": f"0 of {EVENTS} events dropped: 0 outside the steps, 0 in bins of at most 0",
     }
 
 
@@ -136,7 +138,7 @@ def test_run_plays_what_compile_checked(slip: Path, capsys: Capture) -> None:
     )
     assert found["binning"] == {
         "threshold": 0,
-        "events": 427,
+        "events": EVENTS,
         "outside": 0,
         "below": 0,
         "elsewhere": 0,
@@ -144,7 +146,10 @@ def test_run_plays_what_compile_checked(slip: Path, capsys: Capture) -> None:
     }
     assert main(["run", str(slip / "out"), "--events", str(slip / "x.tact")]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last == "binning: 0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
+    assert (
+        last
+        == f"binning: 0 of {EVENTS} events dropped: 0 outside the steps, 0 in bins of at most 0"
+    )
 
 
 def test_a_recording_that_is_too_long_is_cut(slip: Path, tmp_path: Path, capsys: Capture) -> None:
@@ -155,7 +160,7 @@ def test_a_recording_that_is_too_long_is_cut(slip: Path, tmp_path: Path, capsys:
         ).sum()
     )
     assert late > 100
-    words = f"{late} of 427 events dropped: {late} outside the steps, 0 in bins of at most 0"
+    words = f"{late} of {EVENTS} events dropped: {late} outside the steps, 0 in bins of at most 0"
     assert main(["run", str(slip / "out"), "--events", str(long)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"binning: {words}"
     compile = ["compile", str(slip / "slip.pt"), "--events", str(long), "-o", str(tmp_path / "out")]
@@ -395,7 +400,7 @@ def test_what_binning_drops_is_shown(slip: Path, capsys: Capture) -> None:
     usual, line = binned()
     assert usual == {
         "threshold": 0,
-        "events": 427,
+        "events": EVENTS,
         "outside": 0,
         "below": 0,
         "elsewhere": 0,
@@ -403,11 +408,11 @@ def test_what_binning_drops_is_shown(slip: Path, capsys: Capture) -> None:
     }
     assert (
         line
-        == "binning           0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
+        == f"binning           0 of {EVENTS} events dropped: 0 outside the steps, 0 in bins of at most 0"
     )
     strict, line = binned("--threshold", "1")
     assert strict["below"] > 0.6 * 427
     assert line == (
-        f"binning           {strict['below']} of 427 events dropped: 0 outside the steps, "
+        f"binning           {strict['below']} of {EVENTS} events dropped: 0 outside the steps, "
         f"{strict['below']} in bins of at most 1"
     )

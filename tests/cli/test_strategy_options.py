@@ -18,7 +18,11 @@ from locsnn_compile.report.format import share
 def model(tmp_path_factory):
     """A time branch of random weights that spikes on synthetic touches."""
     description = NetworkDescription(
-        "tactile-snn", InputLayout(neutouch(1), 40, 0.02), classes=3, hidden=6, name="small"
+        "tactile-snn",
+        InputLayout(neutouch(1), steps=40, step_seconds=0.02),
+        classes=3,
+        hidden=6,
+        name="small",
     )
     r = np.random.default_rng(0)
     weights = {
@@ -31,6 +35,7 @@ def model(tmp_path_factory):
 
 
 def compiled(model, folder, capsys, *options):
+    """Compile a model; return the exit code, the report and what was printed as errors."""
     code = main([str(model), "-o", str(folder), "--json", *options])
     printed = capsys.readouterr()
     return code, json.loads(printed.out), printed.err
@@ -65,9 +70,9 @@ def test_auto_says_what_it_compared(model, tmp_path, capsys):
 def test_a_budget_of_windows_is_kept_on_the_calibration_recordings(tmp_path, capsys):
     windows = WindowParameters(steps=8, stride=8, levels=(1,))
     order = {"location_order": "own", "location_taxels": tuple(range(1, 40))}
-    layout = InputLayout(neutouch(1), 40, 0.02)
+    layout = InputLayout(neutouch(1), steps=40, step_seconds=0.02)
     description = NetworkDescription(
-        "window-snn", layout, 3, window=windows, name="windows", **order
+        "window-snn", layout, classes=3, window=windows, name="windows", **order
     )
     Checkpoint(description, build_network(description, seed=1).weights()).save(
         tmp_path / "windows.pt"

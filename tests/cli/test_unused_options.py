@@ -178,3 +178,21 @@ def test_what_matters_to_a_model():
     options = {name: name for name in ("weight_bits", "split_weights", "calibration", "psi")}
     check_matters(lc.load(FLOAT), options)
     check_matters(lc.load(GRID), {"psi": "--psi"})
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (
+            ["--strategy", "reset"],
+            "--calibration: it changed nothing: strategy reset rounds each weight by itself.\n",
+        ),
+        (["--strategy", "dendrite"], ""),
+        (["--strategy", "reset", "--min-agreement", "0"], ""),
+    ],
+    ids=["resets", "another strategy", "settings are chosen"],
+)
+def test_a_build_says_where_calibration_changed_nothing(folder, options, line, capsys):
+    arguments = [str(FLOAT), "--events", "d.npz", "--calibration", "d.npz", *options]
+    compile_main([*arguments, "-o", "out", "--quiet"])
+    assert capsys.readouterr().err == line

@@ -42,12 +42,14 @@ def requested(call):
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid of spike response neurons."""
     return hybrid(1, steps=20, hidden=4)
 
 
 @pytest.fixture(scope="module")
 def played(network):
-    return Recordings(recordings(network, samples=2), None, None, "few")
+    """Two random recordings."""
+    return Recordings(recordings(network, samples=2), labels=None, step_seconds=None, source="few")
 
 
 @pytest.fixture
@@ -59,7 +61,7 @@ def by_python(network, played, monkeypatch):
 def test_python_asks_for_the_setting_that_is_given(by_python, network, played):
     assert by_python.network is network
     assert by_python.chip == CHIP
-    assert by_python.setting.setting == Setting("delay-line", 4, 0.5)
+    assert by_python.setting.setting == Setting("delay-line", weight_bits=4, split_weights=0.5)
     assert by_python.setting.given == {"strategy", "weight_bits", "split_weights"}
     assert not by_python.setting.chooses
     assert by_python.check.events is played
@@ -68,8 +70,8 @@ def test_python_asks_for_the_setting_that_is_given(by_python, network, played):
 
 def test_the_command_line_asks_for_the_same_as_python(by_python, played, tmp_path, monkeypatch):
     monkeypatch.setattr(build, "fulfil", stop)
-    monkeypatch.setattr(build, "_network", lambda args: by_python.network)
-    monkeypatch.setattr(build, "_recordings", lambda args, network: (played, None))
+    monkeypatch.setattr(build, "asked_network", lambda args: by_python.network)
+    monkeypatch.setattr(build, "asked_recordings", lambda args, network: (played, None))
     request = requested(lambda: main(["m.pt", "-o", str(tmp_path / "b"), "--quiet", *OPTIONS]))
     for name in ("network", "chip", "pricing"):
         assert getattr(request, name) == getattr(by_python, name)
@@ -84,7 +86,7 @@ def test_explore_asks_for_the_same_as_python_without_a_diagnosis(by_python, netw
 
 
 def test_what_is_left_out_is_the_widest_weights_of_the_chip_and_none_of_them_split():
-    assert setting_for(CHIP, {}) == Setting("auto", 8, 0.0)
+    assert setting_for(CHIP, {}) == Setting("auto", weight_bits=8, split_weights=0.0)
     narrow = hw.chip("tiny-sim")
     assert setting_for(narrow, {}).weight_bits == narrow.registers.weight_bits[-1]
 
@@ -116,13 +118,13 @@ def test_values_that_no_chip_has_are_refused(asked, message):
 def test_weights_wider_than_the_chip_make_a_refused_point(network, played):
     chip = replace(CHIP, registers=replace(CHIP.registers, weight_bits_max=4))
     study = Study(network, "digest", chip, played, played)
-    refused = point.measure(study, Setting("reset", 8)).refused
+    refused = point.measure(study, Setting("reset", weight_bits=8)).refused
     assert isinstance(refused, TargetError)
     assert str(refused) == (
         "--weight-bits: weights of 8 bits are too wide (loihi-sim has weight_bits_max 4). "
         "Ask for 4, or leave it out."
     )
-    assert point.measure(study, Setting("reset", 4)).refused is None
+    assert point.measure(study, Setting("reset", weight_bits=4)).refused is None
 
 
 HEADROOM = Dial(

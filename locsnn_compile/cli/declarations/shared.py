@@ -190,26 +190,26 @@ def add_played(parser: argparse.ArgumentParser) -> None:
 
 
 def add_recordings(
-    parser: argparse.ArgumentParser, option: str, said: str, *, required: bool = False
+    parser: argparse.ArgumentParser, option: str, help: str, *, required: bool = False
 ) -> None:
     """Add an option that names recordings."""
-    parser.add_argument(option, metavar="FILE", required=required, help=said)
+    parser.add_argument(option, metavar="FILE", required=required, help=help)
 
 
-def add_profile(parser: argparse.ArgumentParser, said: str) -> None:
+def add_profile(parser: argparse.ArgumentParser, help: str) -> None:
     """Add the option on what operations cost."""
-    parser.add_argument("--profile", metavar="NAME|FILE", help=said)
+    parser.add_argument("--profile", metavar="NAME|FILE", help=help)
 
 
-def add_psi(parser: argparse.ArgumentParser, said: str) -> None:
+def add_psi(parser: argparse.ArgumentParser, help: str) -> None:
     """Add the option on the time-weighted prediction."""
-    parser.add_argument("--psi", metavar="X", type=number("--psi", float, low=0), help=said)
+    parser.add_argument("--psi", metavar="X", type=number("--psi", float, low=0), help=help)
 
 
-def add_least_agreement(parser: argparse.ArgumentParser, said: str) -> None:
+def add_least_agreement(parser: argparse.ArgumentParser, help: str) -> None:
     """Add the bound on the share of predictions that are the float network's."""
     read = number("--min-agreement", float, low=0, high=1)
-    parser.add_argument("--min-agreement", metavar="X", type=read, help=said)
+    parser.add_argument("--min-agreement", metavar="X", type=read, help=help)
 
 
 def add_error_bounds(
@@ -223,20 +223,20 @@ def add_error_bounds(
     parser.add_argument("--max-score-error", metavar="X", type=read_error, help=scores)
 
 
-def add_scheduler(parser: argparse.ArgumentParser, said: str) -> None:
+def add_scheduler(parser: argparse.ArgumentParser, help: str) -> None:
     """Add the option that leaves the work to a Dask cluster."""
-    parser.add_argument("--scheduler", metavar="ADDRESS", help=said)
+    parser.add_argument("--scheduler", metavar="ADDRESS", help=help)
 
 
 def add_folder(parser: argparse.ArgumentParser, default: str) -> None:
     """Add the option for the folder to write."""
-    said = f"folder to write (default {default})"
-    parser.add_argument("-o", "--output", metavar="DIR", help=said)
+    help = f"folder to write (default {default})"
+    parser.add_argument("-o", "--output", metavar="DIR", help=help)
 
 
-def add_json(parser: argparse.ArgumentParser, said: str = "print the result as JSON") -> None:
+def add_json(parser: argparse.ArgumentParser, help: str = "print the result as JSON") -> None:
     """Add the option that prints JSON."""
-    parser.add_argument("--json", action="store_true", help=said)
+    parser.add_argument("--json", action="store_true", help=help)
 
 
 def add_document(parser: argparse.ArgumentParser, name: str) -> None:
@@ -252,18 +252,18 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
 def add_chip(
     parser: argparse.ArgumentParser,
     option: str,
-    said: str,
+    help: str,
     default: str | None = None,
     completer: Callable[..., list[str]] = chips,
 ) -> None:
     """Add an option that names a chip, which shells complete by those that ship."""
-    action = parser.add_argument(option, metavar="CHIP", default=default, help=said)
+    action = parser.add_argument(option, metavar="CHIP", default=default, help=help)
     action.completer = completer  # type: ignore[attr-defined]
 
 
-def add_chips(parser: argparse.ArgumentParser, option: str, said: str) -> None:
+def add_chips(parser: argparse.ArgumentParser, option: str, help: str) -> None:
     """Add an option that names a chip each time that it is given."""
-    action = parser.add_argument(option, metavar="CHIP", action="append", help=said)
+    action = parser.add_argument(option, metavar="CHIP", action="append", help=help)
     action.completer = chips  # type: ignore[attr-defined]
 
 
@@ -302,5 +302,5 @@ def add_explored(parser: argparse.ArgumentParser, dial: Dial) -> None:
     else:
         low, high = dial.bounds
         kind = {"type": number(dial.option, dial.read, low=low, high=high)}
-    said = f"{dial.tried} to try (default: {', '.join(values)})"
-    parser.add_argument(dial.option, metavar="X", nargs="+", help=said, **kind)
+    help = f"{dial.tried} to try (default: {', '.join(values)})"
+    parser.add_argument(dial.option, metavar="X", nargs="+", help=help, **kind)

@@ -8,5 +8,5 @@ from locsnn_compile.cli.declarations.shared import add_chip
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn targets``."""
-    said = "print the description of a chip, by name or chip file"
-    add_chip(parser, "--show", said, completer=chips_of_all_families)
+    help = "print the description of a chip, by name or chip file"
+    add_chip(parser, "--show", help, completer=chips_of_all_families)
