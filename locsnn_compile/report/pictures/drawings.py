@@ -28,8 +28,12 @@ _RASTER_TOP = 14
 _KINDS = {"equal": (1, 6), "reference": (0, 4), "chip": (4, 4), "event": (1, 6)}
 """Start of a stroke in its row of 8 units, and its length."""
 _ROW = 8
-_HIGH, _LOW = 300, 6
-"""Most pixels of a picture, and of a row without the gap of 2 below it."""
+_PICTURE_HEIGHT = 300
+"""Pixels that the rows of a picture share; with more than 300 rows it is higher, because a row has a pixel at least."""
+_HIGHEST_ROW = 8
+"""Most pixels of a row, of which 2 are the gap below it."""
+_LOWEST_ROW = 1
+"""Fewest pixels of a row."""
 _CORE, _GAP = 26, 5
 """Vertical pixels of a core, and between tiles."""
 
@@ -192,7 +196,7 @@ def _marked_line(x: float, top: int, bottom: int) -> str:
 
 def raster(drawn: Raster) -> str:
     """Return the strokes over their axis, with a dashed line and a ring at the flag."""
-    row_height = min(float(_LOW + 2), max(1.0, _HIGH / max(1, drawn.rows)))
+    row_height = _row_height(drawn.rows)
     height = round(row_height * drawn.rows)
     bottom = _RASTER_TOP + height
     strokes = "".join(_strokes(strokes) for strokes in drawn.strokes)
@@ -205,6 +209,12 @@ def raster(drawn: Raster) -> str:
         f' aria-hidden="true">{strokes}</svg>'
         f"{_flag(drawn, row_height, bottom)}{_axis(bottom, drawn)}</svg>"
     )
+
+
+def _row_height(rows: int) -> float:
+    """Return the pixels of each of ``rows`` rows."""
+    shared = _PICTURE_HEIGHT / max(1, rows)
+    return min(max(shared, float(_LOWEST_ROW)), float(_HIGHEST_ROW))
 
 
 def _strokes(strokes: Strokes) -> str:
