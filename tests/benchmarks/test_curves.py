@@ -1,4 +1,7 @@
-"""Cost against size, against activity, and against the working set: linear where nothing leaves a cache."""
+"""Seconds against size, against activity, and against the working set, recorded for the curves of the speed study.
+
+Asserted is only that every spike is relayed; whether a curve is a line is judged on the page.
+"""
 
 from __future__ import annotations
 

@@ -32,6 +32,7 @@ KINDS = ["as drawn", "late", "at the last step", "empty"]
 
 
 def aligned(network, time=1, location=1):
+    """The network whose inputs start at the first step with so many events, by axis."""
     events = {"time": time, "location": location}
     return replace(
         network, views=tuple(replace(v, align_events=events[v.axis]) for v in network.views)
@@ -98,7 +99,7 @@ def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
 def test_the_program_does_what_the_integers_do(seed, time, location):
     network = aligned(without_biases(on_grid(seed, channels=5, steps=20)), time, location)
     played = late(recordings(network, samples=4, seed=seed), seed)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     match = compare(Observed(levels, played))
     assert match.spikes.mismatches == 0
     assert np.array_equal(match.reference_prediction, match.chip_prediction)
@@ -116,13 +117,14 @@ def test_a_touch_means_the_same_whenever_it_comes():
     touch = recordings(network, samples=6, seed=1) * (np.arange(40) < 8)[:, None].astype(np.uint8)
     touch[:, 0, 0] = 1
     later = np.roll(touch, 7, axis=1)
-    program = lower(network, CHIP, 8).program
+    program = lower(network, CHIP, weight_bits=8).program
     early = hw.simulate(program, touch).scores
     assert np.array_equal(early, hw.simulate(program, later).scores)
     assert np.array_equal(evaluate(network, touch).scores, evaluate(network, later).scores)
     assert early.any()
     assert not np.array_equal(
-        hw.simulate(lower(aligned(network, None, None), CHIP, 8).program, later).scores, early
+        hw.simulate(lower(aligned(network, None, None), CHIP, weight_bits=8).program, later).scores,
+        early,
     )
 
 
@@ -161,7 +163,7 @@ def test_steps_before_the_touch_cost_nothing():
     played[:, 30, 0] = 1
     costs = {}
     for name, its in (("aligned", network), ("whole", aligned(network, None, None))):
-        levels = lower(its, CHIP, 8)
+        levels = lower(its, CHIP, weight_bits=8)
         found = hw.simulate(levels.program, played, probe=("activity",))
         latency = hw.latency(
             levels.program, {"time": found.activity["time"][0]}, CHIP.profile("davies2018")
@@ -175,7 +177,7 @@ def test_steps_before_the_touch_cost_nothing():
 
 def test_levels_say_where_a_recording_starts():
     network = aligned(hybrid(), 1, 3)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     assert (
         "input touch: 4 lines over 12 time steps, from the first step with 1 or more events on\n"
         in (LEVEL_TEXTS["network"](levels))
@@ -246,7 +248,7 @@ def test_what_is_refused(network, message):
 @pytest.mark.parametrize("kind", ["nir", "net"])
 def test_formats_that_cannot_hold_a_start_refuse_it(kind):
     with pytest.raises(InputError) as caught:
-        exchange_file(kind, lower(aligned(hybrid()), CHIP, 8).quantized)
+        exchange_file(kind, lower(aligned(hybrid()), CHIP, weight_bits=8).quantized)
     assert (
         str(caught.value)
         == f"--emit {kind}: the format cannot hold a start at the first touch. Emit without it."

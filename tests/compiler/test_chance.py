@@ -10,6 +10,7 @@ from locsnn_compile.verification.chance import chance_of
 
 
 def at_least(right: int, recordings: int, share: Fraction) -> float:
+    """The probability that guesses, each right with a share, are right in so many of the recordings or more."""
     terms = (
         math.comb(recordings, k) * share**k * (1 - share) ** (recordings - k)
         for k in range(right, recordings + 1)

@@ -33,14 +33,14 @@ NEURONS = [
 def check(neuron, weight, mantissa=0):
     population = Population("n", "time", 1, neuron)
     weights = np.array([[0.0, weight]])
-    rounded = ChipProjection("x", "n", np.array([[0, mantissa]]), 0, 8)
+    rounded = ChipProjection("x", "n", np.array([[0, mantissa]]), exponent=0, weight_bits=8)
     grid = weight_grid(8, "excitatory")
     task = Task(
         population,
         (Projection("x", "n", weights),),
         hw.chip("loihi-sim"),
         grid,
-        Setting("dendrite", 8),
+        Setting("dendrite", weight_bits=8),
         NEAREST,
         None,
     )

@@ -30,15 +30,20 @@ from tests.support.networks import NEURON, hybrid, on_grid, single
 
 
 def lif(**changes):
+    """A network of two leaky neurons behind three channels."""
     return single(replace(Cuba.of(2, decay_v=0.1, threshold=1.0), **changes), np.ones((2, 3)))
 
 
 def integers(neuron, mantissa=((2, 4), (0, 6)), **changes):
-    projection = ChipProjection("touch", "n", matrix(mantissa, np.int64), 0, 8, **changes)
+    """A network of two on-grid neurons behind two channels, with these weight mantissas."""
+    projection = ChipProjection(
+        "touch", "n", matrix(mantissa, np.int64), exponent=0, weight_bits=8, **changes
+    )
     return replace(single(neuron, np.ones((2, 2))), projections=(projection,))
 
 
 def chip_cuba(**changes):
+    """Two neurons in the chip's integers."""
     return replace(ChipCuba.of(2, decay_u=4096, decay_v=100, threshold=10), **changes)
 
 
@@ -274,7 +279,7 @@ def test_lists_stand_for_tuples_and_numpy_numbers_for_numbers():
     assert (type(given.steps), type(given.psi)) == (int, float)
 
 
-SRM = SrmAlpha(10.0, 10.0, 1.0, 2.0)
+SRM = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
 
 
 @pytest.mark.parametrize(

@@ -32,17 +32,25 @@ PAIRED = "paired-dendrite"
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid of spike response neurons, which every strategy can lower."""
     return hybrid(1, steps=60, hidden=8)
 
 
 def played(network, seed=0):
-    return Recordings(recordings(network, samples=6, seed=seed), None, None, "made up")
+    """Six random recordings without labels."""
+    return Recordings(
+        recordings(network, samples=6, seed=seed), labels=None, step_seconds=None, source="made up"
+    )
 
 
 @pytest.fixture(scope="module")
 def choose(network):
+    """Return what chooses a setting for the network on its random recordings, given a budget."""
     return lambda budget, chip=CHIP: choose_strategy(
-        network, chip, SettingRequest(Setting("auto", 8), budget=budget), played(network)
+        network,
+        chip,
+        SettingRequest(Setting("auto", weight_bits=8), budget=budget),
+        played(network),
     )
 
 
@@ -96,6 +104,7 @@ def test_without_a_budget_no_more_is_lost_than_with_dendrites(choose):
 
 
 def losses(spike_error, cost, score_error=0.0):
+    """What a candidate loses and costs: a share of spikes, of scores, and picojoules; predictions are all equal."""
     return Losses(1.0, None if spike_error is None else 1 - spike_error, score_error, cost, 1.0)
 
 
@@ -122,7 +131,7 @@ def test_errors_are_weighed_against_the_cost(exact, cheap, spike_worth, taken):
 
 def test_what_a_spike_is_worth_can_be_said(network):
     def taken(spike_worth):
-        asked = SettingRequest(Setting("auto", 8), spike_worth=spike_worth)
+        asked = SettingRequest(Setting("auto", weight_bits=8), spike_worth=spike_worth)
         return choose_strategy(network, CHIP, asked, played(network))
 
     exact, cheap = taken(1e6), taken(0.0)
@@ -166,7 +175,7 @@ def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
         "keeps",
         lambda self, bounds: self.setting.weight_bits != 6 and found(self, bounds),
     )
-    asked = SettingRequest(Setting("reset", 8), budget=budget)
+    asked = SettingRequest(Setting("reset", weight_bits=8), budget=budget)
     choice = choose_strategy(network, CHIP, asked, played(network))
     assert [candidate.setting.weight_bits for candidate in choice.candidates] == [
         8,
@@ -239,7 +248,7 @@ def test_a_row_says_what_costs_less_once_bounds_are_kept(network, monkeypatch):
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
         budget = ErrorBudget(max_spike_error=bound)
-        asked = SettingRequest(Setting("auto", 2), budget=budget)
+        asked = SettingRequest(Setting("auto", weight_bits=2), budget=budget)
         return choose_strategy(network, CHIP, asked, played(network))
 
     usual = min(c.spike_error for c in choose(0.0).candidates if c.strategy != PAIRED)
@@ -264,7 +273,7 @@ def test_a_strategy_that_the_chip_cannot_hold_is_passed_over(network):
     patient = replace(
         network, populations=tuple(replace(p, neuron=slow) for p in network.populations)
     )
-    asked = SettingRequest(Setting("auto", 8))
+    asked = SettingRequest(Setting("auto", weight_bits=8))
     choice = choose_strategy(patient, CHIP, asked, played(patient))
     assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "reset"]
 
@@ -355,7 +364,7 @@ def test_what_chooses_is_not_what_reports():
             "strategy 'resets': unknown lowering strategy. Did you mean 'reset'?",
         ),
         (
-            lambda: quantize(single(NEURON), CHIP, 8, "delay-line").on_grid(),
+            lambda: quantize(single(NEURON), CHIP, weight_bits=8, strategy="delay-line").on_grid(),
             "dendrite",
             "strategy 'dendrite': no neuron of this model uses it (its neurons are delay-line). "
             "Leave the strategy out.",
@@ -377,13 +386,13 @@ def test_strategies_that_cannot_be(make, strategy, message):
 @pytest.mark.parametrize(
     ("losses", "bounds", "said"),
     [
-        pytest.param((0.5, 0.9, 0.25), ErrorBudget(0.9), "the best of 1 is reset, 4-bit, with 50.0 % of the predictions changed, 10.0 % of the spikes different and class scores off by 25.0 % of their spread. Train for the chip with locsnn train --target, or allow more.", id="all compared"),
-        pytest.param((None, 0.9, None), ErrorBudget(0.9), "the best of 1 is reset, 4-bit, with an unknown share of the predictions changed, 10.0 % of the spikes different and class scores off by an unknown share of their spread. Give --calibration recordings in which outputs spike.", id="scores tie"),
-        pytest.param((None, None, None), ErrorBudget(0.9), "the best of 1 is reset, 4-bit, with an unknown share of the predictions changed, an unknown share of the spikes different and class scores off by an unknown share of their spread. Give --calibration recordings in which outputs spike.", id="silent"),
+        pytest.param((0.5, 0.9, 0.25), ErrorBudget(min_agreement=0.9), "the best of 1 is reset, 4-bit, with 50.0 % of the predictions changed, 10.0 % of the spikes different and class scores off by 25.0 % of their spread. Train for the chip with locsnn train --target, or allow more.", id="all compared"),
+        pytest.param((None, 0.9, None), ErrorBudget(min_agreement=0.9), "the best of 1 is reset, 4-bit, with an unknown share of the predictions changed, 10.0 % of the spikes different and class scores off by an unknown share of their spread. Give --calibration recordings in which outputs spike.", id="scores tie"),
+        pytest.param((None, None, None), ErrorBudget(min_agreement=0.9), "the best of 1 is reset, 4-bit, with an unknown share of the predictions changed, an unknown share of the spikes different and class scores off by an unknown share of their spread. Give --calibration recordings in which outputs spike.", id="silent"),
     ],
 )  # fmt: skip
 def test_a_budget_that_no_setting_keeps_is_said_with_a_way_out(losses, bounds, said):
-    best = Candidate(*losses, None, 1.0, Setting("reset", 4))
+    best = Candidate(*losses, None, 1.0, Setting("reset", weight_bits=4))
     choice = Choice(best, None, (best,), bounds, 2, "a.npz")
     assert (
         unmet_budget(choice)

@@ -65,7 +65,7 @@ def test_scores_are_the_weighted_sum_on_every_side(seed, events, first, weights)
     for network, its in zip(networks, alone, strict=True):
         for p in network.populations:
             assert np.array_equal(found.spikes[f"{network.name}/{p.name}"], its.spikes[p.name])
-    levels = lower(joined, CHIP, 8)
+    levels = lower(joined, CHIP, weight_bits=8)
     assert all(weight.is_integer() for weight in levels.program.readout.weights)
     match = compare(Observed(levels, played))
     assert match.spikes.mismatches == 0
@@ -100,7 +100,7 @@ def three():
 
 
 def test_equal_inputs_and_phases_are_shared_and_no_core_is():
-    program = lower(committee(three(), (1, 1, 1)), CHIP, 8).program
+    program = lower(committee(three(), (1, 1, 1)), CHIP, weight_bits=8).program
     assert [(phase.name, phase.align_events) for phase in program.phases] == [
         ("time", None),
         ("time_2", 1),
@@ -176,7 +176,13 @@ def test_without_weights_scores_vary_alike():
         replace(hybrid(seed, scale=scale, steps=40), name=name)
         for seed, scale, name in ((1, 30.0, "a"), (2, 9.0, "b"))
     ]
-    carried = Recordings(recordings(networks[0], samples=6), None, 0.02, "few.pt", "carried")
+    carried = Recordings(
+        recordings(networks[0], samples=6),
+        labels=None,
+        step_seconds=0.02,
+        source="few.pt",
+        origin="carried",
+    )
     plain, found = join(networks), join([replace(networks[0], recordings=carried), networks[1]])
     assert [member.weight for member in plain.members] == [1.0, 1.0]
     assert plain.assumptions == ("Class scores of the networks are added as they are (--weights).",)
@@ -214,7 +220,9 @@ def other(**changes):
         ),
         (
             [
-                replace(hybrid(), sensor=asked_layout("2x2", 1, None, None)),
+                replace(
+                    hybrid(), sensor=asked_layout("2x2", polarities=1, channels=None, layout=None)
+                ),
                 other(sensor=neutouch())[1],
             ],
             "it differs from 'small-hybrid' in sensor (neutouch against grid 2x2)",
@@ -272,7 +280,7 @@ def test_one_network_has_nothing_to_weigh():
 
 
 def test_a_program_of_several_is_saved_and_loaded(tmp_path):
-    levels = lower(committee(three(), (1, 0.3, 2)), CHIP, 8)
+    levels = lower(committee(three(), (1, 0.3, 2)), CHIP, weight_bits=8)
     levels.program.save(tmp_path)
     played = recordings(levels.network)
     loaded = hw.load_program(tmp_path)
@@ -288,7 +296,7 @@ def test_a_program_of_several_is_saved_and_loaded(tmp_path):
 @pytest.mark.parametrize("kind", ["nir", "net"])
 def test_formats_of_one_network_refuse_several(kind):
     with pytest.raises(InputError) as caught:
-        exchange_file(kind, lower(committee(three(), (1, 1, 1)), CHIP, 8).quantized)
+        exchange_file(kind, lower(committee(three(), (1, 1, 1)), CHIP, weight_bits=8).quantized)
     assert (
         str(caught.value) == f"--emit {kind}: the format cannot hold a committee. Emit without it."
     )

@@ -33,12 +33,12 @@ from locsnn_compile.verification.error_budget.budget import (
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.support.networks import hybrid, recordings, single
+from tests.support.networks import DECAY_OF_10, hybrid, recordings, single
 from tests.support.real_recordings import REAL, on_real_recordings
 
 CHIP = hw.chip("loihi-sim")
 ROOT = Path(__file__).parents[2]
-SRM = SrmAlpha(10.0, 10.0, 2.0, 2.0)
+SRM = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=2.0, scale_ref=2.0)
 ROUNDED = ("weights", "decays", "states", "thresholds", "wraps_clips")
 
 
@@ -94,17 +94,21 @@ def on_grid(seed=0, *, size=4, channels=3, steps=30):
         sensor=None,
         views=(InputView("events", "time", channels),),
         populations=(Population("only", "time", size, neuron),),
-        projections=(ChipProjection("events", "only", mantissa, 0, 8, signs="mixed"),),
+        projections=(
+            ChipProjection("events", "only", mantissa, exponent=0, weight_bits=8, signs="mixed"),
+        ),
         readout=Readout(("only",), (1.0,)),
         sha256="0" * 64,
     )
 
 
 def spikes_with(levels, stages, played):
-    network, found = levels.network, {}
+    """The spikes of the float64 twin with the deviations of some stages, by population."""
+    spikes = {}
     for phase in phases_of(levels):
-        found |= run_twin(twin_with(phase, stages), lines_of(network, phase, played)).spikes
-    return found
+        lines = lines_of(levels.network, phase, played)
+        spikes |= run_twin(twin_with(phase, stages), lines).spikes
+    return spikes
 
 
 def check_both_ends(network, bits, played, strategy="dendrite"):
@@ -157,7 +161,7 @@ def test_leaky_twins_meet_reference_and_chip(seed, bits, scale, rule):
 @pytest.mark.parametrize("seed", range(3))
 def test_integer_twins_are_the_chip_with_and_without_stages(seed):
     network = on_grid(seed)
-    levels, played = lower(network, CHIP, 8), recordings(network, samples=2, seed=seed)
+    levels, played = lower(network, CHIP, weight_bits=8), recordings(network, samples=2, seed=seed)
     wanted = evaluate(network, played).spikes["only"]
     assert wanted.any()
     assert np.array_equal(hw.simulate(levels.program, played).spikes["only"], wanted)
@@ -167,16 +171,19 @@ def test_integer_twins_are_the_chip_with_and_without_stages(seed):
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid of spike response neurons, with 12 channels and 60 steps."""
     return hybrid(1, steps=60, hidden=6, channels=12)
 
 
 @pytest.fixture(scope="module")
 def levels(network):
-    return lower(network, CHIP, 3)
+    """It at every level, with weights of 3 bits, which lose enough for every stage to show."""
+    return lower(network, CHIP, weight_bits=3)
 
 
 @pytest.fixture(scope="module")
 def played(network):
+    """Six random recordings."""
     return recordings(network, samples=6)
 
 
@@ -206,8 +213,10 @@ def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
     """No spike and no class differs with weights of 2 bits, and the budget said that nothing is lost."""
     r = np.random.default_rng(3)
     cells = Cuba.of(3, decay_v=0.1, threshold=1e3)
-    network = replace(single(cells, r.uniform(-1, 1, (3, 6))), readout=Readout(("n",), (1.0,), 0))
-    levels = lower(network, CHIP, 2)
+    network = replace(
+        single(cells, r.uniform(-1, 1, (3, 6))), readout=Readout(("n",), (1.0,), potentials_from=0)
+    )
+    levels = lower(network, CHIP, weight_bits=2)
     played = recordings(network, samples=4)
     match = compare(Observed(levels, played))
     budget = diagnose(Observed(levels, played), None).budget
@@ -236,10 +245,10 @@ def test_every_stage_is_counted_alone_and_left_out(budget, levels, network, play
 
 def test_what_is_exact_changes_nothing(played):
     """Weights and decays that the chip holds exactly leave the rounding of states alone."""
-    tau = -1 / np.log((4096 - 390) / 4096)
-    neuron = SrmAlpha(10.0, float(tau), 1.0, 0.0)
+    tau = -1 / np.log(1 - DECAY_OF_10 / 4096)
+    neuron = SrmAlpha(theta=10.0, tau_sr=float(tau), tau_ref=1.0, scale_ref=0.0)
     network = hybrid(1, steps=60, hidden=6, channels=12, neuron=neuron)
-    once = lower(network, CHIP, 8).quantized
+    once = lower(network, CHIP, weight_bits=8).quantized
     gain = np.e * np.exp(-1 / tau) / tau
     on_grid_weights = tuple(
         replace(
@@ -249,7 +258,9 @@ def test_what_is_exact_changes_nothing(played):
         )
         for p, q in zip(network.projections, once.projections, strict=True)
     )
-    found = budget_of_all(lower(replace(network, projections=on_grid_weights), CHIP, 8), played)
+    found = budget_of_all(
+        lower(replace(network, projections=on_grid_weights), CHIP, weight_bits=8), played
+    )
     assert [found.alone[stage].spikes.mismatches for stage in ("weights", "thresholds")] == [0, 0]
     assert found.unexplained == 0
 
@@ -261,7 +272,7 @@ def test_clips_alone_are_found():
         network,
         projections=tuple(replace(p, weights=np.abs(p.weights)) for p in network.projections),
     )
-    levels, played = lower(network, CHIP, 8), np.ones((1, 60, 12), dtype=np.uint8)
+    levels, played = lower(network, CHIP, weight_bits=8), np.ones((1, 60, 12), dtype=np.uint8)
     assert hw.simulate(levels.program, played).counts.clips > 0
     phase, name = phases_of(levels)[0], "time_hidden/dendrite"
     lines = lines_of(network, phase, played)
@@ -281,7 +292,11 @@ def test_taps_are_those_of_slayer(tau, peak, taps):
     assert len(alpha_taps(tau, peak)) == taps
 
 
-@pytest.mark.parametrize("neuron", [SRM, SrmAlpha(10.0, 3.0, 1.0, 2.0)], ids=["tau 10", "tau 3"])
+@pytest.mark.parametrize(
+    "neuron",
+    [SRM, SrmAlpha(theta=10.0, tau_sr=3.0, tau_ref=1.0, scale_ref=2.0)],
+    ids=["tau 10", "tau 3"],
+)
 def test_cut_kernels_are_the_sums_over_their_taps(neuron):
     network = hybrid(3, steps=120, channels=12, neuron=neuron)
     played = recordings(network, samples=2, seed=5)
@@ -305,7 +320,9 @@ def test_cut_kernels_are_the_sums_over_their_taps(neuron):
 
 def test_a_network_without_kernels_has_no_tail():
     network = leaky(0)
-    assert budget_of_all(lower(network, CHIP, 8), recordings(network)).kernel_tail is None
+    assert (
+        budget_of_all(lower(network, CHIP, weight_bits=8), recordings(network)).kernel_tail is None
+    )
 
 
 def test_the_cause_adds_up_to_the_difference(levels, network, played):
@@ -328,7 +345,7 @@ def test_the_cause_adds_up_to_the_difference(levels, network, played):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_cause_holds_where_neurons_reset_and_recur(seed):
     network = leaky(seed, scale=1.0)
-    levels, played = lower(network, CHIP, 2), recordings(network, samples=4, seed=seed)
+    levels, played = lower(network, CHIP, weight_bits=2), recordings(network, samples=4, seed=seed)
     first = compare(Observed(levels, played)).first_divergence
     cause = find_cause(Observed(levels, played), first)
     assert cause.together == pytest.approx(
@@ -364,7 +381,7 @@ def test_a_large_network_takes_fewer_recordings(network):
 
 def test_an_integer_network_has_no_budget():
     network = on_grid()
-    levels, played = lower(network, CHIP, 8), recordings(network)
+    levels, played = lower(network, CHIP, weight_bits=8), recordings(network)
     found = diagnose(Observed(levels, played), compare(Observed(levels, played)).first_divergence)
     assert (found.budget, found.cause) == (None, None)
     assert found.margins.populations["only"].error == {0.5: 0.0, 0.95: 0.0, 1.0: 0.0}
@@ -410,7 +427,7 @@ def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
 def test_the_shipped_networks_leave_nothing_unexplained(name, strategy):
     """Real recordings, spread over the test part: with all stages every spike is the chip's, with none the network's."""
     network = lc.load(ROOT / f"examples/models/{name}-hybrid.pt")
-    levels = lower(network, CHIP, 8, strategy)
+    levels = lower(network, CHIP, weight_bits=8, strategy=strategy)
     spikes = lc.read_recordings(REAL / f"Ev-{name.title()}.zip").spikes
     played = spikes[list(spread_sample(network, len(spikes), 3))]
     match = compare(Observed(levels, played))

@@ -184,7 +184,7 @@ def test_a_weight_of_two_synapses_by_hand():
     """Formats of 4 bits: at a threshold of 7, 1000 is 7000, which 13 * 512 and 11 * 32 are nearest to."""
     weights = np.array([[1000.0, 999.0, 900.0, -13.0, 3.5]])
     neuron, rounding = Cuba.of(1, decay_v=1.0, threshold=1.0), Rounding(graded=True, split=0.4)
-    quantized = quantize(single(neuron, weights), CHIP, 4, rounding=rounding)
+    quantized = quantize(single(neuron, weights), CHIP, weight_bits=4, rounding=rounding)
     assert quantized.populations[0].neuron.threshold.tolist() == [7]
     found = {p.exponent: (p.mantissa[0] // 16).tolist() for p in quantized.projections}
     # An exponent of -1 with the four high bits of eight is a step of 8.

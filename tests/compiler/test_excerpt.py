@@ -22,7 +22,8 @@ def network():
 
 @pytest.fixture(scope="module")
 def levels(network):
-    return lower(network, CHIP, 3)
+    """It at every level, with weights of 3 bits: spikes differ from the float network's."""
+    return lower(network, CHIP, weight_bits=3)
 
 
 @pytest.fixture(scope="module")

@@ -34,8 +34,12 @@ CHIP = hw.chip("loihi-sim")
 
 
 def calibrated(network, samples=6, seed=5, rate=0.3):
+    """The calibration of a network on random recordings."""
     given = Recordings(
-        recordings(network, samples=samples, seed=seed, rate=rate), None, None, "made up"
+        recordings(network, samples=samples, seed=seed, rate=rate),
+        labels=None,
+        step_seconds=None,
+        source="made up",
     )
     return calibrate(network, given, CHIP.registers)
 
@@ -214,8 +218,15 @@ def test_strategies_of_the_same_decays_share_what_is_known_of_the_inputs():
 )
 def test_where_nothing_is_known_weights_are_rounded_apart(weights, delay, rate):
     network = single(NEURON, weights, delay=delay)
-    levels = lower(network, CHIP, 8, "dendrite", FINE, calibrated(network, rate=rate))
-    apart = lower(network, CHIP, 8, "dendrite", FINE)
+    levels = lower(
+        network,
+        CHIP,
+        weight_bits=8,
+        strategy="dendrite",
+        rounding=FINE,
+        calibration=calibrated(network, rate=rate),
+    )
+    apart = lower(network, CHIP, weight_bits=8, strategy="dendrite", rounding=FINE)
     assert levels.quantized.population("n").neuron.threshold.tolist() == (
         apart.quantized.population("n").neuron.threshold.tolist()
     )
@@ -266,7 +277,14 @@ def test_neurons_of_large_potentials_get_small_scales():
     """Inputs that spike in every other step, through weights of which one neuron's cancel."""
     weights = np.array([[3.1, -3.0, 1.0], [3.1, 3.0, 1.0], [30.0, 31.0, 1.0]])
     network = single(NEURON, weights, steps=120)
-    levels = lower(network, CHIP, 8, "dendrite", FINE, calibrated(network, rate=0.5))
+    levels = lower(
+        network,
+        CHIP,
+        weight_bits=8,
+        strategy="dendrite",
+        rounding=FINE,
+        calibration=calibrated(network, rate=0.5),
+    )
     small, larger, largest = levels.quantized.population("n").neuron.threshold
     assert small >= larger > largest
 
@@ -278,7 +296,14 @@ def agreement(network, bits, rounding, calibration, played):
 
 def test_neurons_get_scales_of_their_own_within_the_profiles_of_a_core():
     network = hybrid(3, channels=30, steps=60, hidden=16, scale=3.0)
-    levels = lower(network, CHIP, 8, "dendrite", FINE, calibrated(network))
+    levels = lower(
+        network,
+        CHIP,
+        weight_bits=8,
+        strategy="dendrite",
+        rounding=FINE,
+        calibration=calibrated(network),
+    )
     thresholds = levels.quantized.population("time_hidden").neuron.threshold
     assert 1 < len(np.unique(thresholds)) <= 7
     for q in levels.quantized.populations:
@@ -299,7 +324,14 @@ def test_a_weight_that_is_0_gets_no_synapse():
             for p in network.projections
         ),
     )
-    levels = lower(thinned, CHIP, 4, "dendrite", replace(FINE, split=1.0), calibrated(thinned))
+    levels = lower(
+        thinned,
+        CHIP,
+        weight_bits=4,
+        strategy="dendrite",
+        rounding=replace(FINE, split=1.0),
+        calibration=calibrated(thinned),
+    )
     zeros = 0
     for p in thinned.projections:
         parts = [
@@ -316,7 +348,14 @@ def test_the_share_that_is_split_is_no_larger_than_asked_for():
     calibration = calibrated(network)
     counts = []
     for share in (0.0, 0.3, 1.0):
-        levels = lower(network, CHIP, 4, "dendrite", replace(FINE, split=share), calibration)
+        levels = lower(
+            network,
+            CHIP,
+            weight_bits=4,
+            strategy="dendrite",
+            rounding=replace(FINE, split=share),
+            calibration=calibration,
+        )
         parts = sum((q.mantissa != 0).sum() for q in levels.quantized.projections)
         weights = sum(p.weights.size for p in network.projections)
         assert parts <= (1 + share) * weights + 1
@@ -326,9 +365,16 @@ def test_the_share_that_is_split_is_no_larger_than_asked_for():
 
 def test_no_own_charge_and_strong_ones():
     for scale_ref in (0.0, 0.3, 20.0):
-        neuron = SrmAlpha(10.0, 10.0, 1.0, scale_ref)
+        neuron = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=scale_ref)
         network = hybrid(1, channels=12, steps=60, hidden=6, neuron=neuron)
-        levels = lower(network, CHIP, 8, "dendrite", FINE, calibrated(network))
+        levels = lower(
+            network,
+            CHIP,
+            weight_bits=8,
+            strategy="dendrite",
+            rounding=FINE,
+            calibration=calibrated(network),
+        )
         played = recordings(network, samples=4, seed=8)
         match = compare(Observed(levels, played))
         assert match.spikes.agreement > 0.9

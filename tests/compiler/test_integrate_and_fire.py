@@ -19,7 +19,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate, evaluation_order
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.support.networks import recordings, single
+from tests.support.networks import UNIT, recordings, single
 
 CHIP = hw.chip("loihi-sim")
 
@@ -89,7 +89,7 @@ def test_a_potential_exactly_at_threshold(rule, spikes):
     network = single(Cuba.of(1, decay_v=1.0, threshold=0.75, rule=rule), [[0.75]])
     played = np.zeros((1, 20, 1), dtype=np.uint8)
     played[0, 3] = 1
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     match = compare(Observed(levels, played))
     assert (match.spikes.reference_spikes, match.spikes.chip_spikes) == (spikes, spikes)
 
@@ -112,10 +112,11 @@ def test_the_program_is_the_rounded_network_bit_for_bit(seed, rule, bits):
 def test_a_network_whose_numbers_the_chip_holds_spikes_as_in_float(seed):
     """Weights in 256ths of the threshold, decays on the grid, no bias: only states are rounded."""
     r = np.random.default_rng(seed)
+    # 3277 is the decay of the published 0.2 that is kept: 4096 * 0.8 is 3276.8.
     neuron = Cuba.of(6, decay_u=1.0, decay_v=3277 / 4096, threshold=0.5)
     weights = r.integers(-255, 256, (6, 8)) / 512
     network = single(neuron, weights, steps=80)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     match = compare(Observed(levels, recordings(network, samples=4, seed=seed)))
     assert match.spikes.reference_spikes > 100
     assert match.spikes.agreement > 0.995
@@ -130,7 +131,7 @@ def test_one_threshold_for_all_and_a_scale_for_each():
         population = quantized.population("n")
         mantissa = population.neuron.threshold
         assert len(set(mantissa.tolist())) == 1
-        assert population.scale * theta == pytest.approx(64 * mantissa + over, rel=1e-15)
+        assert population.scale * theta == pytest.approx(UNIT * mantissa + over, rel=1e-15)
 
 
 def test_sparse_weights_make_the_same_program_as_dense_ones():
@@ -140,11 +141,14 @@ def test_sparse_weights_make_the_same_program_as_dense_ones():
     dense, thin = (single(neuron, w) for w in (weights, sparse.csr_array(weights)))
     played = recordings(dense, samples=3)
     assert np.array_equal(evaluate(dense, played).spikes["n"], evaluate(thin, played).spikes["n"])
-    one, other = (lower(network, CHIP, 8) for network in (dense, thin))
-    (a,), (b,) = one.program.cores, other.program.cores
+    of_dense = lower(dense, CHIP, weight_bits=8).program
+    of_sparse = lower(thin, CHIP, weight_bits=8).program
+    (dense_core,) = of_dense.cores
+    (sparse_core,) = of_sparse.cores
     for name in ("mantissa", "target", "delay", "list_start"):
-        assert np.array_equal(getattr(a.axons, name), getattr(b.axons, name))
-    assert one.program.synapses_pruned - other.program.synapses_pruned == (weights == 0).sum()
+        assert np.array_equal(getattr(dense_core.axons, name), getattr(sparse_core.axons, name))
+    # A dense matrix has its zeros pruned, which a sparse one does not hold.
+    assert of_dense.synapses_pruned - of_sparse.synapses_pruned == (weights == 0).sum()
 
 
 def test_delays_of_sparse_weights_go_with_their_entries():
@@ -154,7 +158,7 @@ def test_delays_of_sparse_weights_go_with_their_entries():
     played[0, 0] = 1
     for spikes in (
         evaluate(network, played).spikes["n"][0],
-        hw.simulate(lower(network, CHIP, 8).program, played[0]).spikes["n"],
+        hw.simulate(lower(network, CHIP, weight_bits=8).program, played[0]).spikes["n"],
     ):
         assert np.argwhere(spikes).tolist() == [[1, 1], [6, 0]]
 
@@ -213,7 +217,7 @@ def test_what_no_scale_fits(neuron, message):
 
 def test_a_population_without_inputs_runs_on_its_bias():
     network = single(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=0.3), np.zeros((1, 1)), steps=30)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     match = compare(Observed(levels, np.zeros((1, 30, 1), dtype=np.uint8)))
     assert match.spikes.reference_spikes == match.spikes.common_spikes == 7
 

@@ -37,7 +37,12 @@ def levels(case):
         )
     else:
         network = on_grid(1) if case == "on-grid" else hybrid()
-    return lower(network, hw.chip("loihi-sim"), 8, case if case in STRATEGIES else "dendrite")
+    return lower(
+        network,
+        hw.chip("loihi-sim"),
+        weight_bits=8,
+        strategy=case if case in STRATEGIES else "dendrite",
+    )
 
 
 CASES = [

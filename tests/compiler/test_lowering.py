@@ -1,5 +1,7 @@
 """The dendrite strategy against a model of its own: three filters in integers, without cores or compartments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,13 +12,14 @@ from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.pipeline import lower
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.support.networks import hybrid, recordings
+from tests.support.networks import DECAY_OF_10, UNIT, hybrid, recordings
 
 CHIP = hw.chip("loihi-sim")
 
 
-def rz(x, d):
-    return np.sign(x) * ((np.abs(x) * (4096 - d)) >> 12)
+def kept(x, decay):
+    """What a step keeps of a register: 4096 - decay parts of 4096, rounded toward zero."""
+    return np.sign(x) * ((np.abs(x) * (4096 - decay)) >> 12)
 
 
 def integer_srm(drive, q):
@@ -24,16 +27,18 @@ def integer_srm(drive, q):
     steps, n = drive.shape
     current, response, refractory_current, refractory = np.zeros((4, n), dtype=np.int64)
     spikes = np.zeros((steps, n), dtype=np.int64)
-    limit = 2**23 - 1
+    limit = 2**23 - 1  # of the voltage register, in its units
     decay, refractory_decay = q.decay_u, q.refractory.decay
-    kick = 64 * q.refractory.mantissa[0] * 2 ** q.refractory.exponent[0]
+    own_charge = UNIT * q.refractory.mantissa[0] * 2 ** q.refractory.exponent[0]
     for t in range(steps):
         if t:
-            current = rz(current, decay) + drive[t - 1]
-            refractory_current = rz(refractory_current, refractory_decay) + kick * spikes[t - 1]
-        response = np.clip(rz(response, decay) + current, -limit, limit)
-        refractory = np.clip(rz(refractory, refractory_decay) + refractory_current, -limit, limit)
-        spikes[t] = np.clip(response + refractory, -limit, limit) > 64 * q.threshold
+            current = kept(current, decay) + drive[t - 1]
+            refractory_current = (
+                kept(refractory_current, refractory_decay) + own_charge * spikes[t - 1]
+            )
+        response = np.clip(kept(response, decay) + current, -limit, limit)
+        refractory = np.clip(kept(refractory, refractory_decay) + refractory_current, -limit, limit)
+        spikes[t] = np.clip(response + refractory, -limit, limit) > UNIT * q.threshold
     return spikes
 
 
@@ -44,7 +49,12 @@ def integer_srm(drive, q):
     tau_ref=st.sampled_from([1.0, 4.0]),
 )
 def test_compartments_do_what_the_recursion_does(seed, bits, tau_ref):
-    network = hybrid(seed, steps=40, hidden=5, neuron=SrmAlpha(10.0, 10.0, tau_ref, 2.0))
+    network = hybrid(
+        seed,
+        steps=40,
+        hidden=5,
+        neuron=SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=tau_ref, scale_ref=2.0),
+    )
     levels = lower(network, CHIP, bits)
     played = recordings(network, samples=1, seed=seed)
     found = hw.simulate(levels.program, played[0])
@@ -52,7 +62,7 @@ def test_compartments_do_what_the_recursion_does(seed, bits, tau_ref):
     for q in levels.quantized.populations:
         name = q.population.name
         drive = sum(
-            spikes[p.source] @ (64 * p.mantissa * 2**p.exponent).T
+            spikes[p.source] @ (UNIT * p.mantissa * 2**p.exponent).T
             for p in levels.quantized.projections
             if p.target == name
         )
@@ -61,7 +71,7 @@ def test_compartments_do_what_the_recursion_does(seed, bits, tau_ref):
 
 
 def test_populations_keep_their_names_and_compartments_have_theirs():
-    program = lower(hybrid(), CHIP, 8).program
+    program = lower(hybrid(), CHIP, weight_bits=8).program
     assert list(program.populations) == [
         f"{name}{part}"
         for name in ("time_hidden", "time_output", "location_hidden", "location_output")
@@ -70,7 +80,7 @@ def test_populations_keep_their_names_and_compartments_have_theirs():
 
 
 def test_a_phase_an_axis_each_on_cores_of_its_own():
-    program = lower(hybrid(), CHIP, 8).program
+    program = lower(hybrid(), CHIP, weight_bits=8).program
     assert [(phase.name, phase.steps) for phase in program.phases] == [
         ("time", 12),
         ("location", 4),
@@ -79,30 +89,33 @@ def test_a_phase_an_axis_each_on_cores_of_its_own():
 
 
 def test_no_refractory_kernel_needs_no_self_synapse():
-    network = hybrid(neuron=SrmAlpha(10.0, 10.0, 1.0, 0.0))
-    graph = lower(network, CHIP, 8).compartments
+    network = hybrid(neuron=SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=0.0))
+    graph = lower(network, CHIP, weight_bits=8).compartments
     assert not [s for s in graph.synapses if s.target.endswith("/refractory")]
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_fine_weights_and_decays_on_the_grid_leave_the_reference_nothing_to_disagree_with(seed):
     """A network whose weights and decays the chip holds exactly: what is left is the rounding of states."""
-    tau = -1 / np.log((4096 - 390) / 4096)
-    network = hybrid(seed, steps=60, hidden=8, neuron=SrmAlpha(10.0, float(tau), 1.0, 2.0))
-    once = lower(network, CHIP, 8).quantized
+    tau = -1 / np.log(1 - DECAY_OF_10 / 4096)
+    network = hybrid(
+        seed,
+        steps=60,
+        hidden=8,
+        neuron=SrmAlpha(theta=10.0, tau_sr=float(tau), tau_ref=1.0, scale_ref=2.0),
+    )
+    once = lower(network, CHIP, weight_bits=8).quantized
     gain = np.e * np.exp(-1 / tau) / tau
     on_grid = tuple(
         type(p)(
             p.source,
             p.target,
-            q.mantissa * 64 * 2.0**q.exponent / (once.population(p.target).scale[0] * gain),
+            q.mantissa * UNIT * 2.0**q.exponent / (once.population(p.target).scale[0] * gain),
         )
         for p, q in zip(network.projections, once.projections, strict=True)
     )
-    from dataclasses import replace
-
     exact = replace(network, projections=on_grid)
-    levels = lower(exact, CHIP, 8)
+    levels = lower(exact, CHIP, weight_bits=8)
     match = compare(Observed(levels, recordings(exact, samples=4, seed=seed)))
     assert match.spikes.reference_spikes > 100
     assert match.spikes.agreement > 0.97

@@ -48,7 +48,13 @@ def narrowest_formats(levels):
     ],
 )
 def test_the_program_is_the_rounded_network_bit_for_bit(strategy, share, apart):
-    levels = lower(delayed(), CHIP, 8, strategy, Rounding(graded=True, split=share))
+    levels = lower(
+        delayed(),
+        CHIP,
+        weight_bits=8,
+        strategy=strategy,
+        rounding=Rounding(graded=True, split=share),
+    )
     assert len(narrowest_formats(levels)) == apart
     assert [len(core.axons.formats) for core in levels.program.cores] == [16]
     wanted = evaluate(levels.quantized.on_grid(), PLAYED, potentials=True)
@@ -79,7 +85,13 @@ def test_weights_of_one_delay_take_no_more_formats_than_a_core_holds(strategy, h
         * 2.0 ** np.arange(24).repeat(5).reshape(24, 5).T
         / 64
     )
-    levels = lower(single(NEURON, weights / 64), chip, 8, strategy, Rounding(graded=True))
+    levels = lower(
+        single(NEURON, weights / 64),
+        chip,
+        weight_bits=8,
+        strategy=strategy,
+        rounding=Rounding(graded=True),
+    )
     assert [len(core.axons.formats) for core in levels.program.cores] == [taken]
 
 
@@ -90,11 +102,12 @@ def test_exponents_of_integer_weights_that_are_too_many():
         single(NEURON, np.zeros((1, 6)), steps=90),
         populations=(Population("n", "time", 1, neuron),),
         projections=tuple(
-            ChipProjection("touch", "n", weights, exponent, 8) for exponent in range(-8, 1)
+            ChipProjection("touch", "n", weights, exponent, weight_bits=8)
+            for exponent in range(-8, 1)
         ),
     )
     with pytest.raises(TargetError) as caught:
-        lower(network, CHIP, 8)
+        lower(network, CHIP, weight_bits=8)
     assert str(caught.value) == (
         "population 'n': 18 synapse formats of neuron 0 do not fit one core (loihi-sim holds 16). "
         "Use fewer weight exponents for this population: formats of one exponent and sign share one already."

@@ -22,7 +22,8 @@ def network():
 
 @pytest.fixture(scope="module")
 def levels(network):
-    return lower(network, CHIP, 4)
+    """It at every level, with weights of 4 bits."""
+    return lower(network, CHIP, weight_bits=4)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_without_a_spike_the_error_is_the_simulators(network, played):
             replace(p, neuron=replace(NEURON, theta=1e4)) for p in network.populations
         ),
     )
-    levels = lower(quiet, CHIP, 4)
+    levels = lower(quiet, CHIP, weight_bits=4)
     wanted = evaluate(quiet, played, potentials=True)
     chip = hw.simulate(levels.program, played, probe=("potential",))
     for name, one in margins_of_all(levels, played).populations.items():

@@ -20,21 +20,23 @@ CHIP = hw.chip("loihi-sim")
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid whose weights of 20 make many spikes."""
     return hybrid(1, steps=40, hidden=6, scale=20.0)
 
 
 @pytest.fixture(scope="module")
 def levels(network):
-    return lower(network, CHIP, 3)
+    """It at every level, with weights of 3 bits: spikes differ from the float network's."""
+    return lower(network, CHIP, weight_bits=3)
 
 
 @pytest.mark.parametrize(
     ("match", "agreement", "mismatches"),
     [
-        (PopulationMatch(0, 0, 0), None, 0),
-        (PopulationMatch(4, 4, 4), 1.0, 0),
-        (PopulationMatch(4, 2, 2), 2 / 3, 2),
-        (PopulationMatch(3, 0, 0), 0.0, 3),
+        (PopulationMatch(reference_spikes=0, chip_spikes=0, common_spikes=0), None, 0),
+        (PopulationMatch(reference_spikes=4, chip_spikes=4, common_spikes=4), 1.0, 0),
+        (PopulationMatch(reference_spikes=4, chip_spikes=2, common_spikes=2), 2 / 3, 2),
+        (PopulationMatch(reference_spikes=3, chip_spikes=0, common_spikes=0), 0.0, 3),
     ],
     ids=["silence", "equal", "two missing", "all missing"],
 )
@@ -48,7 +50,9 @@ def test_agreement(match, agreement, mismatches):
 def test_spikes_in_common_are_the_fewer_where_a_neuron_sends_several_in_a_step():
     reference = np.array([[[1, 0, 1, 2]]], np.uint8)
     chip = np.array([[[2, 3, 0, 2]]], np.uint8)
-    assert PopulationMatch.of(reference, chip) == PopulationMatch(4, 7, 3)
+    assert PopulationMatch.of(reference, chip) == PopulationMatch(
+        reference_spikes=4, chip_spikes=7, common_spikes=3
+    )
 
 
 @pytest.mark.parametrize(
@@ -130,7 +134,7 @@ def test_the_first_divergence_is_the_first(network, levels):
 def test_what_chunks_of_recordings_add_up_to():
     """Two chunks and a part of one, with registers that clip in all of them."""
     network = hybrid(1, steps=40, hidden=6, scale=4000.0)
-    levels = lower(network, CHIP, 3)
+    levels = lower(network, CHIP, weight_bits=3)
     played = recordings(network, samples=2 * BATCH + 3)
     match = compare(Observed(levels, played))
     found = hw.simulate(levels.program, played, probe=("spikes", "activity"))
@@ -277,7 +281,7 @@ def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence():
     given = hybrid(1, steps=40, hidden=6, scale=20.0)
     views = tuple(replace(view, silence=3 * (view.walk is not None)) for view in given.views)
     endless = replace(given, views=views, any_length=True)
-    levels, played = lower(endless, CHIP, 3), recordings(endless)[:, :25]
+    levels, played = lower(endless, CHIP, weight_bits=3), recordings(endless)[:, :25]
     walked = [phase.steps for phase in levels.program.phases]
     assert walked == [None, endless.steps_of("location")] == [None, given.steps_of("location") + 3]
     assert compare(Observed(levels, played)).samples == len(played)

@@ -18,12 +18,13 @@ CHIP = hw.chip("loihi-sim")
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid whose weights of 20 make many spikes."""
     return hybrid(3, scale=20.0)
 
 
 @pytest.fixture(scope="module")
 def levels(network):
-    return lower(network, CHIP, 4)
+    return lower(network, CHIP, weight_bits=4)
 
 
 @pytest.fixture

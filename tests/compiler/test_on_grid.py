@@ -32,7 +32,7 @@ def test_the_reference_has_the_integers_of_both_engines(seed, together, silence)
     network = on_grid(seed, together=together, silence=silence)
     played = recordings(network, samples=2, seed=seed)
     wanted = evaluate(network, played, potentials=True)
-    program = lower(network, CHIP, 8).program
+    program = lower(network, CHIP, weight_bits=8).program
     for engine in ("fast", "reference"):
         found = hw.simulate(program, played, engine=engine, probe=("spikes", "potential"))
         for population in network.populations:
@@ -47,7 +47,7 @@ def test_the_random_networks_spike_wrap_and_clip():
     for seed in range(10):
         network = on_grid(seed)
         played = recordings(network, samples=1, seed=seed)
-        counts = hw.simulate(lower(network, CHIP, 8).program, played).counts
+        counts = hw.simulate(lower(network, CHIP, weight_bits=8).program, played).counts
         spikes, wraps, clips = spikes + counts.spikes, wraps + counts.wraps, clips + counts.clips
     assert spikes > 500
     assert wraps > 50
@@ -68,7 +68,7 @@ def test_quantize_keeps_integers_whatever_is_asked_for_float_neurons(strategy, b
 
 def test_verify_finds_no_difference():
     network = on_grid(1)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     match = compare(Observed(levels, recordings(network, samples=8)))
     assert match.spikes.reference_spikes > 500
     assert match.spikes.mismatches == 0
@@ -94,7 +94,7 @@ def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **chang
     """One integer neuron behind two channels."""
     neuron = ChipCuba.of(1, **({"decay_u": 4096, "decay_v": 10, "threshold": 5} | changes))
     projection = ChipProjection(
-        "touch", "n", matrix(mantissa, np.int64), exponent, 8, signs=signs, delay=delay
+        "touch", "n", matrix(mantissa, np.int64), exponent, weight_bits=8, signs=signs, delay=delay
     )
     return replace(single(neuron, [[1.0, 1.0]]), projections=(projection,))
 
@@ -115,11 +115,11 @@ def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **chang
 )  # fmt: skip
 def test_integers_that_the_chip_does_not_hold(changes, message):
     with pytest.raises(TargetError) as caught:
-        lower(integers(**changes), CHIP, 8)
+        lower(integers(**changes), CHIP, weight_bits=8)
     assert str(caught.value) == message
 
 
 def test_a_mixed_projection_is_one_format_and_holds_minus_256():
     network = integers(mantissa=((254, -256),), signs="mixed")
-    (synapses,) = lower(network, CHIP, 8).compartments.synapses
+    (synapses,) = lower(network, CHIP, weight_bits=8).compartments.synapses
     assert (synapses.sign_mode, synapses.mantissa.tolist()) == ("mixed", [254, -256])

@@ -44,6 +44,7 @@ def chip_text(compartments=64, formats=16, **registers):
 
 @cache
 def network(name):
+    """A network that ships with the project."""
     return lc.load(EXAMPLES / "models" / f"{name}.pt")
 
 
@@ -297,7 +298,8 @@ def test_a_drop_of_any_weight_bits(bits):
         Projection("touch", "n", np.full((5, 1), 0.5)),
     )
     made = quantize_soft(
-        neuron, Task(population, (weights,), chip, grid, Setting("dendrite", 8), NEAREST, None)
+        neuron,
+        Task(population, (weights,), chip, grid, Setting("dendrite", weight_bits=8), NEAREST, None),
     ).neuron
     taps = made.refractory
     assert not grid.off_grid(np.abs(taps.mantissa)).any()

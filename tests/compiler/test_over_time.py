@@ -22,11 +22,15 @@ CHIP = hw.chip("loihi-sim")
 
 @pytest.fixture(scope="module")
 def levels():
-    return lower(hybrid(seed=3, channels=6, steps=20, hidden=8, classes=3, scale=12.0), CHIP, 8)
+    """A small hybrid of three classes at every level."""
+    return lower(
+        hybrid(seed=3, channels=6, steps=20, hidden=8, classes=3, scale=12.0), CHIP, weight_bits=8
+    )
 
 
 @pytest.fixture(scope="module")
 def played(levels):
+    """Nine random recordings."""
     return recordings(levels.network, samples=9)
 
 
@@ -82,7 +86,7 @@ def test_shares_of_right_predictions(levels, played, labelled, psi):
 
 def test_one_branch_has_one_prediction():
     network = single(NEURON, weights=((8.0,), (4.0,)), steps=30)
-    found = over_time(Observed(lower(network, CHIP, 8), recordings(network, samples=4)))
+    found = over_time(Observed(lower(network, CHIP, weight_bits=8), recordings(network, samples=4)))
     assert list(found.right) == ["together"]
 
 

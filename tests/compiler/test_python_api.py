@@ -75,7 +75,7 @@ def values(compiled):
         "Choice": compiled.choice,
         "Excerpt": compiled.excerpt,
         "Diagnosis": lc.diagnose(compiled, spikes),
-        "Recordings": Recordings(spikes, None, None, "array"),
+        "Recordings": Recordings(spikes, labels=None, step_seconds=None, source="array"),
         "TrainingConfig": lc.TrainingConfig(epochs=3),
         "ErrorBudget": lc.ErrorBudget(0.5),
         "Chip": program.chip,

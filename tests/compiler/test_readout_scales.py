@@ -51,7 +51,7 @@ def two_outputs(threshold: float = 40.0) -> Network:
 
 def test_scores_of_the_chip_are_those_of_the_network() -> None:
     network, x = two_outputs(), (RNG.random((40, 6, 8)) < 0.4).astype(np.uint8)
-    levels = lower(network, hw.chip("loihi-sim"), 8)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
     scales = [levels.quantized.population(name).scale[0] for name in ("small", "large")]
     assert scales[0] > 10 * scales[1]
     wanted, played = evaluate(network, x).scores, np.asarray(hw.simulate(levels.program, x).scores)
@@ -67,7 +67,7 @@ def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_sp
         replace(p, weights=p.weights * [[1.05], [1.0], [0.95]]) for p in network.projections
     )
     levels, other = (
-        lower(one, hw.chip("loihi-sim"), 8)
+        lower(one, hw.chip("loihi-sim"), weight_bits=8)
         for one in (network, replace(network, projections=wrong))
     )
     right, fault = (
@@ -103,7 +103,7 @@ def test_scores_are_compared_in_the_units_of_the_network(weights, potentials) ->
     network = replace(
         network, readout=replace(network.readout, weights=weights, potentials_from=potentials)
     )
-    levels = lower(network, hw.chip("loihi-sim"), 8)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
     found = hw.simulate(levels.program, x).scores / levels.quantized.score_scale
     wanted = evaluate(network, x).scores
     assert np.count_nonzero(wanted) >= 5
@@ -119,7 +119,7 @@ def test_spikes_and_potentials_are_added_in_whole_numbers(tmp_path) -> None:
     network = replace(
         network, readout=replace(network.readout, weights=(0.3, -0.7), potentials_from=(None, 5))
     )
-    levels = lower(network, hw.chip("loihi-sim"), 8)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
     spikes, potential = levels.program.readout.weights
     scale = levels.quantized.population("large").scale[0]
     assert (spikes, potential) == (round(spikes), -16_384)

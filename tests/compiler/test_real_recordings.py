@@ -73,7 +73,7 @@ def test_operations_are_of_the_published_order(compiled):
 def test_the_program_is_the_rounded_network(example, strategy):
     """The reference on the integers of ``quantize``, which knows no compartments, has the spikes of the program."""
     _, network, recordings = example
-    levels = lower(network, hw.chip("loihi-sim"), 8, strategy)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8, strategy=strategy)
     played = recordings.spikes[::12]
     wanted = evaluate(levels.quantized.on_grid(), played)
     found = hw.simulate(levels.program, played)

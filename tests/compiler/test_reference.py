@@ -56,7 +56,7 @@ def brute_force(drive, neuron):
     scale_ref=st.floats(0, 5),
 )
 def test_recursion_equals_the_sum_of_kernels(seed, tau_sr, tau_ref, scale_ref):
-    neuron = SrmAlpha(10.0, tau_sr, tau_ref, scale_ref)
+    neuron = SrmAlpha(theta=10.0, tau_sr=tau_sr, tau_ref=tau_ref, scale_ref=scale_ref)
     drive = np.random.default_rng(seed).normal(0, 8, (1, 30, 2))
     spikes, potentials = srm_response(drive, neuron)
     wanted_spikes, wanted_potentials = brute_force(drive[0], neuron)
@@ -64,13 +64,15 @@ def test_recursion_equals_the_sum_of_kernels(seed, tau_sr, tau_ref, scale_ref):
     np.testing.assert_allclose(potentials[0], wanted_potentials, rtol=1e-9, atol=1e-8)
 
 
-@pytest.mark.parametrize("neuron", [SrmAlpha(10.0, 10.0, 1.0, 2.0)])
+@pytest.mark.parametrize("neuron", [SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)])
 def test_a_potential_exactly_at_threshold_spikes(neuron):
     drive = np.zeros((1, 12, 1))
     drive[0, 0, 0] = 1.0
-    _, potentials = srm_response(drive, SrmAlpha(1e9, 10.0, 1.0, 2.0))
+    _, potentials = srm_response(
+        drive, SrmAlpha(theta=1e9, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
+    )
     peak = potentials.max()
-    spikes, _ = srm_response(drive, SrmAlpha(float(peak), 10.0, 1.0, 2.0))
+    spikes, _ = srm_response(drive, SrmAlpha(float(peak), tau_sr=10.0, tau_ref=1.0, scale_ref=2.0))
     assert spikes.sum() == 1
 
 
@@ -112,7 +114,9 @@ def test_calibration_takes_recordings_from_the_first_to_the_last(monkeypatch):
     network = hybrid()
     played = recordings(network, samples=7)
     found = calibrate(
-        network, Recordings(played, None, None, "seven"), hw.chip("loihi-sim").registers
+        network,
+        Recordings(played, labels=None, step_seconds=None, source="seven"),
+        hw.chip("loihi-sim").registers,
     )
     wanted = evaluate(network, played[[0, 3, 6]]).spikes
     assert found.samples == 3

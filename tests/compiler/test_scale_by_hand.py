@@ -21,54 +21,67 @@ CHIP = hw.chip("loihi-sim")
 GRID = weight_grid(8, "excitatory")
 NARROW = replace(CHIP, registers=replace(CHIP.registers, voltage_bits=9))
 CHOICES = {
+    # The voltage ends at 2^23 - 1 units: 2^23 / 16 / 64 is 8192, and 2^23 / 64 is 131072.
     "no weight: 16 thresholds fit the voltage": (0.0, CHIP, 1 << 17, 16, (0, 8191)),
     "no weight, one threshold in the voltage": (0.0, CHIP, 1 << 17, 1, (0, 131071)),
     "a voltage of less than 16 thresholds of 1": (0.0, NARROW, 1 << 17, 16, (0, 1)),
+    # The threshold is 255 * 2^exponent / heaviest, with the largest exponent that keeps it at the cap or below.
     "a threshold exactly at the limit": (8.0, CHIP, 255, 16, (3, 255)),
     "the coarsest exponent": (8.0, CHIP, 8191, 16, (7, 4080)),
     "a quotient just below 13": (255 / 13, CHIP, 25, 16, (0, 13)),
     "no exponent fits below the limit": (1.0, CHIP, 100, 16, (0, 100)),
+    # 255 * 2^2 / 1520 is below a threshold of 1, and 255 * 2^3 / 1520 is above it.
     "a weight of more thresholds than a mantissa": (1520.0, CHIP, 1, 16, (3, 1)),
     "a weight of exactly the largest mantissa": (510.0, CHIP, 1, 16, (1, 1)),
 }
+"""The heaviest weight in thresholds, the chip, the cap of the mantissa, the headroom, and (exponent, mantissa)."""
 
 
 @pytest.mark.parametrize(
     ("heaviest", "chip", "cap", "headroom", "wanted"), CHOICES.values(), ids=CHOICES
 )
 def test_exponent_and_threshold(heaviest, chip, cap, headroom, wanted):
-    assert exponent_and_threshold(heaviest, GRID, chip, cap, 0, headroom) == wanted
+    found = exponent_and_threshold(heaviest, GRID, chip, cap=cap, over=0, headroom=headroom)
+    assert found == wanted
 
 
 ONE = {"decay_v": 1.0, "threshold": 1.0}
 READ = {"decay_u": 0.25, "decay_v": 0.125}
 SCALES = {
+    # A bias of 4095 * 2^7 units is 8190 mantissas; one less leaves the unit of the rule.
     "the largest bias fits, rule included": (ONE | {"bias": 1.0}, [0.0], 0, 8189),
+    # 200 weights fit the charge of 32,767 mantissas at thresholds of 163, at which the weight would have fewer bits.
     "many weights may wrap, none loses bits": (ONE, [1.0] * 200, 0, 255),
+    # 255 * 2^2 is the first that holds 800.
     "heavy weights may wrap together": (ONE, [800.0] * 50, 2, 1),
+    # All else is 255 * 2^exponent / the heaviest weight: below 32,767, the charge, for weights that stay below a threshold,
+    # below 8,191, a 16th of the voltage, for those that pass it, and below 131,071 for a current that holds it there.
     "bounded by the threshold: one fits": (ONE, [0.25] * 4, 5, 32640),
     "a bias passes the bound": (ONE | {"bias": 0.5}, [1.0], 5, 8160),
     "inputs pass the bound": (ONE, [0.75, 0.75], 4, 5440),
     "a current adds up to the bound": (ONE | {"decay_u": 0.25}, [0.25], 7, 130560),
     "a current passes the bound": (ONE | {"decay_u": 0.1875}, [0.25], 3, 8160),
+    # 0.02 / (0.25 * 0.125) is 0.64.
     "a readout adds up to 0.64 and fills the voltage": (ONE | READ, [0.01, 0.01], 2, 102000),
     "a readout that inhibition takes to -1.28": (ONE | READ, [0.02, -0.02, -0.02], 0, 8191),
+    # The current holds 8 * 8 weights: 2^23 / 64 / 64 is 2,048.
     "a current adds up for eight steps": (ONE | {"decay_u": 0.125}, [1.0] * 8, 3, 2040),
 }
+"""Parameters of the neuron, the weights onto it, and the exponent and threshold mantissa."""
 
 
 @pytest.mark.parametrize(
     ("settings", "weights", "exponent", "threshold"), SCALES.values(), ids=SCALES
 )
 def test_scale_of_integrators(settings, weights, exponent, threshold):
-    quantized = quantize(single(Cuba.of(1, **settings), [weights]), CHIP, 8)
+    quantized = quantize(single(Cuba.of(1, **settings), [weights]), CHIP, weight_bits=8)
     assert [p.exponent for p in quantized.projections] == [exponent]
     assert quantized.populations[0].neuron.threshold.tolist() == [threshold]
 
 
 def test_a_bias_of_more_thresholds_than_the_chip_holds():
     with pytest.raises(TargetError) as caught:
-        quantize(single(Cuba.of(1, **ONE, bias=5000.0), [[0.5]]), CHIP, 8)
+        quantize(single(Cuba.of(1, **ONE, bias=5000.0), [[0.5]]), CHIP, weight_bits=8)
     assert str(caught.value) == (
         "population 'n': no scale holds both the threshold and the largest bias "
         "(one bias reaches 5000 thresholds against 4095). Train with smaller biases, or a higher threshold."
@@ -76,7 +89,7 @@ def test_a_bias_of_more_thresholds_than_the_chip_holds():
 
 
 def test_paired_dendrites_share_weights_that_take_one_format():
-    quantized = quantize(hybrid(), CHIP, 8, "paired-dendrite")
+    quantized = quantize(hybrid(), CHIP, weight_bits=8, strategy="paired-dendrite")
     assert [p.dendrite for p in quantized.projections if p.target == "time_hidden"] == [0, 1]
     first, second = (p.mantissa for p in quantized.projections[:2])
     assert np.abs(first).max() > 100
@@ -87,7 +100,7 @@ def test_what_a_spike_takes_in_a_coarse_and_a_fine_part():
     """The threshold is 8160, so that drops are 7344.816, 300 and 81.6; half of a current comes back a step later."""
     drop = np.array([0.9001, 300 / 8160, 0.01])
     neuron = SoftCuba.of(3, decay_u=0.5, decay_v=0.25, threshold=1.0, drop=drop)
-    (population,) = quantize(single(neuron, np.ones((3, 1))), CHIP, 8).populations
+    (population,) = quantize(single(neuron, np.ones((3, 1))), CHIP, weight_bits=8).populations
     taps = population.neuron.refractory
     assert population.neuron.threshold.tolist() == [8160] * 3
     assert taps.delay.tolist() == [0, 0, 1, 1]
@@ -98,7 +111,7 @@ def test_what_a_spike_takes_in_a_coarse_and_a_fine_part():
 def test_a_drop_of_ten_thresholds_fits_the_charge():
     """The charge holds 32767 units: 3276 for the threshold, of which the weight of 1 takes 255 * 2^3."""
     neuron = SoftCuba.of(1, decay_u=1.0, decay_v=1.0, threshold=1.0, drop=10.0)
-    (population,) = quantize(single(neuron), CHIP, 8).populations
+    (population,) = quantize(single(neuron), CHIP, weight_bits=8).populations
     assert population.neuron.threshold.tolist() == [2040]
     assert population.neuron.refractory.mantissa.tolist() == [[-159], [-48]]
 
@@ -110,7 +123,7 @@ def with_own(share):
 
 def test_the_threshold_leaves_room_for_own_spikes():
     """They weigh 633.47 thresholds of at most 32640 / 633.47 - 1; 633.47 * (50 + 1 / 64) is 247.53 times 2^7."""
-    (population,) = quantize(single(with_own(633.47), [[0.0]]), CHIP, 8).populations
+    (population,) = quantize(single(with_own(633.47), [[0.0]]), CHIP, weight_bits=8).populations
     taps = population.neuron.refractory
     assert (population.neuron.threshold.tolist(), population.scale.tolist()) == (
         [50],
@@ -121,7 +134,7 @@ def test_the_threshold_leaves_room_for_own_spikes():
 
 def test_own_spikes_that_leave_no_room():
     with pytest.raises(TargetError) as caught:
-        quantize(single(with_own(20_000)), CHIP, 8)
+        quantize(single(with_own(20_000)), CHIP, weight_bits=8)
     assert str(caught.value) == (
         "population 'n': no scale holds both the threshold and the refractory kernel "
         "(its own spike weighs 2e+04 thresholds against 16320). Use a smaller scale_ref, or strategy reset."
@@ -129,8 +142,9 @@ def test_own_spikes_that_leave_no_room():
 
 
 def test_two_dendrites_carry_half_of_a_weight_each():
+    """So a threshold may be twice as large, and one more mantissa for rounding."""
     scales = {
-        strategy: quantize(single(NEURON, [[1000.0]]), CHIP, 8, strategy)
+        strategy: quantize(single(NEURON, [[1000.0]]), CHIP, weight_bits=8, strategy=strategy)
         .populations[0]
         .neuron.threshold.tolist()
         for strategy in ("dendrite", "paired-dendrite")
@@ -138,13 +152,18 @@ def test_two_dendrites_carry_half_of_a_weight_each():
     assert scales == {"dendrite": [1312], "paired-dendrite": [2640]}
 
 
+# Two decays around 390, the nearest to the time constant of 10, together have a response that is nearer to the kernel.
 @pytest.mark.parametrize(
     ("strategy", "decays"),
     [("dendrite", (379, 401)), ("reset", (379, 401)), ("delay-line", (390, 390))],
 )
 def test_decays_are_fitted_where_no_taps_are_made_for_one(strategy, decays):
     (population,) = quantize(
-        single(NEURON), CHIP, 8, strategy, Rounding(fitted_decays=True)
+        single(NEURON),
+        CHIP,
+        weight_bits=8,
+        strategy=strategy,
+        rounding=Rounding(fitted_decays=True),
     ).populations
     assert (population.neuron.decay_u[0], population.neuron.decay_v[0]) == decays
 
@@ -184,6 +203,6 @@ def test_shares_of_two_dendrites_add_up():
 
 def test_weights_of_one_sign_make_one_list():
     synapses = lower(
-        single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]]), CHIP, 8
+        single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]]), CHIP, weight_bits=8
     ).compartments.synapses
     assert [(s.sign_mode, len(s.mantissa)) for s in synapses] == [("excitatory", 3)]

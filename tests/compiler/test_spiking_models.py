@@ -107,7 +107,7 @@ def test_the_program_spikes_as_its_integers_say(
     name: str, fingertips: int, options: dict[str, str]
 ) -> None:
     network = network_of(checkpoint(trained(name, fingertips, **options)))
-    levels = lower(network, hw.chip("loihi-sim"), 8, rounding=FINE)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8, rounding=FINE)
     played = recordings(fingertips)
     expected = evaluate(levels.quantized.on_grid(), played)
     result = hw.simulate(levels.program, played)
@@ -120,7 +120,7 @@ def test_the_program_spikes_as_its_integers_say(
 
 @pytest.mark.parametrize("name", ["tactile-snn-lif", "tactile-sgnet", "hybrid-graph"])
 def test_integrate_and_fire_neurons_are_one_compartment_each(name: str) -> None:
-    levels = lower(network_of(checkpoint(trained(name))), hw.chip("loihi-sim"), 8)
+    levels = lower(network_of(checkpoint(trained(name))), hw.chip("loihi-sim"), weight_bits=8)
     assert levels.quantized.strategy == "native"
     neurons = sum(population.size for population in levels.network.populations)
     assert sum(core.compartments for core in levels.program.cores) == neurons
@@ -150,7 +150,7 @@ def test_graph_networks_of_the_published_size_fit_a_chip(
         location_taxels=order[1],
     )
     network = network_of(checkpoint(build_network(description, initial_scale=4.0)))
-    levels = lower(network, hw.chip("loihi-sim"), 8, rounding=FINE)
+    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8, rounding=FINE)
     assert sum(core.compartments for core in levels.program.cores) == sum(
         p.size for p in network.populations
     )

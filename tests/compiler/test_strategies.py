@@ -18,13 +18,25 @@ from locsnn_compile.passes.srm.quantize import LAYOUTS, refractory_count
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 from locsnn_compile.settings import STRATEGIES, TRAINABLE
-from tests.support.networks import NEURON, check_bit_for_bit, hybrid, recordings, single
+from tests.support.networks import (
+    DECAY_OF_1,
+    DECAY_OF_10,
+    NEURON,
+    UNIT,
+    check_bit_for_bit,
+    hybrid,
+    recordings,
+    single,
+)
 
 CHIP = hw.chip("loihi-sim")
 
 
 def quantized(strategy, neuron=NEURON, weight=2.0):
-    return quantize(single(neuron, [[weight]]), CHIP, 8, strategy).population("n")
+    """The one neuron of a network with one weight, in the chip's integers by a strategy."""
+    return quantize(single(neuron, [[weight]]), CHIP, weight_bits=8, strategy=strategy).population(
+        "n"
+    )
 
 
 def nu(neuron, steps):
@@ -43,7 +55,12 @@ def nu(neuron, steps):
     tau_ref=st.sampled_from([0.7, 1.0, 4.0, 10.0]),
 )
 def test_the_program_is_the_rounded_network_bit_for_bit(seed, strategy, bits, tau_ref):
-    network = hybrid(seed, steps=40, hidden=5, neuron=SrmAlpha(10.0, 10.0, tau_ref, 2.0))
+    network = hybrid(
+        seed,
+        steps=40,
+        hidden=5,
+        neuron=SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=tau_ref, scale_ref=2.0),
+    )
     levels = lower(network, CHIP, bits, strategy)
     check_bit_for_bit(levels, recordings(network, samples=2, seed=seed))
 
@@ -58,7 +75,7 @@ def test_the_program_is_the_rounded_network_bit_for_bit(seed, strategy, bits, ta
     ],
 )
 def test_compartments_of_a_neuron(strategy, groups):
-    levels = lower(single(NEURON, [[2.0]]), CHIP, 8, strategy)
+    levels = lower(single(NEURON, [[2.0]]), CHIP, weight_bits=8, strategy=strategy)
     assert list(levels.program.populations) == groups
     assert levels.program.provenance["strategy"] == strategy
     assert levels.quantized.population("n").strategy == strategy
@@ -74,7 +91,7 @@ def test_compartments_of_a_neuron(strategy, groups):
 )
 def test_delayed_self_synapses_answer_as_the_refractory_kernel(tau_sr, tau_ref, scale_ref, weight):
     """The whole response, long after the last tap, is the kernel to within rounding."""
-    neuron = SrmAlpha(10.0, tau_sr, tau_ref, scale_ref)
+    neuron = SrmAlpha(theta=10.0, tau_sr=tau_sr, tau_ref=tau_ref, scale_ref=scale_ref)
     population = quantized("delay-line", neuron, weight)
     steps = 400
     found = own_spike_response(population.neuron, CHIP.registers, steps)[:, 0] / population.scale[0]
@@ -96,7 +113,7 @@ def test_the_published_neuron_takes_about_thirteen_taps():
 def test_the_first_taps_are_the_filtered_kernel():
     """charge(k) = nu(k) - 2 b nu(k - 1) + b^2 nu(k - 2), but for what rounding of the taps before is made up for."""
     population = quantized("delay-line")
-    b = (4096 - int(population.neuron.decay_u[0])) / 4096
+    b = 1 - int(population.neuron.decay_u[0]) / 4096  # what a step keeps
     kernel = np.array([0.0, 0.0, *nu(NEURON, 6)]) * population.scale[0]
     charge = kernel[2:] - 2 * b * kernel[1:-1] + b * b * kernel[:-2]
     taps = population.neuron.refractory
@@ -105,13 +122,15 @@ def test_the_first_taps_are_the_filtered_kernel():
         taps.delay, taps.mantissa[:, 0], taps.exponent, strict=True
     ):
         if delay < 6:
-            found[delay] += 64 * mantissa * 2.0**exponent
+            found[delay] += UNIT * mantissa * 2.0**exponent
     assert np.abs(found - charge).max() < 2e-3 * np.abs(kernel).max()
 
 
 def test_equal_time_constants_take_a_tap_or_few():
     """The dendrite has the shape of nu then, but for its rounded decay."""
-    taps = quantized("delay-line", SrmAlpha(10.0, 10.0, 10.0, 2.0)).neuron.refractory
+    taps = quantized(
+        "delay-line", SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=10.0, scale_ref=2.0)
+    ).neuron.refractory
     assert taps.delay[0] == 0
     assert len(taps.delay) <= 8
 
@@ -120,13 +139,15 @@ def test_equal_time_constants_take_a_tap_or_few():
 def test_no_refractory_kernel(strategy):
     population = quantized(strategy, replace(NEURON, scale_ref=0.0))
     assert (population.fit.refractory_max is None) == (strategy != "reset")
-    graph = lower(single(replace(NEURON, scale_ref=0.0), [[2.0]]), CHIP, 8, strategy).compartments
+    graph = lower(
+        single(replace(NEURON, scale_ref=0.0), [[2.0]]), CHIP, weight_bits=8, strategy=strategy
+    ).compartments
     assert [s for s in graph.synapses if s.source == "n"] == []
 
 
 def test_a_kernel_that_outlasts_the_delays_is_refused():
     with pytest.raises(TargetError) as caught:
-        quantized("delay-line", SrmAlpha(10.0, 10.0, 40.0, 2.0))
+        quantized("delay-line", SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=40.0, scale_ref=2.0))
     assert str(caught.value) == (
         "population 'n': 63 delayed synapses cannot hold a kernel of tau_ref 40 "
         "(an error of 0.51 against 0.1; loihi-sim has delay_max 62). Use strategy dendrite."
@@ -137,14 +158,14 @@ def test_a_kernel_that_outlasts_the_delays_is_refused():
 @pytest.mark.parametrize("tau_sr", [2.0, 10.0, 33.0])
 def test_the_stated_fit_of_the_input_kernel_is_that_of_a_simulated_spike(strategy, tau_sr):
     """Measured again on the chip: one input spike whose response peaks at the threshold, which it must not reach."""
-    neuron = SrmAlpha(10.0, tau_sr, 1.0, 2.0)
+    neuron = SrmAlpha(theta=10.0, tau_sr=tau_sr, tau_ref=1.0, scale_ref=2.0)
     network = single(neuron, [[9.9]], steps=200)
-    levels = lower(network, CHIP, 8, strategy)
+    levels = lower(network, CHIP, weight_bits=8, strategy=strategy)
     population = levels.quantized.population("n")
     played = np.zeros((200, 1), dtype=np.uint8)
     played[0] = 1
     found = hw.simulate(levels.program, played, probe=("potential",)).potential["n"][1:, 0]
-    charges = [int(64 * p.mantissa[0, 0] * 2.0**p.exponent) for p in levels.quantized.projections]
+    charges = [int(UNIT * p.mantissa[0, 0] * 2.0**p.exponent) for p in levels.quantized.projections]
     charge, neuron = sum(charges), population.neuron
     one = replace(neuron, dendrites=1) if isinstance(neuron, ChipSrm) else neuron
     parts = [
@@ -181,11 +202,11 @@ def test_fits_of_the_published_neuron():
 @pytest.mark.parametrize(
     ("neuron", "decay", "count"),
     [
-        (NEURON, 390, 1),
-        (replace(NEURON, scale_ref=0.0), 390, 1),
-        (replace(NEURON, scale_ref=20.0), 390, 41),
-        (SrmAlpha(10.0, 1.0, 4.0, 2.0), 2589, 22),
-        (SrmAlpha(10.0, 1.0, 40.0, 2.0), 2589, 217),
+        (NEURON, DECAY_OF_10, 1),
+        (replace(NEURON, scale_ref=0.0), DECAY_OF_10, 1),
+        (replace(NEURON, scale_ref=20.0), DECAY_OF_10, 41),
+        (SrmAlpha(theta=10.0, tau_sr=1.0, tau_ref=4.0, scale_ref=2.0), DECAY_OF_1, 22),
+        (SrmAlpha(theta=10.0, tau_sr=1.0, tau_ref=40.0, scale_ref=2.0), DECAY_OF_1, 217),
     ],
     ids=["published", "none", "strong", "slow", "longest"],
 )

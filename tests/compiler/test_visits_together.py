@@ -71,7 +71,7 @@ def test_the_location_axis_has_the_steps_of_its_view(together, silence, steps):
     network = hybrid(together=together, silence=silence)
     check_network(network)
     assert (network.steps_of("time"), network.steps_of("location")) == (network.steps, steps)
-    graph = lower(network, CHIP, 8).compartments
+    graph = lower(network, CHIP, weight_bits=8).compartments
     assert [phase.steps for phase in graph.phases] == [network.steps, steps]
     item = graph.inputs[1]
     assert (item.size, item.rows, item.channels) == (
@@ -82,7 +82,7 @@ def test_the_location_axis_has_the_steps_of_its_view(together, silence, steps):
 
 
 def test_levels_say_how_channels_are_visited():
-    levels = lower(hybrid(together=3, silence=2), CHIP, 8)
+    levels = lower(hybrid(together=3, silence=2), CHIP, weight_bits=8)
     text = network_text(levels.network)
     assert "input touch_transposed: 36 lines over 4 location steps, walk " in text
     assert ", 3 together, 2 steps of silence\n" in text
@@ -93,14 +93,14 @@ def test_levels_say_how_channels_are_visited():
     )
     assert ", first lines " in text
     assert "together" not in network_text(hybrid())
-    assert "first lines" not in compartments_text(lower(hybrid(), CHIP, 8).compartments)
+    assert "first lines" not in compartments_text(lower(hybrid(), CHIP, weight_bits=8).compartments)
 
 
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.integers(1, 5), silence=st.integers(0, 3))
 def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence):
     network = on_grid(seed, channels=5, steps=9, together=together, silence=silence)
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     played = recordings(network, samples=3, seed=seed)
     assert compare(Observed(levels, played)).first_divergence is None
     wanted = evaluate(network, played[:1])
@@ -120,7 +120,7 @@ def test_predictions_over_time_end_in_those_of_whole_recordings():
     network = hybrid(
         seed=3, channels=5, steps=20, hidden=8, classes=3, scale=12.0, together=2, silence=2
     )
-    levels = lower(network, CHIP, 8)
+    levels = lower(network, CHIP, weight_bits=8)
     played = recordings(network, samples=6)
     found = over_time(Observed(levels, played))
     assert isinstance(found, OverTime)

@@ -46,6 +46,7 @@ for package in (hw_model, locsnn_compile):
 
 
 def run(*command, cwd, **environment):
+    """Run a command that must succeed, and return what it printed."""
     done = subprocess.run(
         [str(word) for word in command],
         cwd=cwd,

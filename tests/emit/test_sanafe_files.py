@@ -18,6 +18,7 @@ from tests.support.emitted_programs import CHIP, everything, played_streams, sma
 
 
 def documents(played):
+    """The YAML files for SANA-FE as plain values, by name without the folder."""
     files = sanafe_files(played)
     return {
         name.removeprefix("sanafe/"): yaml.safe_load(text)

@@ -144,6 +144,7 @@ def test_each_of_many_signals_has_a_code_of_its_own():
 
 @pytest.fixture(scope="module")
 def played():
+    """A program of every kind of neuron, and one recording played on it."""
     program = everything()
     return play_recording(program, played_streams(program))
 

@@ -62,7 +62,7 @@ def checkpoints(folder):
     Checkpoint(
         description,
         build_network(description, seed=1).weights(),
-        recordings=Recordings(spikes, np.array([0, 2]), 0.02, "small"),
+        recordings=Recordings(spikes, np.array([0, 2]), step_seconds=0.02, source="small"),
     ).save(folder / "a.pt")
     (folder / "b.pt").write_bytes((EXAMPLES / "models/objects-hybrid-loihi.pt").read_bytes())
     return ["a.pt", "b.pt", as_before_torch_1_6(folder / "a.pt")]
@@ -152,11 +152,13 @@ TOUCHES = synthetic_touches(2, steps=12, seed=1)
 
 
 def recordings(*names, members="npy", structured=False, one=False):
+    """Return what writes touches under these names, whose endings are the formats, and returns the names."""
+
     def make(folder):
         for name in names:
             given = TOUCHES.subset([1]) if one else TOUCHES
             if name == "a.npy":
-                given = Recordings(given.spikes, None, None, "x")
+                given = Recordings(given.spikes, labels=None, step_seconds=None, source="x")
             write_recordings(folder / name, given, members=members, structured=structured)
         return list(names)
 

@@ -89,12 +89,14 @@ def test_entries_of_a_program_that_hurt(tmp_path, old, new, message):
 
 
 def message_of(read, *args):
+    """The message with which reading is refused."""
     with pytest.raises(InputError) as caught:
         read(*args)
     return str(caught.value)
 
 
 def write(path, content):
+    """Write a file of text or bytes."""
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
 
@@ -132,6 +134,7 @@ def test_yaml_that_is_not_what_it_says(tmp_path, monkeypatch, text):
 
 
 def program(folder):
+    """Save a small program of two neurons."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 2)
     h = builder.add_compartments("h", 2, decay_u=4096, decay_v=0, threshold=10)
@@ -154,6 +157,7 @@ def with_arrays(folder, change):
 
 
 def packed(arrays, **extra):
+    """The bytes of a ``.npz`` of these arrays; ``bytes_of`` replaces the content of some."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():

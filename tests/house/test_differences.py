@@ -16,6 +16,7 @@ def archive(**arrays):
 
 
 def document(**keys):
+    """The bytes of a JSON file of these keys."""
     return json.dumps(keys, indent=2).encode()
 
 

@@ -102,6 +102,7 @@ def _name(node: ast.expr) -> str:
 
 
 def _is_one_of(node: ast.expr, numbers: set[int]) -> bool:
+    """Tell whether an expression is one of these numbers, written out."""
     return (
         isinstance(node, ast.Constant)
         and isinstance(node.value, int | float)

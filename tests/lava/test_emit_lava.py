@@ -42,6 +42,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The emitted script, with the stand-in in the place of Lava."""
     return stand_in_script(tmp_path_factory.mktemp("script"))
 
 

@@ -22,7 +22,7 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.reference.evaluate import evaluate
 
-LAYOUT = InputLayout(neutouch(1), 30, 0.02)
+LAYOUT = InputLayout(neutouch(1), steps=30, step_seconds=0.02)
 WALK = ("own", tuple(range(39, 0, -1)))
 MODELS = ["tactile-snn", "hybrid", "hybrid-lif", "window-snn", "hybrid-window"]
 
@@ -37,7 +37,16 @@ def late_touches() -> np.ndarray:
 
 def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
     order, taxels = WALK if model != "tactile-snn" else (None, None)
-    description = NetworkDescription(model, LAYOUT, 3, 7, None, order, taxels, align_events=2)
+    description = NetworkDescription(
+        model,
+        LAYOUT,
+        classes=3,
+        hidden=7,
+        neuron=None,
+        location_order=order,
+        location_taxels=taxels,
+        align_events=2,
+    )
     network = build_network(description, seed=2, initial_scale=30.0)
     if description.structure.window_branch:
         rng = np.random.default_rng(1)
@@ -109,15 +118,15 @@ def test_the_command_trains_it_and_goes_on_from_it(
 
 REFUSED = {
     "no network of branches": (
-        lambda: NetworkDescription("gru-mlp", LAYOUT, 3, align_events=1),
+        lambda: NetworkDescription("gru-mlp", LAYOUT, classes=3, align_events=1),
         "architecture 'gru-mlp': its recordings start at their first step. Leave align_events out.",
     ),
     "more than there can be": (
-        lambda: NetworkDescription("tactile-snn", LAYOUT, 3, align_events=79),
+        lambda: NetworkDescription("tactile-snn", LAYOUT, classes=3, align_events=79),
         "align_events: it must be a whole number from 1 to 78 (got 79). Correct it.",
     ),
     "no events": (
-        lambda: NetworkDescription("tactile-snn", LAYOUT, 3, align_events=0),
+        lambda: NetworkDescription("tactile-snn", LAYOUT, classes=3, align_events=0),
         "align_events: it must be a whole number from 1 to 78 (got 0). Correct it.",
     ),
 }

@@ -124,7 +124,7 @@ def test_recordings_that_are_too_short() -> None:
 
 
 def test_frames_need_a_grid() -> None:
-    layout = InputLayout(SensorLayout("12 channels", 12), steps=30, step_seconds=0.02)
+    layout = InputLayout(SensorLayout("12 channels", taxels=12), steps=30, step_seconds=0.02)
     with pytest.raises(InputError) as caught:
         NetworkDescription("cnn-3d", layout, classes=5)
     assert str(caught.value) == (

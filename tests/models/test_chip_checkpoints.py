@@ -24,17 +24,21 @@ AGAIN = "Write it again with 'locsnn train'."
 ORDER, TAXELS = location_order("loop", neutouch())
 DESCRIPTION = NetworkDescription(
     "hybrid",
-    InputLayout(neutouch(1), 12, 0.02),
+    InputLayout(neutouch(1), steps=12, step_seconds=0.02),
     classes=3,
     hidden=4,
     location_order=ORDER,
     location_taxels=TAXELS,
     name="small",
 )
+# The published neuron in the integers of loihi-sim. A potential of 1 is 41984.1 units of the registers, so theta, 10, is
+# a threshold mantissa of 41984.1 * 10 / 64 = 6560. The decays of 390 and 2589, in 4096ths, are those of the time constants
+# of 10 steps and of 1. A spike takes 205 * 2^6 * 64 units of charge from its own potential.
 POPULATION = {"exponent": 1, "weight_bits": 4, "scale": 41984.1, "unit": 0.0125}
 
 
 def chip_of(own_fields: dict[str, Any], strategy: str = "dendrite") -> ChipNumbers:
+    """Numbers of every population with these self-synapses, each (mantissa, exponent, delay) in ``own``."""
     held = own_fields | {"own": tuple(map(tuple, own_fields["own"]))}
     population = ChipPopulation(threshold=6560, decay=390, **held, **POPULATION)
     return ChipNumbers(
@@ -143,6 +147,8 @@ def vars_of(neuron: Any) -> dict[str, Any]:
 
 
 def put(*keys: Any, value: Any) -> Callable[[dict[Any, Any]], None]:
+    """Return what sets an entry of a dict, found by these keys one inside the other."""
+
     def change(values: dict[Any, Any]) -> None:
         for key in keys[:-1]:
             values = values[key]

@@ -57,6 +57,9 @@ class Numbers:
 
 
 USUAL = RegisterWidths()
+# The published neuron in the integers of loihi-sim. A potential of 1 is 41984.1 units of the registers, so theta, 10, is
+# a threshold mantissa of 41984.1 * 10 / 64 = 6560. The decays of 390 and 2589, in 4096ths, are those of the time constants
+# of 10 steps and of 1. A spike takes 205 * 2^6 * 64 units of charge from its own potential.
 NUMBERS = Numbers(
     threshold=6560,
     decay=390,

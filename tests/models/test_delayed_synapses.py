@@ -35,6 +35,7 @@ RECORDINGS = synthetic_touches(6, steps=60, classes=3, seed=4)
 
 
 def description(**own: object) -> NetworkDescription:
+    """A network along time whose inputs have delays, with some fields replaced."""
     values = {
         "architecture": "tactile-snn",
         "input": LAYOUT,

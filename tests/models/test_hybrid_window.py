@@ -32,9 +32,19 @@ ORDER = tuple(range(39, 0, -1))
 
 
 def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
-    layout, windows = InputLayout(neutouch(1), steps, 0.02), WindowParameters(4, 2, (1, 3))
+    layout, windows = (
+        InputLayout(neutouch(1), steps, step_seconds=0.02),
+        WindowParameters(steps=4, stride=2, levels=(1, 3)),
+    )
     return NetworkDescription(
-        "hybrid-window", layout, 3, hidden, None, "own", ORDER, window=windows
+        "hybrid-window",
+        layout,
+        classes=3,
+        hidden=hidden,
+        neuron=None,
+        location_order="own",
+        location_taxels=ORDER,
+        window=windows,
     )
 
 
@@ -68,7 +78,11 @@ def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> No
     assert all(float(part.abs().sum()) > 0 for part in parts.values())  # every branch has a say
     wanted = sum(part.numpy() for part in parts.values())
     assert np.allclose(evaluate(loaded, x).scores, wanted, atol=1e-4)
-    compiled = lc.compile(loaded, strategy="dendrite", events=Recordings(x, None, 0.02, "touches"))
+    compiled = lc.compile(
+        loaded,
+        strategy="dendrite",
+        events=Recordings(x, labels=None, step_seconds=0.02, source="touches"),
+    )
     fast, plain = (
         hw.simulate(compiled.program, x),
         hw.simulate(compiled.program, x, engine="reference"),
@@ -91,7 +105,9 @@ def test_a_session_follows_it_and_stops_it_early() -> None:
     x = touches(4)
     x[:, 12:] = 0  # a touch that ends early
     compiled = lc.compile(
-        checkpoint, strategy="reset", events=Recordings(x, np.zeros(4, np.int64), 0.02, "touches")
+        checkpoint,
+        strategy="reset",
+        events=Recordings(x, np.zeros(4, np.int64), step_seconds=0.02, source="touches"),
     )
     whole = hw.simulate(compiled.program, x)
     for one, scores in zip(x, np.asarray(whole.scores), strict=True):
@@ -152,9 +168,18 @@ def test_windows_that_are_none(tmp_path: Path, window: dict[str, object], messag
 
 
 def test_windows_only_go_with_a_branch_of_them() -> None:
-    layout = InputLayout(neutouch(1), 40, 0.02)
+    layout = InputLayout(neutouch(1), steps=40, step_seconds=0.02)
     with pytest.raises(InputError) as caught:
-        NetworkDescription("hybrid", layout, 3, 6, None, "own", ORDER, window=WindowParameters())
+        NetworkDescription(
+            "hybrid",
+            layout,
+            classes=3,
+            hidden=6,
+            neuron=None,
+            location_order="own",
+            location_taxels=ORDER,
+            window=WindowParameters(),
+        )
     assert str(caught.value) == (
         "architecture 'hybrid': its window is of another kind (WindowParameters against NoneType). Correct the description."
     )
@@ -186,7 +211,7 @@ def test_going_on_from_it_and_training_on_integers(tmp_path: Path) -> None:
     assert main([*train_with, "--config", str(tmp_path / "own.yaml"), "-o", str(first)]) == 0
     assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
     found = read_checkpoint(second).description
-    assert found.window == WindowParameters(8, 3, (2, 4))
+    assert found.window == WindowParameters(steps=8, stride=3, levels=(2, 4))
     assert found.srm("time").tau_sr == 5.0
     assert (
         main([*train_with, "--from", str(first), "--target", "loihi-sim", "-o", str(second)]) == 0

@@ -40,6 +40,7 @@ DELAYS = (0, 5, 33)
 
 
 def description(**own: object) -> NetworkDescription:
+    """A hybrid whose location branch has constants and delays of its own, with some fields replaced."""
     values = {
         "architecture": "hybrid", "input": LAYOUT, "classes": 3, "hidden": 5, "location_order": "loop",
         "location_taxels": tuple(range(1, 40)), "location_neuron": OWN, "location_delays": DELAYS,
@@ -270,6 +271,6 @@ def test_a_checkpoint_without_them_is_as_before(tmp_path: Path) -> None:
     assert b"location_delays" not in data
     assert fixed_by(plain)["location_theta"] is None
     assert {p.neuron for p in lc.load(tmp_path / "net.pt").populations} == {
-        SrmAlpha(10.0, 10.0, 1.0, 2.0)
+        SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
     }
     assert replace(plain, location_neuron=OWN).srm("location_output") == OWN

@@ -46,6 +46,7 @@ def description(name: str) -> NetworkDescription:
 
 
 def save(path: Path, name: str) -> Path:
+    """Save an untrained network of an architecture."""
     Checkpoint(description(name), build_network(description(name), seed=1).weights()).save(path)
     return path
 
@@ -61,6 +62,8 @@ def test_what_is_written_comes_back(name: str, tmp_path: Path) -> None:
 
 
 def put(*keys: Any, value: Any) -> Callable[[dict[str, Any]], None]:
+    """Return what sets an entry of a dict, found by these keys one inside the other."""
+
     def change(values: dict[str, Any]) -> None:
         for key in keys[:-1]:
             values = values[key]

@@ -39,6 +39,8 @@ def edit(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None]:
 
 
 def put(*keys: str, value: Any) -> Callable[[Path], None]:
+    """Return what sets an entry of a saved checkpoint, found by these keys one inside the other."""
+
     def change(values: dict[str, Any]) -> None:
         for key in keys[:-1]:
             values = values[key]

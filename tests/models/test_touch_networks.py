@@ -19,6 +19,7 @@ LAYOUT = InputLayout(neutouch(1), steps=30, step_seconds=0.02)
 def description(
     architecture: str, layout: InputLayout = LAYOUT, order: str = "whorl"
 ) -> NetworkDescription:
+    """A network of an architecture of 7 hidden neurons and 5 classes; one without a location branch has no order."""
     located = architecture != "tactile-snn"
     return NetworkDescription(
         architecture,

@@ -35,14 +35,16 @@ WEIGHT, BIAS = "location_output", "location_output_bias"
 def described(
     steps: int = 12, fingertips: int = 1, windows: WindowParameters | None = None
 ) -> NetworkDescription:
+    """A network of windows of 4 steps, every 2 steps, with neurons for 1 and for 3 events."""
     layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     window = windows or WindowParameters(steps=4, stride=2, levels=(1, 3))
     return NetworkDescription(
-        "window-snn", layout, 3, window=window, location_order="own", location_taxels=ORDER
+        "window-snn", layout, classes=3, window=window, location_order="own", location_taxels=ORDER
     )
 
 
 def touches(samples: int, steps: int, fingertips: int = 1, share: float = 0.3) -> NDArray[np.uint8]:
+    """Random recordings (samples, steps, channels) with a share of events."""
     rng = np.random.default_rng(samples * steps)
     return (rng.random((samples, steps, 78 * fingertips)) < share).astype(np.uint8)
 
@@ -116,7 +118,7 @@ REFUSED = {
         "recordings: one window is longer than they are (4 steps against 3). Use shorter windows (window_steps).",
     ),
     "more neurons than a chip has": (
-        lambda: described(4000, windows=WindowParameters(1, 2, (1,))),
+        lambda: described(4000, windows=WindowParameters(steps=1, stride=2, levels=(1,))),
         "window neurons: it must be a whole number from 1 to 131072 (got 156000). Correct it.",
     ),
     "no stride": (
@@ -124,7 +126,7 @@ REFUSED = {
         "windows 'stride': it must be a whole number of at least 1 (got 0). Correct it.",
     ),
     "levels that no window reaches": (
-        lambda: WindowParameters(4, 2, (1, 5)),
+        lambda: WindowParameters(steps=4, stride=2, levels=(1, 5)),
         "windows 'levels': they must be numbers of events, each larger than the one before (got [1, 5] against 1..4). "
         "Give, for example, 1 2.",
     ),
@@ -194,14 +196,18 @@ def test_going_on_from_a_network_keeps_its_windows(tmp_path: Path) -> None:
     assert main([*train_with, "--config", str(tmp_path / "own.yaml"), "-o", str(first)]) == 0
     assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
     found, before = read_checkpoint(second), read_checkpoint(first)
-    assert found.description.window == before.description.window == WindowParameters(8, 5, (2, 4))
+    assert (
+        found.description.window
+        == before.description.window
+        == WindowParameters(steps=8, stride=5, levels=(2, 4))
+    )
     assert found.training["optimizer"] == "sgd"
     assert not np.array_equal(found.weights[WEIGHT], before.weights[WEIGHT])
 
 
 LAYOUTS = {
-    "one fingertip, one output": (30, 1, WindowParameters(6, 3, (1, 2))),
-    "two fingertips, several outputs": (120, 2, WindowParameters(6, 3, (1, 2))),
+    "one fingertip, one output": (30, 1, WindowParameters(steps=6, stride=3, levels=(1, 2))),
+    "two fingertips, several outputs": (120, 2, WindowParameters(steps=6, stride=3, levels=(1, 2))),
 }
 
 
@@ -222,7 +228,9 @@ def test_the_chip_adds_what_the_network_adds(
     assert np.array_equal(
         reference.spikes["location_hidden"][:, 1], network.hidden(given_x).numpy()
     )
-    compiled = lc.compile(loaded, events=Recordings(x, None, 0.02, "touches"))
+    compiled = lc.compile(
+        loaded, events=Recordings(x, labels=None, step_seconds=0.02, source="touches")
+    )
     played = hw.simulate(compiled.program, x)
     assert np.array_equal(played.spikes["location_hidden"], reference.spikes["location_hidden"])
     on_grid = evaluate(compiled.levels.quantized.on_grid(), x)

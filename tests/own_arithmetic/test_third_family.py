@@ -96,6 +96,7 @@ def relay(size: int) -> lc.Cuba:
 
 @pytest.fixture(scope="module")
 def network() -> lc.Network:
+    """Two layers of neurons that repeat their input."""
     return lc.Network(
         name="relay",
         channels=2,
@@ -120,7 +121,7 @@ def recordings() -> Recordings:
     spikes = np.zeros((SAMPLES, STEPS, 2), np.uint8)
     spikes[-2:, [0, 2], 1] = 1
     labels = np.ones(SAMPLES, dtype=np.int64)
-    return Recordings(spikes, labels, 0.001, "by hand")
+    return Recordings(spikes, labels, step_seconds=0.001, source="by hand")
 
 
 def compare_batch(network: lc.Network, batch: Batch) -> BatchMatch[Counts]:
@@ -261,13 +262,13 @@ def test_the_page_says_what_the_family_has(figures):
 )
 def test_a_dial_with_another_value_is_refused(values, message):
     only = OnlySetting(
-        Setting("native", 8),
+        Setting("native", weight_bits=8),
         reasons={"strategy": "{chip} joins them", "weight_bits": "all have 8"},
         fixes={"strategy": "Use strategy native."},
     )
     chip = xylo_chip("xylo-audio3")
     accepted = {"strategy": "auto", "weight_bits": 8, "split_weights": 0.0}
-    assert only.for_dials(chip, accepted) == Setting("native", 8)
+    assert only.for_dials(chip, accepted) == Setting("native", weight_bits=8)
     with pytest.raises(InputError) as caught:
         only.for_dials(chip, values)
     assert str(caught.value) == message.replace("chip-name", chip.name)

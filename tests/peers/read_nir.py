@@ -30,15 +30,16 @@ def read(framework, graph):
 if __name__ == "__main__":
     framework, folder = sys.argv[1:]
     for path in sorted(Path(folder).glob("*.nir")):
-        module, given = (
-            read(framework, nir.read(path)),
-            np.load(path.with_suffix(".npy")).astype(np.float32),
-        )
-        found, state = heard({name: module.get_submodule(name) for name in "abc"}), None
+        module = read(framework, nir.read(path))
+        spikes = np.load(path.with_suffix(".npy")).astype(np.float32)
+        # What each population sends is appended to its list as the module runs.
+        sent = heard({name: module.get_submodule(name) for name in "abc"})
+        steps = torch.from_numpy(spikes)
+        if framework != "norse":
+            steps = steps[:, None]  # the others take a batch
+        state = None
         with torch.no_grad():
-            for row in torch.from_numpy(given if framework == "norse" else given[:, None]):
+            for row in steps:
                 _, state = module(row, state)
-        np.savez(
-            path.with_suffix(".npz"),
-            **{name: np.reshape(rows, (len(given), -1)) for name, rows in found.items()},
-        )
+        by_population = {name: np.reshape(rows, (len(spikes), -1)) for name, rows in sent.items()}
+        np.savez(path.with_suffix(".npz"), **by_population)

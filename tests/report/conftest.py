@@ -32,12 +32,39 @@ def excerpt() -> Excerpt:
     )
     return Excerpt(
         recording=0,
-        first=Divergence(0, "time_output", 3, 41, 10.25, 9.75, 10.0),
+        first=Divergence(
+            0,
+            "time_output",
+            neuron=3,
+            step=41,
+            reference_potential=10.25,
+            chip_potential=9.75,
+            threshold=10.0,
+        ),
         steps={"time": range(39, 43)},
         all_steps={"time": 100},
-        inputs=(SpikeRows("input", "time", "time", 5, np.array([0, 2, 4]), touched, touched, 2),),
+        inputs=(
+            SpikeRows(
+                "input",
+                "time",
+                "time",
+                size=5,
+                numbers=np.array([0, 2, 4]),
+                reference=touched,
+                chip=touched,
+                together=2,
+            ),
+        ),
         populations=(
-            SpikeRows("time_output", "time", "time", 36, np.array([1, 3]), reference, chip),
+            SpikeRows(
+                "time_output",
+                "time",
+                "time",
+                size=36,
+                numbers=np.array([1, 3]),
+                reference=reference,
+                chip=chip,
+            ),
         ),
         populations_left_out=1,
         potential=potential,

@@ -18,6 +18,7 @@ def panel(*marks):
 
 
 def mark(x, y, *, kind=0, front=True, taken=False, label="8-bit"):
+    """A mark of the chart of settings, by default on the front and not taken."""
     return Mark(x, y, kind, label, f"at {x:g}, {y:g}", front, taken)
 
 

@@ -100,7 +100,7 @@ def departures(keys, found, null, path=""):
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """A network of touch that every chip holds."""
-    layout = InputLayout(neutouch(1), 40, 0.02)
+    layout = InputLayout(neutouch(1), steps=40, step_seconds=0.02)
     description = NetworkDescription("tactile-snn", layout, classes=3, hidden=6, name="small")
     r = np.random.default_rng(0)
     weights = {

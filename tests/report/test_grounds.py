@@ -51,6 +51,7 @@ def calibrated(on: str) -> str:
 def played(
     origin: Origin = "given", step_seconds: float | None = None, steps: int = 40
 ) -> Recordings:
+    """Three random recordings of a fingertip, with a label each."""
     spikes = np.random.default_rng(1).integers(0, 2, size=(3, steps, 78), dtype=np.uint8)
     source = "synthetic touches" if origin == "made up" else "a.npz"
     return Recordings(spikes, np.arange(3), step_seconds, source, origin)
@@ -58,7 +59,11 @@ def played(
 
 def saved(path: Path, *, step_seconds: float | None = 0.02, **more: Any) -> Path:
     description = NetworkDescription(
-        "tactile-snn", InputLayout(neutouch(1), 40, step_seconds), classes=3, hidden=4, name="small"
+        "tactile-snn",
+        InputLayout(neutouch(1), steps=40, step_seconds=step_seconds),
+        classes=3,
+        hidden=4,
+        name="small",
     )
     weights = {name: np.abs(w) for name, w in build_network(description, seed=1).weights().items()}
     Checkpoint(description, weights, **more).save(path)
@@ -67,6 +72,7 @@ def saved(path: Path, *, step_seconds: float | None = 0.02, **more: Any) -> Path
 
 @pytest.fixture
 def network(tmp_path: Path) -> Network:
+    """A saved network that was read again, and whose file left something open."""
     return replace(lc.load(saved(tmp_path / "m.pt")), assumptions=("The file left this open.",))
 
 
@@ -140,14 +146,14 @@ def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(
 ) -> None:
     file = tmp_path / "windows.pt"
     layout, windows = (
-        InputLayout(neutouch(1), 40, 0.02),
+        InputLayout(neutouch(1), steps=40, step_seconds=0.02),
         WindowParameters(steps=8, stride=8, levels=(1,)),
     )
     order = tuple(range(1, 40))
     description = NetworkDescription(
         "window-snn",
         layout,
-        3,
+        classes=3,
         window=windows,
         location_order="own",
         location_taxels=order,

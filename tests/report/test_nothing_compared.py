@@ -38,7 +38,11 @@ GROUNDS = Grounds(0.02, "given", ())
 def checkpoint(path: Path, **weights: float) -> Path:
     """A time branch of random weights; those of the populations named are all equal."""
     description = NetworkDescription(
-        "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name=path.stem
+        "tactile-snn",
+        InputLayout(neutouch(1), STEPS, step_seconds=0.02),
+        classes=3,
+        hidden=6,
+        name=path.stem,
     )
     random = np.random.default_rng(0)
     arrays = {}
@@ -258,7 +262,12 @@ def test_a_bound_without_end_is_refused(
 
 def events() -> Recordings:
     random = np.random.default_rng(5)
-    return Recordings((random.random((6, STEPS, 78)) < 0.2).astype(np.uint8), None, 0.02, "array")
+    return Recordings(
+        (random.random((6, STEPS, 78)) < 0.2).astype(np.uint8),
+        labels=None,
+        step_seconds=0.02,
+        source="array",
+    )
 
 
 def compiled(path: Path) -> CompiledModel:

@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
+    """The program of a shipped network, checked on shipped touches."""
     folder = tmp_path_factory.mktemp("builds") / "out"
     recordings = ROOT / "examples/recordings/touches.npz"
     arguments = [

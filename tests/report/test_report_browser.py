@@ -59,6 +59,7 @@ def browser() -> Iterator[Chromium]:
 
 @pytest.fixture
 def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
+    """A report of 20 cores in a row of tiles, as an HTML file."""
     row = document["resources"]["by_core"][0]
     document["resources"]["by_core"] = [
         {**row, "core": i, "slot": i, "tile": [i // 4, 0]} for i in range(20)

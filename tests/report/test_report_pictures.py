@@ -31,12 +31,14 @@ from tests.support.small_report import figures
 
 
 def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None) -> Section:
+    """The section of a report with this key."""
     return next(
         section for section in compose(figures(document), excerpt).sections if section.key == key
     )
 
 
 def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
+    """The rasters of the section on spikes."""
     return [
         block
         for block in _section("spikes", document, excerpt).unfolded
@@ -229,13 +231,30 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     steps = MARKS // NEURONS
     full = np.ones((steps, NEURONS), dtype=np.uint8)
     populations = tuple(
-        SpikeRows(f"layer{i}", "time", "time", 100_000, np.arange(NEURONS), full, 1 - full)
+        SpikeRows(
+            f"layer{i}",
+            "time",
+            "time",
+            size=100_000,
+            numbers=np.arange(NEURONS),
+            reference=full,
+            chip=1 - full,
+        )
         for i in range(POPULATIONS)
     )
     rows = np.ones((MARKS // LINES, LINES), dtype=np.uint8)
     rows = np.pad(rows, ((0, steps - len(rows)), (0, 0)))
     inputs = (
-        SpikeRows("input", "time", "time", 100_000, np.arange(0, 100_000, 782), rows, rows, 782),
+        SpikeRows(
+            "input",
+            "time",
+            "time",
+            size=100_000,
+            numbers=np.arange(0, 100_000, 782),
+            reference=rows,
+            chip=rows,
+            together=782,
+        ),
     )
     excerpt = replace(
         excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs

@@ -26,6 +26,7 @@ GOLDEN = Path(__file__).parent / "golden"
 
 
 def _terminal(document: dict[str, Any], width: int = 80, encoding: str = "utf-8") -> str:
+    """What the terminal shows of a report."""
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
     render_terminal(compose(figures(document)), Console(file=stream, width=width))

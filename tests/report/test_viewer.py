@@ -27,12 +27,14 @@ LABELS = np.arange(12) % 2
 
 @pytest.fixture(scope="module")
 def compiled():
+    """A network whose weights of 1 bit make the chip differ from the reference."""
     return lc.compile(
         NETWORK, weight_bits=1, strategy="dendrite", events=PLAYED, labels=LABELS, diagnosis=False
     )
 
 
 def page_of(compiled, spikes=PLAYED, labels=LABELS):
+    """The viewer of what was compiled, as HTML, for some recordings."""
     observed = Observed(compiled.levels, spikes, labels)
     return render_viewer(observed, compiled.figures, compiled.match.first_divergence)
 
@@ -146,6 +148,7 @@ def chromium():
 
 @pytest.fixture
 def opened(chromium, page, tmp_path):
+    """Return what opens the page in the browser."""
     (tmp_path / "viewer.html").write_text(page, "utf-8")
 
     def show(**options):
@@ -156,6 +159,7 @@ def opened(chromium, page, tmp_path):
 
 
 def text(browser, name):
+    """The text that the page shows in an element."""
     return browser.evaluate(f"document.getElementById({name!r}).textContent")
 
 
@@ -167,6 +171,7 @@ LISTEN = "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: KEY, bu
 
 
 def press(browser, letter):
+    """Press a key on the page."""
     browser.evaluate(LISTEN.replace("KEY", repr(letter)))
 
 

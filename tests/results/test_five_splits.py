@@ -28,7 +28,9 @@ def numbered(numbers: range, of_class: int, source: str) -> Recordings:
     """Return recordings of one step whose spikes are their numbers in binary."""
     bits = np.arange(CHANNELS)
     spikes = np.array(numbers)[:, None, None] >> bits & 1
-    return Recordings(spikes, np.repeat(np.arange(CLASSES), of_class), 0.02, source)
+    return Recordings(
+        spikes, np.repeat(np.arange(CLASSES), of_class), step_seconds=0.02, source=source
+    )
 
 
 def numbers_of(recordings: Recordings) -> list[int]:

@@ -79,7 +79,9 @@ def test_networks_are_chosen_without_the_test_part(data: Path, round_number: int
 
 def test_a_share_of_recordings_has_equally_many_of_each_class() -> None:
     labels = np.repeat([0, 1, 2], [50, 20, 20])
-    recordings = Recordings(np.zeros((90, 2, 2), dtype=np.uint8), labels, None, "made up")
+    recordings = Recordings(
+        np.zeros((90, 2, 2), dtype=np.uint8), labels, step_seconds=None, source="made up"
+    )
     assert np.bincount(balanced(recordings, 30).labels).tolist() == [10, 10, 10]
 
 

@@ -113,8 +113,8 @@ def two_phases(align_events=None, bias=0):
         for item, group in zip(inputs, groups, strict=True)
     )  # fmt: skip
     phases = (
-        Phase("time", "time", 5, align_events),
-        Phase("location", "location", 4, align_events),
+        Phase("time", "time", steps=5, align_events=align_events),
+        Phase("location", "location", steps=4, align_events=align_events),
     )
     graph = CompartmentGraph("two phases", phases, inputs, groups, synapses)
     return assemble(route_axons(place_cores(graph, CHIP)))

@@ -12,6 +12,13 @@ from locsnn_compile.network.projections import ChipProjection, Projection, matri
 from locsnn_compile.reference.evaluate import evaluate
 
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
+"""The published neuron: Kang et al., IJCNN 2022."""
+UNIT = 64
+"""Units of the chip's registers that a threshold mantissa of 1 stands for, and a weight mantissa of 1 at exponent 0."""
+DECAY_OF_10 = 390
+"""The decay of a time constant of 10 steps, in 4096ths that a step loses: 4096 * (1 - exp(-1 / 10)) is 389.8."""
+DECAY_OF_1 = 2589
+"""That of a time constant of 1 step: 4096 * (1 - exp(-1)) is 2589.2."""
 
 
 def hybrid(
@@ -67,6 +74,7 @@ def hybrid(
 
 
 def recordings(network, samples=3, seed=0, rate=0.3):
+    """Random recordings (samples, steps, channels) of a network's size, with ``rate`` events per step and channel."""
     r = np.random.default_rng(seed)
     return (r.random((samples, network.steps, network.channels)) < rate).astype(np.uint8)
 
@@ -145,7 +153,7 @@ def on_grid(seed, *, channels=12, steps=40, together=1, silence=0):
 
 def chip_neuron(r, size):
     """Neurons of a random kind with random parameters, decays of 0 and 4096 among them."""
-    decay = r.choice([0, 1, 390, 2589, 4095, 4096], size=4)
+    decay = r.choice([0, 1, DECAY_OF_10, DECAY_OF_1, 4095, 4096], size=4)
     threshold = r.integers(0, 300, size=size)
     kind = r.integers(3)
     if kind == 0:

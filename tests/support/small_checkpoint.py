@@ -26,7 +26,7 @@ AGAIN = "Write it again with 'locsnn train'."
 
 def recordings(samples: int = 2) -> Recordings:
     spikes = np.random.default_rng(0).integers(0, 2, size=(samples, 9, 78), dtype=np.uint8)
-    return Recordings(spikes, np.arange(samples), 0.02, "made up")
+    return Recordings(spikes, np.arange(samples), step_seconds=0.02, source="made up")
 
 
 def save(path: Path) -> Path:
