@@ -102,16 +102,17 @@ class _Steps(torch.autograd.Function):
             AMONG_HIDDEN: _integers(among),
             ONTO_OUTPUTS: _integers(onto),
         }
-        ctx.played = model.play(x, mantissas)
-        ctx.save_for_backward(among, onto)
+        played = model.play(x, mantissas)
+        # An attribute of ctx that is a result would hold itself, and never be given back.
+        ctx.save_for_backward(among, onto, *played)
         ctx.model = model
-        return ctx.played.hidden, ctx.played.outputs
+        return played.hidden, played.outputs
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
         of_hidden, of_outputs = grads
-        among, onto = ctx.saved_tensors
-        played: _Played = ctx.played
+        among, onto, *saved = ctx.saved_tensors
+        played = _Played(*saved)
         model: XyloSnn = ctx.model
         units = model.units
         kept = model.shares_kept(of_hidden)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -175,6 +176,17 @@ OPTIONS = {
     "learning_rate": 0.03,
     "dash_mem": "3 5",
 }
+
+
+def test_what_a_batch_keeps_for_its_gradient_is_given_back():
+    model = random_model(1)
+    x = torch.from_numpy(np.ones((2, STEPS, CHANNELS), np.float32))
+    activity = model(x)
+    steps = weakref.ref(activity["time_output"].grad_fn)
+    assert steps() is not None
+    activity["time_output"].sum().backward()
+    del activity
+    assert steps() is None
 
 
 @pytest.fixture(scope="module")
