@@ -9,7 +9,6 @@ import pytest
 import yaml
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from test_aligned_networks import aligned, late, without_biases
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -27,6 +26,7 @@ from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import member_words
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
+from tests.support.first_touches import aligned, late, without_biases
 from tests.support.networks import hybrid, on_grid, recordings
 
 CHIP = hw.chip("loihi-sim")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from test_links import links
 
-from tests.support.fences import ROOT, name
+from tests.support.fences import ROOT, links, name
 
 DOCS = ROOT / "docs"
 LISTED = ("start", "how-to", "reference", "explanation")

@@ -8,14 +8,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from tests.support.fences import PAGES, ROOT, name, prose
-
-LINK = re.compile(r"\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
-
-
-def links(page: Path) -> list[str]:
-    """Return the targets of a page's links and pictures that are within the project."""
-    return [target for target in LINK.findall(prose(page)) if not re.match(r"[a-z]+:", target)]
+from tests.support.fences import PAGES, ROOT, links, name
 
 
 def anchors(page: Path) -> set[str]:

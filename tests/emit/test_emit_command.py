@@ -9,12 +9,12 @@ import networkx as nx
 import numpy as np
 import pytest
 import yaml
-from test_waveforms import read, values
 
 import hw_model as hw
 from locsnn_compile.cli.compile import main
 from locsnn_compile.emitters import EMITTERS
 from tests.support import emitted_bench as bench
+from tests.support.vcd_values import read_vcd, values_by_step
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 CHOSEN = 1
@@ -73,7 +73,7 @@ def test_vectors_hold_the_simulation_and_the_bench_finds_it(build):
 @pytest.mark.slow
 def test_waveforms_show_the_probed_neurons(build):
     folder, _, result = build
-    paths, end = read((folder / "waves.vcd").read_bytes())
+    paths, end = read_vcd((folder / "waves.vcd").read_bytes())
     assert end == 250 + 78
     shown = {path.rsplit(".", 1)[0] for path in paths if path.count(".") > 1}
     compartments = ("{}", "{}_dendrite", "{}_refractory")
@@ -85,7 +85,7 @@ def test_waveforms_show_the_probed_neurons(build):
     assert shown == {
         f"{phase}.{name.format(group)}.n{i}" for phase, group, i in neurons for name in compartments
     }
-    v = values(paths["location.location_hidden_dendrite.n1.v"], 250, 78)
+    v = values_by_step(paths["location.location_hidden_dendrite.n1.v"], 250, 78)
     assert v == result.v["location_hidden/dendrite"][:, 1].tolist()
 
 

@@ -2,64 +2,21 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pytest
-from vcd.reader import TokenKind, tokenize
 
 import hw_model as hw
 from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.waves import probed, vcd_file
 from locsnn_compile.errors import InputError
 from tests.support.emitted_programs import CHIP, everything, played_streams, two_phases
-
-
-def read(content):
-    """Return ``{path: [(time, text of the value)]}`` and the last time."""
-    paths, scopes, codes, time = {}, [], {}, 0
-    for token in tokenize(io.BytesIO(content)):
-        if token.kind is TokenKind.SCOPE:
-            scopes.append(token.scope.ident)
-        elif token.kind is TokenKind.UPSCOPE:
-            scopes.pop()
-        elif token.kind is TokenKind.VAR:
-            path = ".".join([*scopes, token.var.reference])
-            assert path not in paths
-            codes[token.var.id_code] = (path, token.var.size)
-            paths[path] = []
-        elif token.kind is TokenKind.CHANGE_TIME:
-            time = token.time_change
-        elif token.kind in (TokenKind.CHANGE_SCALAR, TokenKind.CHANGE_VECTOR):
-            change = token.data
-            path, size = codes[change.id_code]
-            value = change.value
-            if (
-                token.kind is TokenKind.CHANGE_VECTOR
-                and isinstance(value, int)
-                and size < 32
-                and value >> size - 1
-            ):
-                value -= 1 << size
-            paths[path].append((time, value))
-    assert not scopes
-    return paths, time
-
-
-def values(changes, start, steps):
-    """Return a signal step by step, from its changes."""
-    found, at = [], dict(changes)
-    value = None
-    for time in range(start + steps):
-        value = at.get(time, value)
-        found.append(value)
-    return [int(value) for value in found[start:]]
+from tests.support.vcd_values import read_vcd, values_by_step
 
 
 def test_every_value_is_the_simulators():
     program = everything()
     played = play_recording(program, played_streams(program))
-    paths, end = read(vcd_file(played, ["h", "o[1:3]"])["waves.vcd"])
+    paths, end = read_vcd(vcd_file(played, ["h", "o[1:3]"])["waves.vcd"])
     assert end == 40
     result, checked = played.result, 0
     for group, indices, name in (
@@ -70,45 +27,48 @@ def test_every_value_is_the_simulators():
         for i in indices:
             for kind in ("u", "v", "potential"):
                 wanted = getattr(result, kind)[group][:, i].tolist()
-                assert values(paths[f"time.{name}.n{i}.{kind}"], 0, 40) == wanted
+                assert values_by_step(paths[f"time.{name}.n{i}.{kind}"], 0, 40) == wanted
                 checked += 1
             if group in result.spikes:
                 assert (
-                    values(paths[f"time.{name}.n{i}.spike"], 0, 40)
+                    values_by_step(paths[f"time.{name}.n{i}.spike"], 0, 40)
                     == result.spikes[group][:, i].tolist()
                 )
             else:
                 assert f"time.{name}.n{i}.spike" not in paths
     assert checked == 33
     assert min(int(array.min()) for array in result.v.values()) < 0
-    assert values(paths["time.step"], 0, 40) == list(range(40))
+    assert values_by_step(paths["time.step"], 0, 40) == list(range(40))
 
 
 def test_phases_follow_each_other():
     program = two_phases()
     played = play_recording(program, np.eye(5, 4, dtype=np.uint8))
-    paths, end = read(vcd_file(played, ())["waves.vcd"])
+    paths, end = read_vcd(vcd_file(played, ())["waves.vcd"])
     assert end == 5 + 4
     assert paths["time.running"] == [(0, "1"), (5, "0")]
     assert paths["location.running"] == [(0, "0"), (5, "1"), (9, "0")]
     assert paths["location.b.n0.u"][0] == (0, "x")
-    assert values(paths["location.b.n0.u"], 5, 4) == played.result.u["b"][:, 0].tolist()
-    assert values(paths["time.a.n0.v"], 0, 5) == played.result.v["a"][:, 0].tolist()
+    assert values_by_step(paths["location.b.n0.u"], 5, 4) == played.result.u["b"][:, 0].tolist()
+    assert values_by_step(paths["time.a.n0.v"], 0, 5) == played.result.v["a"][:, 0].tolist()
 
 
 def test_steps_before_the_first_touch_do_not_run():
     recording = np.zeros((12, 4), dtype=np.uint8)
     recording[[3, 3, 5], [0, 2, 1]] = 1
     played = play_recording(two_phases(align_events=2, bias=700), recording)
-    paths, end = read(vcd_file(played, ())["waves.vcd"])
+    paths, end = read_vcd(vcd_file(played, ())["waves.vcd"])
     assert end == 5 + 4
     assert paths["time.running"] == [(0, "1"), (5, "0")]
-    assert values(paths["time.step"], 0, 5) == [3, 4, 5, 6, 7]
+    assert values_by_step(paths["time.step"], 0, 5) == [3, 4, 5, 6, 7]
     assert (
-        values(paths["time.a.n0.potential"], 0, 5) == played.result.potential["a"][3:8, 0].tolist()
+        values_by_step(paths["time.a.n0.potential"], 0, 5)
+        == played.result.potential["a"][3:8, 0].tolist()
     )
-    assert values(paths["time.a.n0.spike"], 0, 5) == played.result.spikes["a"][3:8, 0].tolist()
-    never, end = read(vcd_file(play_recording(played.program, recording[4:]), ())["waves.vcd"])
+    assert (
+        values_by_step(paths["time.a.n0.spike"], 0, 5) == played.result.spikes["a"][3:8, 0].tolist()
+    )
+    never, end = read_vcd(vcd_file(play_recording(played.program, recording[4:]), ())["waves.vcd"])
     assert end == 4
     assert never["time.running"] == [(0, "0")]
 
@@ -119,7 +79,7 @@ def test_names_that_are_no_identifiers():
     for name in ("a b", "a.b", "0", "$end", "é"):
         b.connect(x, b.add_compartments(name, 1, threshold=1), [[2]])
     content = vcd_file(play_recording(b.build(), [[1], [0]]), ())["waves.vcd"]
-    paths, _ = read(content)
+    paths, _ = read_vcd(content)
     assert {path.split(".")[1] for path in paths} - {"running", "step"} == {
         "a_b",
         "a_b_2",
@@ -135,7 +95,7 @@ def test_each_of_many_signals_has_a_code_of_its_own():
     many.connect(
         many.add_input("x", 1), many.add_compartments("h", 60, threshold=1), np.full((60, 1), 2)
     )
-    paths, _ = read(vcd_file(play_recording(many.build(), [[1], [0]]), ["h"])["waves.vcd"])
+    paths, _ = read_vcd(vcd_file(play_recording(many.build(), [[1], [0]]), ["h"])["waves.vcd"])
     assert len(paths) == 2 + 4 * 60
 
 

@@ -5,7 +5,6 @@ import json
 import nir
 import numpy as np
 import pytest
-from test_torch_layers import STEPS, written
 
 import locsnn_compile as lc
 from locsnn_compile.cli.main import main
@@ -13,6 +12,7 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.request.recordings import recordings_for
 from tests.support.host_layer_messages import BAD_NUMBERS
 from tests.support.nir_graphs import DT, chain, cuba, lif
+from tests.support.recorded_torch_layers import STEPS, write_recorded
 
 FRAMEWORKS = {
     "an image that is held, through spikingjelly": ("spikingjelly", "if1"),
@@ -23,7 +23,7 @@ FRAMEWORKS = {
 @pytest.mark.parametrize("case", FRAMEWORKS)
 def test_host_and_chip_together_spike_as_the_framework(case, tmp_path):
     framework, last_on_host = FRAMEWORKS[case]
-    state, description, recorded = written(framework, tmp_path)
+    state, description, recorded = write_recorded(framework, tmp_path)
     inputs = recorded.pop("inputs")
     network = lc.load(state, config=description, host_layers=1)
     assert [population.name for population in network.own_populations] == [
@@ -69,7 +69,7 @@ def test_host_and_chip_compute_the_whole_network(host_layers, on_host, tmp_path)
 
 
 def test_the_report_counts_the_host_apart(tmp_path, capsys):
-    state, description, recorded = written("spikingjelly", tmp_path)
+    state, description, recorded = write_recorded("spikingjelly", tmp_path)
     image = recorded["inputs"][:1]
     np.savez(tmp_path / "image.npz", values=image, labels=[3])
     options = ["--config", str(description), "--host-layers", "if1", "--steps", str(STEPS)]

@@ -9,7 +9,6 @@ import nir
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from test_round_trips import assert_equal, datasets
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -17,6 +16,7 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.passes.quantize import quantize
+from tests.support.datasets import assert_equal_datasets, datasets_of
 from tests.support.net_files import dense, even, neuron, write_net
 from tests.support.nir_graphs import DT
 
@@ -156,7 +156,7 @@ def test_nir_to_ours_to_nir(graph, reset):
         network = lc.load(before, dt=DT, reset=reset)
         quantized = quantize(network, CHIP)
         after.write_bytes(exchange_file("nir", quantized))
-        assert_equal(datasets(before, "node"), datasets(after, "node"))
+        assert_equal_datasets(datasets_of(before, "node"), datasets_of(after, "node"))
         assert_same_network(network, lc.load(after, dt=DT, reset=reset))
         metadata = nir.read(after, type_check=False).metadata
     for k, p in enumerate(quantized.projections):
@@ -185,6 +185,6 @@ def test_net_to_ours_to_net(made):
         write_net(before, made, {"Ts": 1.0, "tSample": 80})
         network = lc.load(before)
         after.write_bytes(exchange_file("net", quantize(network, CHIP)))
-        assert_equal(datasets(before, "layer"), datasets(after, "layer"))
-        assert_equal(datasets(before, "simulation"), datasets(after, "simulation"))
+        assert_equal_datasets(datasets_of(before, "layer"), datasets_of(after, "layer"))
+        assert_equal_datasets(datasets_of(before, "simulation"), datasets_of(after, "simulation"))
         assert_same_network(network, lc.load(after))

@@ -1,6 +1,5 @@
 """Out and in again: what a format holds comes back number by number, and the network spikes as before."""
 
-import h5py
 import nir
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from hw_model import chip
 from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.datasets import assert_equal_datasets, datasets_of
 from tests.support.net_files import NETS, write_net
 from tests.support.nir_graphs import DT, graphs, random_spikes
 
@@ -17,38 +17,13 @@ GRAPHS = graphs()
 CHIP = chip("loihi-sim")
 
 
-def datasets(path, root):
-    """Return every dataset under a group, by path, but for metadata."""
-    found = {}
-    with h5py.File(path) as file:
-        file[root].visititems(
-            lambda name, item: (
-                found.update({name: item[()]})
-                if isinstance(item, h5py.Dataset) and "metadata" not in name
-                else None
-            )
-        )
-    return found
-
-
-def assert_equal(before, after):
-    assert sorted(before) == sorted(after)
-    for name, value in before.items():
-        if name.endswith("edges"):
-            assert {tuple(edge) for edge in value.tolist()} == {
-                tuple(edge) for edge in after[name].tolist()
-            }
-        else:
-            np.testing.assert_array_equal(after[name], value, err_msg=name)
-
-
 @pytest.mark.parametrize("name", GRAPHS)
 def test_nir_to_ours_to_nir_loses_nothing(name, tmp_path):
     nir.write(tmp_path / "before.nir", GRAPHS[name][0])
     network = lc.load(tmp_path / "before.nir", dt=DT)
     (tmp_path / "after.nir").write_bytes(exchange_file("nir", quantize(network, CHIP)))
-    assert_equal(
-        datasets(tmp_path / "before.nir", "node"), datasets(tmp_path / "after.nir", "node")
+    assert_equal_datasets(
+        datasets_of(tmp_path / "before.nir", "node"), datasets_of(tmp_path / "after.nir", "node")
     )
     assert set(nir.read(tmp_path / "after.nir", type_check=False).nodes) == set(
         GRAPHS[name][0].nodes
@@ -60,8 +35,8 @@ def test_net_to_ours_to_net_loses_nothing(name, tmp_path):
     write_net(tmp_path / "before.net", NETS[name])
     network = lc.load(tmp_path / "before.net")
     (tmp_path / "after.net").write_bytes(exchange_file("net", quantize(network, CHIP)))
-    assert_equal(
-        datasets(tmp_path / "before.net", "layer"), datasets(tmp_path / "after.net", "layer")
+    assert_equal_datasets(
+        datasets_of(tmp_path / "before.net", "layer"), datasets_of(tmp_path / "after.net", "layer")
     )
 
 

@@ -15,25 +15,22 @@ from locsnn_compile.network.text import network_text
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.net_files import play, play_layer
-from tests.support.slayer_files import LOIHI, SRM, kernel, srm_layer, write
-
-
-def weights(outs, ins, mean=1.0):
-    """Random weights (outs, ins) that a float32 holds, as a file of torch does."""
-    rng = np.random.default_rng((4, outs, ins))  # alike in whichever order the tests run
-    return rng.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
-
-
-def spikes(lines, steps=60, rate=0.15):
-    """Random spikes of lines, (steps, lines)."""
-    return (np.random.default_rng(8).random((steps, lines)) < rate).astype(np.uint8)
+from tests.support.slayer_files import (
+    LOIHI,
+    SRM,
+    kernel,
+    normal_weights,
+    sparse_spikes,
+    srm_layer,
+    write,
+)
 
 
 def test_srm_layers_spike_as_slayers_forward_pass_with_whole_kernels(tmp_path):
-    first, second = weights(8, 12), weights(4, 8)
+    first, second = normal_weights(8, 12), normal_weights(4, 8)
     network = lc.load(*write(tmp_path, {"fc1": first, "fc2": second}))
     assert [p.name for p in network.populations] == ["fc1", "fc2"]
-    given = spikes(12)
+    given = sparse_spikes(12)
     hidden = srm_layer(first, given)
     found = evaluate(network, given[None]).spikes
     np.testing.assert_array_equal(found["fc1"][0], hidden)
@@ -47,10 +44,10 @@ def test_the_cut_kernels_are_slayers():
 
 
 def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
-    first, second = weights(8, 12), weights(4, 8)
+    first, second = normal_weights(8, 12), normal_weights(4, 8)
     files = write(tmp_path, {"fc1": first, "fc2": second}, steps=200)
     network, full = lc.load(*files, kernels="cut"), lc.load(*files)
-    given = spikes(12, steps=200, rate=0.05)
+    given = sparse_spikes(12, steps=200, rate=0.05)
     hidden = srm_layer(first, given, full=False)
     found = evaluate(network, given[None]).spikes
     np.testing.assert_array_equal(found["fc1"][0], hidden)
@@ -69,10 +66,11 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
 def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
     """The budget was of whole kernels, and the cause what the other stages do to those, in both of which tails lack."""
     network = lc.load(
-        *write(tmp_path, {"fc1": weights(8, 12), "fc2": weights(4, 8)}, steps=200), kernels="cut"
+        *write(tmp_path, {"fc1": normal_weights(8, 12), "fc2": normal_weights(4, 8)}, steps=200),
+        kernels="cut",
     )
     report = lc.compile(
-        network, events=spikes(12, steps=200, rate=0.05)[None], strategy="dendrite"
+        network, events=sparse_spikes(12, steps=200, rate=0.05)[None], strategy="dendrite"
     ).report
     match, budget, first = (
         report["match"],
@@ -100,15 +98,15 @@ def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
 def test_the_authors_hybrid_walks_its_location_order(order, tmp_path):
     steps = 40
     named = {
-        "fc1": weights(6, 156, 0.1),
-        "fc2": weights(3, 6),
-        "locationFc1": weights(6, steps, 0.3),
-        "locationFc2": weights(3, 6),
+        "fc1": normal_weights(6, 156, 0.1),
+        "fc2": normal_weights(3, 6),
+        "locationFc1": normal_weights(6, steps, 0.3),
+        "locationFc2": normal_weights(3, 6),
     }
     more = {} if order is None else {"location_order": order}
     network = lc.load(*write(tmp_path, named, steps=steps, **more))
     assert [p.name for p in network.populations] == ["fc1", "fc2", "locationFc1", "locationFc2"]
-    given = spikes(156, steps)
+    given = sparse_spikes(156, steps)
     walk = channel_walk(LOCATION_ORDERS[order or "loop"], neutouch(2))
     hidden = srm_layer(named["locationFc1"], given[:, walk].T)
     found = evaluate(network, given[None]).spikes
@@ -131,7 +129,7 @@ def test_loihi_layers_are_integers_and_spike_as_these_mean(tmp_path):
         }
         for w in (first, second)
     ]
-    given = spikes(12, 80)
+    given = sparse_spikes(12, 80)
     wanted = play(layers, given)
     compiled = lc.compile(network, events=given[None], diagnosis=False)
     result = hw.simulate(compiled.program, given)
@@ -166,7 +164,11 @@ def test_weight_normalisation_is_multiplied_out(names, tmp_path):
 def test_delays_belong_to_the_spikes_of_the_layer_of_their_size(tmp_path):
     delay = torch.tensor([0.0, 1.2, 2.9, 70.0]).reshape(1, 4, 1, 1, 1)
     network = lc.load(
-        *write(tmp_path, {"fc1": weights(4, 6), "fc2": weights(3, 4)}, extra={"delay.delay": delay})
+        *write(
+            tmp_path,
+            {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 4)},
+            extra={"delay.delay": delay},
+        )
     )
     np.testing.assert_array_equal(network.projections[1].delay, np.tile([0, 1, 2, 62], (3, 1)))
     assert np.max(network.projections[0].delay) == 0
@@ -177,10 +179,10 @@ LOCATION = {"theta": 4.0, "tauSr": 3.0, "tauRef": 2.0}
 
 def hybrid_weights():
     return {
-        "fc1": weights(4, 78),
-        "fc2": weights(3, 4),
-        "locationFc1": weights(4, 60),
-        "locationFc2": weights(3, 4),
+        "fc1": normal_weights(4, 78),
+        "fc2": normal_weights(3, 4),
+        "locationFc1": normal_weights(4, 60),
+        "locationFc2": normal_weights(3, 4),
     }
 
 
@@ -196,7 +198,7 @@ def test_location_neurons_have_their_own_constants_and_delays(key, tmp_path):
     late = np.array([0, 1, 2, 62])
     assert [np.max(p.delay) for p in network.projections] == [0, 0, 0, 62]
     np.testing.assert_array_equal(network.projections[3].delay, np.tile(late, (3, 1)))
-    given = spikes(78, 60)
+    given = sparse_spikes(78, 60)
     first = srm_layer(held["locationFc1"], given.T, SRM | LOCATION)
     found = evaluate(network, given[np.newaxis]).spikes
     np.testing.assert_array_equal(found["locationFc1"][0], first)
@@ -285,7 +287,7 @@ def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
         {"type": "conv", "shape": (3, 1, 2), "weight": held[2], "stride": 2, "neuron": LOIHI},
         {"type": "dense", "shape": (5,), "weight": held[3].reshape(5, 6), "neuron": LOIHI},
     ]  # fmt: skip
-    given = spikes(2 * 6 * 7, 60)
+    given = sparse_spikes(2 * 6 * 7, 60)
     first = play_layer(layers[0], given, (2, 6, 7)).reshape(60, 4, 6, 7)
     late = np.stack(
         [
@@ -320,7 +322,7 @@ def test_srm_convolutions_are_linear_layers(tmp_path):
 
 def other_kernel(tau):
     def made(folder):
-        path, config = write(folder, {"fc1": weights(4, 6)})
+        path, config = write(folder, {"fc1": normal_weights(4, 6)})
         values = yaml.safe_load(config.read_text())
         values["neuron"]["tauSr"] = tau
         config.write_text(yaml.safe_dump(values))
@@ -331,7 +333,7 @@ def other_kernel(tau):
 
 def yaml_text(text):
     def made(folder):
-        path, config = write(folder, {"fc1": weights(4, 6)})
+        path, config = write(folder, {"fc1": normal_weights(4, 6)})
         config.write_text(text)
         return path, config
 
@@ -340,7 +342,7 @@ def yaml_text(text):
 
 def replaced(folder, name, value):
     """A checkpoint of which an entry is another."""
-    path, config = write(folder, {"fc1": weights(4, 6), "fc2": weights(3, 4)})
+    path, config = write(folder, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 4)})
     torch.save(torch.load(path) | {name: value}, path)
     return path, config
 
@@ -356,9 +358,9 @@ def turned(folder):
 REFUSED = [
     ("a kernel nearly the same", other_kernel(10.1), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML (0.00836 apart). Give the YAML that this checkpoint was trained with."),
     ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML (0.541 apart). Give the YAML that this checkpoint was trained with."),
-    ("kernels of no name", lambda f: write(f, {"fc1": weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
-    ("kernels of integers", lambda f: write(f, {"fc1": weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
-    ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against 4). Save the layers of one chain in their order."),
+    ("kernels of no name", lambda f: write(f, {"fc1": normal_weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
+    ("kernels of integers", lambda f: write(f, {"fc1": normal_weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
+    ("a gap in the chain", lambda f: write(f, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 5)}), "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against 4). Save the layers of one chain in their order."),
     ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not supported there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
     ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists a different number of layers (2 against 4). List the input and every layer that has weights."),

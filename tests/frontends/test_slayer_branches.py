@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 import torch
-from test_slayer import spikes, weights
 
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
-from tests.support.slayer_files import srm_layer, write
+from tests.support.slayer_files import normal_weights, sparse_spikes, srm_layer, write
 
 STEPS, LOCATIONS, HIDDEN, CLASSES = 60, 78, 8, 4
 LAYERS = {
-    "fc1": weights(HIDDEN, LOCATIONS, 0.1),
-    "fc2": weights(CLASSES, HIDDEN),
-    "locationFc1": weights(HIDDEN, STEPS, 0.1),
-    "locationFc2": weights(CLASSES, HIDDEN),
+    "fc1": normal_weights(HIDDEN, LOCATIONS, 0.1),
+    "fc2": normal_weights(CLASSES, HIDDEN),
+    "locationFc1": normal_weights(HIDDEN, STEPS, 0.1),
+    "locationFc2": normal_weights(CLASSES, HIDDEN),
 }
-FUSED = LAYERS | {"outputFc": weights(CLASSES, CLASSES, 3.0)}
+FUSED = LAYERS | {"outputFc": normal_weights(CLASSES, CLASSES, 3.0)}
 TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
 TS_UNIT = (
     "The Ts of the YAML, 1, was read as milliseconds, which SLAYER does not say (--step-seconds)."
@@ -44,7 +43,7 @@ def of_locations(given):
     return srm_layer(LAYERS["locationFc2"], srm_layer(LAYERS["locationFc1"], given.T))
 
 
-GIVEN = spikes(LOCATIONS, STEPS)
+GIVEN = sparse_spikes(LOCATIONS, STEPS)
 
 
 def test_a_location_network_that_keeps_unused_time_layers_counts_locations_alone(tmp_path):
@@ -145,7 +144,10 @@ def test_a_layer_after_both_branches_is_not_part_of_the_time_branch(tmp_path):
 
 
 def test_a_time_branch_as_wide_as_its_classes_is_no_layer_after_both(tmp_path):
-    square = LAYERS | {"fc1": weights(CLASSES, LOCATIONS, 0.1), "fc2": weights(CLASSES, CLASSES)}
+    square = LAYERS | {
+        "fc1": normal_weights(CLASSES, LOCATIONS, 0.1),
+        "fc2": normal_weights(CLASSES, CLASSES),
+    }
     order = ("locationFc1", "locationFc2", "fc1", "fc2")
     files = write(tmp_path, {name: square[name] for name in order}, steps=STEPS)
     assert lc.load(*files).readout.populations == ("fc2", "locationFc2")

@@ -1,7 +1,5 @@
 """State dicts with a list of their layers: batch normalisation and max pooling as the framework computes them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -14,20 +12,7 @@ from locsnn_compile.frontends.nir.flat import flatten_graph
 from locsnn_compile.frontends.torch_layers.chain import Chain
 from locsnn_compile.frontends.torch_layers.layers import LAYERS
 from locsnn_compile.reference.evaluate import evaluate
-
-STEPS = 40
-
-RECORDED = Path(__file__).with_name("torch-layers")
-"""``tests/peers/record_torch_layers.py`` says what it holds and writes it."""
-
-
-def written(framework: str, folder: Path) -> tuple[Path, Path, dict[str, np.ndarray]]:
-    """Write the state dict of a framework's network; return it, its description, and what was recorded."""
-    with np.load(RECORDED / f"{framework}.npz") as held:
-        recorded = dict(held)
-    state = folder / f"{framework}.pt"
-    state.write_bytes(recorded.pop("state").tobytes())
-    return state, RECORDED / f"{framework}.yaml", recorded
+from tests.support.recorded_torch_layers import STEPS, write_recorded
 
 
 @pytest.mark.parametrize(
@@ -38,7 +23,7 @@ def written(framework: str, folder: Path) -> tuple[Path, Path, dict[str, np.ndar
     ],
 )
 def test_every_spike_is_that_of_the_framework(framework, tmp_path):
-    state, description, recorded = written(framework, tmp_path)
+    state, description, recorded = write_recorded(framework, tmp_path)
     inputs = recorded.pop("inputs")
     network = lc.load(state, config=description)
     ours = evaluate(network, inputs.reshape(1, len(inputs), -1)).spikes
@@ -49,7 +34,7 @@ def test_every_spike_is_that_of_the_framework(framework, tmp_path):
 
 
 def test_the_chip_pools_as_the_network_does(tmp_path):
-    state, description, recorded = written("sinabs", tmp_path)
+    state, description, recorded = write_recorded("sinabs", tmp_path)
     events = recorded["inputs"].reshape(1, STEPS, -1)
     compiled = lc.compile(lc.load(state, config=description), events=events)
     spikes = hw.simulate(compiled.program, events).spikes
@@ -205,7 +190,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_description_that_does_not_fit_is_refused_by_name(case, tmp_path):
     layers, message = REFUSED[case]
-    state, _, _ = written("snntorch", tmp_path)
+    state, _, _ = write_recorded("snntorch", tmp_path)
     state = state.rename(tmp_path / "net.pt")
     description = tmp_path / "net.yaml"
     description.write_text(yaml.safe_dump({"input": [2, 6, 6], "layers": layers}, sort_keys=False))

@@ -17,14 +17,11 @@ from hw_model.engine import reference
 from hw_model.engine.playing import Player
 from hw_model.simulation import ENGINES
 from tests.support import any_phases
+from tests.support.any_phases import MANY, QUICK
 from tests.support.plain_counts import COUNTED, counts_of
 
 KINDS = ("spikes", "u", "v", "potential")
 PROBE = (*KINDS, "activity")
-LARGE = (1, 9)
-"""Seeds of programs that the reference engine takes long for."""
-QUICK = [seed for seed in range(36) if seed not in LARGE]
-MANY = [*LARGE, *range(36, 200)]
 
 
 def check_equal(result: hw.SimulationResult, wanted: hw.SimulationResult) -> None:

@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from test_any_phases import MANY, QUICK
 
 import hw_model as hw
 from hw_model.simulation import ENGINES
 from hw_model.streaming.outcomes import StepScores
 from tests.support import any_phases
+from tests.support.any_phases import MANY, QUICK
 
 
 def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int]) -> StepScores:

@@ -9,13 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.engine import lay_out, layout, links
 from hw_model.simulation import ENGINES
 from tests.support import any_program
+from tests.support.any_program import SETTINGS
 from tests.support.early_stops import possible_futures, with_stream_per_phase
 from tests.support.session_programs import check_session_after_every_step, largest_potential_so_far
 
@@ -24,14 +25,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
 
 PROBE = ("spikes", "u", "v", "potential", "activity")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
-SETTINGS = settings(
-    deadline=None,
-    suppress_health_check=[
-        HealthCheck.too_slow,
-        HealthCheck.data_too_large,
-        HealthCheck.large_base_example,
-    ],
-)
 
 
 def check_engines(drawn: any_program.Drawn) -> hw.SimulationResult:

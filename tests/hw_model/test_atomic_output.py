@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.io import folders
 from hw_model.io.files import replace_file
 from hw_model.io.partial import locked, partial_path
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 WRITER = Path(__file__).with_name("kill_writer.py")
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE
 from scipy import sparse
 
 import hw_model as hw
+from tests.support.register_units import FORGETS_AT_ONCE
 
 CHIP = hw.chip("loihi-sim")
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import MAX_LINES, MAX_STEPS, Phase, Readout
 from hw_model.program.check import check_program
 from hw_model.program.chip_program import ChipProgram
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 LOIHI = hw.chip("loihi-sim")
 CHIP = replace(LOIHI, limits=replace(LOIHI.limits, compartments_per_core=4))

@@ -7,12 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 import yaml
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.description.chip import parse_chip
 from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.vectors.vectors import vectors_files
+from tests.support.register_units import FORGETS_AT_ONCE
 
 DOCUMENT = yaml.safe_load(hw.chip("loihi-sim").document)
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.accounting.cost import critical_path, energy_pj, latency, step_times
@@ -12,6 +11,7 @@ from hw_model.accounting.usage import measure
 from hw_model.values import added
 from tests.support.cost_programs import FORGETS, chain, crossroads, hybrid
 from tests.support.hybrids import program_of_graphs
+from tests.support.register_units import FORGETS_AT_ONCE
 
 CHIP = hw.chip("loihi-sim")
 

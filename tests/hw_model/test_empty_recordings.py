@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model import simulation
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 KINDS = ("spikes", "u", "v", "potential", "activity")
 STEPS = 40

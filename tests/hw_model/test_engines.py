@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.accounting.activity import count_totals
@@ -19,6 +18,7 @@ from hw_model.simulation import ENGINES
 from tests.support import loihi_oracle as oracle
 from tests.support.against_oracle import check_oracle
 from tests.support.random_programs import SMALL, random_program
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 CHIP = hw.chip("loihi-sim")
 

@@ -9,13 +9,13 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL, UNIT
 
 import hw_model as hw
 from hw_model.accounting.cost import step_times
 from hw_model.mapping.graph import Readout
 from tests.support.early_stops import possible_futures, with_stream_per_phase
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL, UNIT
 from tests.support.session_programs import check_session_after_every_step, largest_potential_so_far
 
 SEEDS = st.integers(0, 2**32 - 1)

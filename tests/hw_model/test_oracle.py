@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
-from register_units import FORGETS_AT_ONCE
-from test_any_program import SETTINGS
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
@@ -19,6 +17,8 @@ from hw_model.simulation import ENGINES
 from tests.support import any_phases, any_program
 from tests.support import loihi_oracle as oracle
 from tests.support.against_oracle import check_oracle, check_played, play_all
+from tests.support.any_program import SETTINGS
+from tests.support.register_units import FORGETS_AT_ONCE
 
 LARGE = (1, 9)
 """Seeds of programs that a plain engine takes long for."""

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.arithmetic.loihi_bounds import largest_answers
 from hw_model.range_proof import PERIODS, prove_range
 from tests.support.random_programs import random_program
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 CHIP = hw.chip("loihi-sim")
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
+from tests.support.register_units import FORGETS_AT_ONCE
 
 LOIHI = hw.chip("loihi-sim")
 LINES, SIZE = 6, 5

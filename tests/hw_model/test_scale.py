@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE
 from scipy import sparse
 
 import hw_model as hw
 from hw_model.mapping.graph import held
 from hw_model.mapping.placement import place_cores
 from hw_model.program import sealed
+from tests.support.register_units import FORGETS_AT_ONCE
 
 CHIP = hw.chip("loihi-sim")
 SIZE = 20_000

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.simulation import ENGINES
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 CHIP = hw.chip("loihi-sim")
 

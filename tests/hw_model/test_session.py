@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout, decided
@@ -23,6 +22,7 @@ from tests.support.hybrids import (
     random_hybrid,
 )
 from tests.support.real_recordings import REAL, on_real_recordings
+from tests.support.register_units import FORGETS_AT_ONCE
 from tests.support.session_programs import (
     SEEDS,
     TOGETHER,

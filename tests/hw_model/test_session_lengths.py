@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
@@ -17,6 +16,7 @@ from hw_model.mapping.routing import InputRoute
 from hw_model.rtl.images import CoreProgram
 from hw_model.simulation import ENGINES
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
+from tests.support.register_units import FORGETS_AT_ONCE
 from tests.support.session_programs import (
     SEEDS,
     TOGETHER,

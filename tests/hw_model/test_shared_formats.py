@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_placement import delivered
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS
 from hw_model.mapping.fan_in import SynapseFormat, share_formats
+from tests.support.delivered import delivered
 
 CHIP = hw.chip("loihi-sim")
 

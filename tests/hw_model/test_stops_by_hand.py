@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
 from tests.support.early_stops import by_potentials, one_layer
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 
 @pytest.mark.parametrize(

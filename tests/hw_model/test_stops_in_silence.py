@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from tests.support.early_stops import SEEDS, by_potentials, one_layer, random_layer
 from tests.support.hybrids import CHIP
+from tests.support.register_units import FORGETS_AT_ONCE
 
 
 def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:

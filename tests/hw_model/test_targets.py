@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.targets import TARGETS, target_of
 from hw_model.targets.families import FAMILIES, MESHES, XYLOS, chip_named, family_of
 from hw_model.targets.mesh import MeshTarget
 from hw_model.targets.open_core import OpenCoreTarget
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 ROOT = Path(__file__).parents[2]
 ROOMS_OF_THE_CORE = ("hw_model/description/", "hw_model/rtl/", "hw_model/targets/")

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 from scipy import sparse
 
 import hw_model as hw
@@ -17,6 +16,7 @@ from hw_model.engine.layout import WIDE_LIST
 from hw_model.engine.links import packed_synapses
 from hw_model.engine.state import MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 CHIP = hw.chip("loihi-sim")
 FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}

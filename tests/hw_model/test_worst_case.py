@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.accounting.usage import measure
@@ -12,6 +11,7 @@ from hw_model.mapping.graph import Readout
 from tests.support import any_phases, cost_programs
 from tests.support.hostile_recordings import hostile
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 UPDATES = 2 * 8.4
 WITHIN_TILE = 2.1

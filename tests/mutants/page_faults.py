@@ -19,11 +19,10 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-for folder in ("tests/rtl", "tests/mutants", ""):
+for folder in ("tests/mutants", ""):
     sys.path.insert(0, str(ROOT / folder))
 
 from faults import Fault, faults_of  # noqa: E402
-from test_any_phases_on_core import FEW  # noqa: E402
 from tested import reasons  # noqa: E402
 
 import hw_model as hw  # noqa: E402
@@ -31,6 +30,7 @@ from hw_model.rtl.cosimulation import play_on_core  # noqa: E402
 from hw_model.rtl.simulators import sources  # noqa: E402
 from tests.support import any_phases, benches  # noqa: E402
 from tests.support import loihi_oracle as oracle  # noqa: E402
+from tests.support.any_phases import FEW_ON_CORE  # noqa: E402
 
 MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi", "on_integers"))
 """In the order of their imports."""
@@ -95,7 +95,7 @@ def _case(builder: hw.ProgramBuilder, spikes: np.ndarray) -> any_phases.Case:
     return any_phases.Case(builder.build(), builder.graph(), {"x": spikes}, None)
 
 
-PLAYED = (*FEW, WRAPS, FADES)
+PLAYED = (*FEW_ON_CORE, WRAPS, FADES)
 Values = Mapping[str, np.ndarray]
 """What a program did in all recordings, by kind and group."""
 

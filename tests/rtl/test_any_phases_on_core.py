@@ -12,12 +12,11 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.refused import refuse_unplayable
 from hw_model.rtl.simulators import Simulator, sources
 from tests.support import any_phases, benches
+from tests.support.any_phases import FEW_ON_CORE
 
 icarus = pytest.mark.skipif(
     shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
 )
-FEW = (8, 10, 15, 17, 22, 25, 29, 30, 33, 35, 38, 39)
-"""Seeds of programs that the core runs, short enough for Icarus Verilog."""
 MANY = range(40, 340)
 
 
@@ -40,14 +39,16 @@ def check(seed: int, simulator: Simulator, texts: dict[str, str], *given) -> Cou
 
 
 def play_few(texts: dict[str, str]) -> Counter[str]:
-    return sum((check(seed, "icarus", texts, benches.SIZES, 20_000) for seed in FEW), Counter())
+    return sum(
+        (check(seed, "icarus", texts, benches.SIZES, 20_000) for seed in FEW_ON_CORE), Counter()
+    )
 
 
 @pytest.mark.slow
 @icarus
 def test_the_core_plays_any_phases(cores_of_this_run):
     met = play_few(sources())
-    assert met["programs"] == len(FEW)
+    assert met["programs"] == len(FEW_ON_CORE)
     assert min(met["of several phases"], met["that begin at a touch"]) > 3, met
 
 

@@ -22,7 +22,15 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import END, TICK
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
-from tests.support.benches import CHIP, LATER, SIZES, all_benches, windows
+from tests.support.benches import (
+    CHIP,
+    LATER,
+    SIZES,
+    STOPPING_CLOCK_GATE,
+    benches,
+    differ,
+    windows,
+)
 from tests.support.desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
 from tests.support.hybrids import graph_in_phase, program_of_graphs
 from tests.support.marks import first_quick, sampled
@@ -32,16 +40,6 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
 ]
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
-benches = cache(all_benches)
-
-
-STOPPING = """module clock_gate (input logic clk, input logic enable, output logic gated);
-    logic open;
-    always_latch if (!clk) open = enable;
-    assign gated = clk && open;
-endmodule
-"""
-"""What a chip puts in place of `clock_gate.sv`."""
 
 
 def one_compartment(axis):
@@ -50,15 +48,6 @@ def one_compartment(axis):
     y = builder.add_compartments(f"{axis}/y", 1, decay_u=1024, decay_v=128, threshold=300)
     builder.connect(x, y, np.full((1, x.size), 100))
     return builder.graph()
-
-
-def differ(texts, sizes=SIZES) -> bool:
-    """Whether a bench tells these files from the core; a core that hangs is given up soon."""
-    for program, spikes in benches():
-        comparison = compare(program, spikes, texts, "icarus", sizes=sizes, patience=20000)
-        if comparison["mismatches"] or comparison["cycle_mismatches"]:
-            return True
-    return False
 
 
 def test_the_benches_wrap_and_clip():
@@ -148,7 +137,7 @@ def test_events_wait_where_a_phase_has_one_place(places, later):
 
 @pytest.mark.minutes
 def test_clocks_that_stop_change_nothing():
-    assert not differ({**sources(), "clock_gate.sv": STOPPING})
+    assert not differ({**sources(), "clock_gate.sv": STOPPING_CLOCK_GATE})
 
 
 desk = cache(Desk)
@@ -273,4 +262,6 @@ def test_every_mutant_is_found(mutant, tmp_path):
     if name in SESSIONS:
         assert sounds_different(name, tmp_path, texts)
     else:
-        assert differ({**texts, "clock_gate.sv": STOPPING}, LATER if mutant.get("later") else SIZES)
+        assert differ(
+            {**texts, "clock_gate.sv": STOPPING_CLOCK_GATE}, LATER if mutant.get("later") else SIZES
+        )

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from register_units import KEEPS_ALL
 
 import hw_model as hw
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.rtl.images import CoreProgram
 from tests.support import benches, hybrids
+from tests.support.register_units import KEEPS_ALL
 
 CHANNELS = 3
 

@@ -7,10 +7,10 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from test_benches import STOPPING, differ
 
 from hw_model.rtl.simulators import sources
 from tests.support import benches
+from tests.support.benches import STOPPING_CLOCK_GATE, differ
 from tests.support.marks import sampled
 
 pytestmark = [
@@ -80,7 +80,7 @@ def saving() -> dict[str, str]:
         r"(parameter integer (?:AT_ONCE|LAZY) = )0", r"\g<1>1", sources()["locsnn_core.sv"]
     )
     assert found == 2
-    return {**sources(), "locsnn_core.sv": core, "clock_gate.sv": STOPPING}
+    return {**sources(), "locsnn_core.sv": core, "clock_gate.sv": STOPPING_CLOCK_GATE}
 
 
 def test_a_core_that_saves_passes_every_bench():

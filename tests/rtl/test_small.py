@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_benches import differ
 
 import hw_model as hw
 from hw_model.description.board import board
@@ -27,6 +26,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 from tests.support import benches, hybrids
+from tests.support.benches import differ
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = replace(benches.SIZES, join=0, one_port=1, phase_words=8)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.rtl import ports, streaming
@@ -19,6 +18,7 @@ from locsnn_compile.cli import main as locsnn
 from locsnn_compile.cli.compile import main as compile_main
 from tests.support import benches
 from tests.support.desk import Desk
+from tests.support.register_units import FORGETS_AT_ONCE
 
 ROOT = Path(__file__).parents[2]
 icarus = pytest.mark.skipif(

@@ -239,3 +239,17 @@ def drawn(seed: int, plain: bool = False) -> Case:
     }
     steps = int(r.choice([1, 3, 50])) if rows == 0 or r.random() < 0.3 else None
     return Case(program, graph, spikes, steps)
+
+
+LARGE = (1, 9)
+"""Seeds of programs that the reference engine takes long for."""
+
+
+QUICK = [seed for seed in range(36) if seed not in LARGE]
+
+
+MANY = [*LARGE, *range(36, 200)]
+
+
+FEW_ON_CORE = (8, 10, 15, 17, 22, 25, 29, 30, 33, 35, 38, 39)
+"""Seeds of programs that the core runs, short enough for Icarus Verilog."""

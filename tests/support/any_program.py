@@ -10,8 +10,8 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
@@ -20,6 +20,7 @@ from hw_model.description.chip import check_chip
 from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.program.builder import Node
 from tests.support import hybrids
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 LOIHI = hw.chip("loihi-sim")
 MANY_CHILDREN = 260
@@ -257,3 +258,13 @@ def _of_chip(program: hw.ChipProgram) -> Counter[str]:
         "programs of other widths": int(widths != (21, 23, 23)),
         "programs of several cores": int(len(program.cores) > len(program.phases)),
     })  # fmt: skip
+
+
+SETTINGS = settings(
+    deadline=None,
+    suppress_health_check=[
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+        HealthCheck.large_base_example,
+    ],
+)

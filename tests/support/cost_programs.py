@@ -7,10 +7,10 @@ the step of its charge and in the next, in which its current is taken off.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
+from tests.support.register_units import FORGETS_AT_ONCE
 
 FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "threshold": 10}
 

@@ -60,3 +60,11 @@ def prose(page: Path) -> str:
         r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
     )
     return re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", "", text)
+
+
+LINK = re.compile(r"\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
+
+
+def links(page: Path) -> list[str]:
+    """Return the targets of a page's links and pictures that are within the project."""
+    return [target for target in LINK.findall(prose(page)) if not re.match(r"[a-z]+:", target)]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from tests.support.hybrids import CHIP
+from tests.support.register_units import FORGETS_AT_ONCE
 
 SEEDS = st.integers(0, 2**32 - 1)
 TOGETHER = st.integers(1, 3)

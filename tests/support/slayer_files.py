@@ -87,3 +87,14 @@ def srm_layer(weight, spikes, neuron=SRM, full=True):
         out[t] = u[t] >= neuron["theta"]
         u[t:] += nu[: steps - t, None] * out[t]
     return out
+
+
+def normal_weights(outs, ins, mean=1.0):
+    """Return weights (outs, ins) that single precision holds, with a standard deviation of 2."""
+    rng = np.random.default_rng((4, outs, ins))  # alike in whichever order the tests run
+    return rng.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
+
+
+def sparse_spikes(lines, steps=60, rate=0.15):
+    """Return spikes (steps, lines) of 0 and 1: in each step, each line spikes with a chance of ``rate``."""
+    return (np.random.default_rng(8).random((steps, lines)) < rate).astype(np.uint8)
