@@ -24,26 +24,29 @@ KINDS = ("spikes", "u", "v", "potential")
 PROBE = (*KINDS, "activity")
 
 
-def check_equal(result: hw.SimulationResult, wanted: hw.SimulationResult) -> None:
+def check_equal(result: hw.SimulationResult, expected: hw.SimulationResult) -> None:
     """Every array, count, event and score; only the steps that an engine skips may differ."""
     for kind in KINDS:
-        ours = getattr(result, kind)
-        theirs = getattr(wanted, kind)
-        assert ours.keys() == theirs.keys()
-        assert [name for name in ours if not np.array_equal(ours[name], theirs[name])] == [], kind
-    assert [replace(one, skipped_steps=0) for one in result.per_recording] == [
-        replace(one, skipped_steps=0) for one in wanted.per_recording
-    ]
-    assert result.events == wanted.events
-    assert np.array_equal(result.scores, wanted.scores, equal_nan=True)
-    for phase, items in wanted.activity.items():
-        for ours, theirs in zip(result.activity[phase], items, strict=True):
-            assert all(
-                np.array_equal(ours.by_piece[name], counts)
-                for name, counts in theirs.by_piece.items()
-            )
+        arrays = getattr(result, kind)
+        expected_arrays = getattr(expected, kind)
+        assert arrays.keys() == expected_arrays.keys()
+        for name, array in expected_arrays.items():
+            assert np.array_equal(arrays[name], array), (kind, name)
+    assert without_skips(result) == without_skips(expected)
+    assert result.events == expected.events
+    assert np.array_equal(result.scores, expected.scores, equal_nan=True)
+    for phase, activities in expected.activity.items():
+        for activity, expected_activity in zip(result.activity[phase], activities, strict=True):
+            for name, counts in expected_activity.by_piece.items():
+                assert np.array_equal(activity.by_piece[name], counts), (phase, name)
             for name in ("packets", "input_packets", "buffered"):
-                assert np.array_equal(getattr(ours, name), getattr(theirs, name)), (phase, name)
+                counts = getattr(expected_activity, name)
+                assert np.array_equal(getattr(activity, name), counts), (phase, name)
+
+
+def without_skips(result: hw.SimulationResult) -> list[hw.Counts]:
+    """The counts of each recording but the steps that an engine skips."""
+    return [replace(counts, skipped_steps=0) for counts in result.per_recording]
 
 
 def check_engines(case: any_phases.Case) -> hw.SimulationResult:
@@ -80,52 +83,51 @@ def test_recordings_that_do_not_fit_at_once_are_played_in_parts(
 ) -> None:
     whole = [plain_with_skips(any_phases.case(seed)) for seed in QUICK[:12]]
     monkeypatch.setattr(reference, "NUMBERS_AT_ONCE", 1)
-    for seed, wanted in zip(QUICK[:12], whole, strict=True):
+    for seed, expected in zip(QUICK[:12], whole, strict=True):
         result = plain_with_skips(any_phases.case(seed))
-        check_equal(result, wanted)
-        assert result.per_recording == wanted.per_recording
+        check_equal(result, expected)
+        assert result.per_recording == expected.per_recording
 
 
-def check_each(case: any_phases.Case, wanted: hw.SimulationResult) -> None:
+def check_each_recording_alone(case: any_phases.Case, of_batch: hw.SimulationResult) -> None:
     """Every recording by itself, with probes and without."""
-    for b, counts in enumerate(wanted.per_recording):
-        one = {name: array[b] for name, array in case.spikes.items()}
-        alone = hw.simulate(case.program, one, case.steps, probe=KINDS)
+    for b, counts in enumerate(of_batch.per_recording):
+        recording = {name: array[b] for name, array in case.spikes.items()}
+        probed = hw.simulate(case.program, recording, case.steps, probe=KINDS)
         for kind in KINDS:
-            for name, array in getattr(alone, kind).items():
-                assert np.array_equal(array, getattr(wanted, kind)[name][b]), (kind, name, b)
-        bare = hw.simulate(case.program, one, case.steps, probe=())
-        for found in (alone, bare):
-            assert np.array_equal(found.scores, wanted.scores[b], equal_nan=True)
-            assert replace(found.counts, skipped_steps=0) == counts
+            for name, array in getattr(probed, kind).items():
+                assert np.array_equal(array, getattr(of_batch, kind)[name][b]), (kind, name, b)
+        unprobed = hw.simulate(case.program, recording, case.steps, probe=())
+        for alone in (probed, unprobed):
+            assert np.array_equal(alone.scores, of_batch.scores[b], equal_nan=True)
+            assert replace(alone.counts, skipped_steps=0) == counts
 
 
-def check_totals(case: any_phases.Case, found: hw.SimulationResult) -> None:
+def check_totals(case: any_phases.Case, result: hw.SimulationResult) -> None:
     """Counts are sums over events and spikes, and energy is their sum by what each costs."""
     totals: Counter[str] = Counter()
-    for b, counts in enumerate(found.per_recording):
-        plain = counts_of(case, found.spikes, b)
+    for b, counts in enumerate(result.per_recording):
+        plain = counts_of(case, result.spikes, b)
         assert {name: counts[name] for name in COUNTED} == {name: plain[name] for name in COUNTED}
         totals += plain
     totals += Counter(
         hops=totals["hops_x"] + totals["hops_y"],
-        neuron_updates_active=found.counts.neuron_updates_active,
+        neuron_updates_active=result.counts.neuron_updates_active,
     )
     totals["neuron_updates_inactive"] = totals["neuron_updates"] - totals["neuron_updates_active"]
     for profile in case.program.chip.profiles.values():
         expected = sum(cost * totals[name] for name, cost in profile.energy_pj.items())
-        assert sum(energy_pj(found.counts, profile).values()) == pytest.approx(expected, rel=1e-12)
-    for kept in ("synaptic_ops", "neuron_updates", "spikes", "axon_packets", "hops_x", "hops_y"):
-        by_step = sum(
-            int(item.count(kept).sum()) for items in found.activity.values() for item in items
-        )
-        assert by_step == totals[kept], kept
+        assert sum(energy_pj(result.counts, profile).values()) == pytest.approx(expected, rel=1e-12)
+    activities = [activity for of_phase in result.activity.values() for activity in of_phase]
+    for name in ("synaptic_ops", "neuron_updates", "spikes", "axon_packets", "hops_x", "hops_y"):
+        over_all_steps = sum(int(activity.count(name).sum()) for activity in activities)
+        assert over_all_steps == totals[name], name
 
 
 def check(seed: int, folder: Path) -> None:
     case = any_phases.case(seed)
     result = check_engines(case)
-    check_each(case, result)
+    check_each_recording_alone(case, result)
     check_totals(case, result)
     assert np.array_equal(
         case.program.readout.scores(result.spikes, result.potential), result.scores, equal_nan=True
@@ -148,18 +150,18 @@ def test_a_batch_after_one_recording(seed):
     No other test has played this program: what the engine lays out for it is kept, too.
     """
     case = any_phases.drawn(seed)
-    one = {name: array[:1] for name, array in case.spikes.items()}
-    several = {name: np.concatenate([array] * 2) for name, array in case.spikes.items()}
-    for given in (one, several):
-        expected = hw.simulate(case.program, given, case.steps, ENGINES[1], PROBE)
-        check_equal(hw.simulate(case.program, given, case.steps, probe=PROBE), expected)
+    one_recording = {name: array[:1] for name, array in case.spikes.items()}
+    batch = {name: np.concatenate([array] * 2) for name, array in case.spikes.items()}
+    for spikes in (one_recording, batch):
+        expected = hw.simulate(case.program, spikes, case.steps, ENGINES[1], PROBE)
+        check_equal(hw.simulate(case.program, spikes, case.steps, probe=PROBE), expected)
 
 
 @pytest.mark.minutes
 @pytest.mark.parametrize(
     "seeds",
     [MANY[at : at + 30] for at in range(0, len(MANY), 30)],
-    ids=lambda its: f"from {its[0]}",
+    ids=lambda seeds: f"from {seeds[0]}",
 )
 def test_engines_and_totals_of_many(seeds, tmp_path):
     for seed in seeds:
@@ -177,4 +179,4 @@ def test_what_the_quick_seeds_meet():
         met["phases of both kinds of input"] += bool(case.mixed)
         met["four phases"] += len(case.program.phases) == 4
         met["no rows"] += case.rows == 0
-    assert [name for name, many in met.items() if not many] == ["cycles"]
+    assert [name for name, times in met.items() if times == 0] == ["cycles"]

@@ -30,23 +30,28 @@ SEEDS = st.integers(0, 2**32 - 1)
 DAVIES, SANAFE = (CHIP.profile(name) for name in ("davies2018", "sanafe"))
 
 
-def played(seed):
-    """Return a hybrid, some of them with a core of seven compartments on each tile, and its activity."""
+def one_core_per_tile(program):
+    """Return a program with a core on each tile, so that spikes between its cores cross links of the mesh.
+
+    128 tiles hold the cores of every hybrid that is drawn.
+    """
+    mesh = replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
+    return replace(program, chip=replace(program.chip, mesh=mesh))
+
+
+def played_twice(seed):
+    """Return a random hybrid, and its activity for a recording and the same one backwards in time."""
     program, recording = random_hybrid(seed)
-    chip = replace(
-        program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
-    )
-    program = replace(program, chip=chip)
-    return program, hw.simulate(
-        program, np.stack((recording, recording[::-1])), probe=("activity",)
-    )
+    program = one_core_per_tile(program)
+    both = np.stack((recording, recording[::-1]))
+    return program, hw.simulate(program, both, probe=("activity",))
 
 
 @pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=SEEDS)
 def test_counts_by_step_piece_and_way_add_up(seed):
-    program, result = played(seed)
+    program, result = played_twice(seed)
     _, usage = measure(program, result.activity, DAVIES)
     for phase, used in usage.items():
         counts = result.counts_by_phase[phase]
@@ -68,7 +73,7 @@ def test_counts_by_step_piece_and_way_add_up(seed):
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
     """In exact arithmetic: every part is a count times the constant as it is written."""
-    _, result = played(seed)
+    _, result = played_twice(seed)
 
     def pj(counts):
         return sum(
@@ -78,16 +83,16 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
     whole = pj(lambda name: result.counts[name])
     by_phase = [pj(lambda name, c=counts: c[name]) for counts in result.counts_by_phase.values()]
     assert sum(by_phase) == whole
-    items = [item for found in result.activity.values() for item in found]
+    activities = [activity for of_phase in result.activity.values() for activity in of_phase]
     by_core = [
-        pj(lambda name, i=item, c=core: i.count(name)[:, c].sum())
-        for item in items
-        for core in range(item.input_packets.shape[1])
+        pj(lambda name, a=activity, c=core: a.count(name)[:, c].sum())
+        for activity in activities
+        for core in range(activity.input_packets.shape[1])
     ]
     by_step = [
-        pj(lambda name, i=item, t=step: i.count(name)[t].sum())
-        for item in items
-        for step in range(len(item.buffered))
+        pj(lambda name, a=activity, t=step: a.count(name)[t].sum())
+        for activity in activities
+        for step in range(len(activity.buffered))
     ]
     assert sum(by_core) == sum(by_step) == whole
     assert float(whole) == pytest.approx(
@@ -100,25 +105,20 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_times_by_part_step_path_and_phase_add_up(profile, seed):
-    program, result = played(seed)
+    program, result = played_twice(seed)
     latencies, usage = measure(program, result.activity, profile)
-    whole = sum(one.total_ns for one in latencies)
-    for cut in (
-        [ns for used in usage.values() for ns in used.parts_ns.values()],
-        [used.step_ns.sum() for used in usage.values()],
-        [ns for used in usage.values() for ns in used.paths_ns.values()],
-        [ns for one in latencies for ns in one.by_phase_ns.values()],
-        [total_ns(program, result.activity, profile)],
-    ):
-        assert sum(cut) == pytest.approx(whole, rel=1e-12)
-    assert [one.total_ns for one in latencies] == [
-        pytest.approx(
-            latency(
-                program, {phase: items[i] for phase, items in result.activity.items()}, profile
-            ).total_ns
-        )
-        for i in range(2)
-    ]
+    whole = sum(of_recording.total_ns for of_recording in latencies)
+    by_part = [ns for used in usage.values() for ns in used.parts_ns.values()]
+    by_step = [used.step_ns.sum() for used in usage.values()]
+    by_path = [ns for used in usage.values() for ns in used.paths_ns.values()]
+    by_phase = [ns for of_recording in latencies for ns in of_recording.by_phase_ns.values()]
+    added_up = [total_ns(program, result.activity, profile)]
+    for breakdown in (by_part, by_step, by_path, by_phase, added_up):
+        assert sum(breakdown) == pytest.approx(whole, rel=1e-12)
+    for i, of_recording in enumerate(latencies):
+        activity = {phase: items[i] for phase, items in result.activity.items()}
+        alone = latency(program, activity, profile)
+        assert of_recording.total_ns == pytest.approx(alone.total_ns)
     assert all(tuple(used.parts_ns) == PARTS for used in usage.values())
     for phase, used in usage.items():
         for part, names in (("updates", UPDATES), ("sending", SENDING), ("synapses", SYNAPSES)):
@@ -157,7 +157,8 @@ def walked_step_ns(program, phase, item, spikes, profile, step):
         for i, core in enumerate(cores)
     }
     sent = {
-        core: sum(ns for name, ns in its.items() if name in BEFORE) for core, its in spent.items()
+        core: sum(ns for name, ns in by_count.items() if name in BEFORE_SENDING)
+        for core, by_count in spent.items()
     }
     ways = Counter()
     loads = Counter()
@@ -174,15 +175,17 @@ def walked_step_ns(program, phase, item, spikes, profile, step):
         waits = max(((loads[link] - 1) * hop[link] for link in crossed), default=0.0)
         arrived[target] = max(arrived[target], sent[source] + sum(hop.values()) + waits)
     read = item.buffered[step] * chip.transpose_buffer.cycles_per_event / chip.clock_ghz
-    done = [
-        arrived[core] + read + sum(ns for name, ns in its.items() if name not in BEFORE)
-        for core, its in spent.items()
+    ended = [
+        arrived[core]
+        + read
+        + sum(ns for name, ns in by_count.items() if name not in BEFORE_SENDING)
+        for core, by_count in spent.items()
     ]
     tiles = {chip.tile_of(core.slot) for core in cores}
-    return max(done) + profile.barrier_ns.ns(len(tiles), chip.mesh.tiles)
+    return max(ended) + profile.barrier_ns.ns(len(tiles), chip.mesh.tiles)
 
 
-BEFORE = (
+BEFORE_SENDING = (
     "neuron_updates",
     "neuron_updates_active",
     "neuron_updates_inactive",
@@ -190,7 +193,9 @@ BEFORE = (
     "axon_packets",
     "packets_within_tile",
 )
-TIMED = (*BEFORE, "packets_received", "synaptic_ops")
+"""What a core does in a step before its last packet leaves."""
+TIMED = (*BEFORE_SENDING, "packets_received", "synaptic_ops")
+"""All counts that take a core time."""
 
 
 def links(chip, source, target):
@@ -205,9 +210,9 @@ def spikes_of(program, phase, result, steps):
     """Return the spikes of a phase of one recording, (steps, columns)."""
     columns = program.columns_of(phase)
     spikes = np.zeros((steps, sum(program.populations[name] for name in columns)), dtype=np.uint8)
-    for name, its in columns.items():
+    for name, columns_of_group in columns.items():
         if name in result.spikes:
-            spikes[:, its] = result.spikes[name]
+            spikes[:, columns_of_group] = result.spikes[name]
     return spikes
 
 
@@ -224,51 +229,47 @@ def two_axons_of_a_neuron(core):
 def test_counts_equal_a_walk_of_every_spike(seed):
     """From the tables of the cores alone: each list that a spike reaches, each packet and each link on its way."""
     program, recording = random_hybrid(seed)
-    chip = replace(
-        program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
-    )
-    program = replace(program, chip=chip)
+    program = one_core_per_tile(program)
     if seed % 2:
         program = replace(program, cores=tuple(map(two_axons_of_a_neuron, program.cores)))
         check_program(program)
     result = hw.simulate(program, recording, probe=("spikes", "activity"))
     for phase, (item,) in result.activity.items():
         counts = Counter()
-        reached = []
+        # Core, input axon there, and packets.
+        received: list[tuple[int, int, int]] = []
+        spikes = spikes_of(program, phase, result, len(item.buffered))
         for core in program.cores_of(phase):
-            sent = spikes_of(program, phase, result, len(item.buffered))[
-                :, program.columns_of_core(core)
-            ].sum(axis=0)
-            counts["spikes"] += int(sent.sum())
-            for k, here in enumerate(core.axons.out_compartment):
+            spikes_of_compartment = spikes[:, program.columns_of_core(core)].sum(axis=0)
+            counts["spikes"] += int(spikes_of_compartment.sum())
+            for k, compartment in enumerate(core.axons.out_compartment):
                 to = int(core.axons.out_core[k])
-                many = int(sent[here])
-                crossed = links(chip, core.slot, program.cores[to].slot)
-                reached.append((to, int(core.axons.out_axon[k]), many))
-                counts["axon_packets"] += many
-                counts["packets_within_tile"] += many * (not crossed)
-                for a, b in crossed:
-                    counts["hops_y" if a[0] == b[0] else "hops_x"] += many
-        for its in program.inputs_of(phase):
-            route = program.route_of(its.name)
+                packets = int(spikes_of_compartment[compartment])
+                crossed = links(program.chip, core.slot, program.cores[to].slot)
+                received.append((to, int(core.axons.out_axon[k]), packets))
+                counts["axon_packets"] += packets
+                counts["packets_within_tile"] += packets * (not crossed)
+                for (column, _), (next_column, _) in crossed:
+                    counts["hops_y" if column == next_column else "hops_x"] += packets
+        for phase_input in program.inputs_of(phase):
+            route = program.route_of(phase_input.name)
             # A transposed input has a line for each row of the recording.
-            events = recording.sum(axis=0 if its.positions is None else 1)
+            events = recording.sum(axis=0 if phase_input.positions is None else 1)
             for line, to, axon in zip(route.line, route.core, route.axon, strict=True):
-                many = int(events[line]) if line < len(events) else 0
-                reached.append((int(to), int(axon), many))
-                counts["input_packets"] += many
+                packets = int(events[line]) if line < len(events) else 0
+                received.append((int(to), int(axon), packets))
+                counts["input_packets"] += packets
         by_core = {"synaptic_ops": Counter(), "packets_received": Counter()}
-        for to, axon, many in reached:
-            by_core["packets_received"][to] += many
-            by_core["synaptic_ops"][to] += many * int(
-                np.diff(program.cores[to].axons.list_start)[axon]
-            )
+        for to, axon, packets in received:
+            synapses = int(np.diff(program.cores[to].axons.list_start)[axon])
+            by_core["packets_received"][to] += packets
+            by_core["synaptic_ops"][to] += packets * synapses
         counts["synaptic_ops"] = by_core["synaptic_ops"].total()
         assert {name: result.counts_by_phase[phase][name] for name in counts} == dict(counts)
-        for name, wanted in by_core.items():
-            assert item.count(name).sum(axis=0).tolist() == [
-                wanted[core.number] for core in program.cores_of(phase)
-            ]
+        numbers = [core.number for core in program.cores_of(phase)]
+        for name, count_of_core in by_core.items():
+            expected = [count_of_core[number] for number in numbers]
+            assert item.count(name).sum(axis=0).tolist() == expected
 
 
 @pytest.mark.slow
@@ -277,15 +278,12 @@ def test_counts_equal_a_walk_of_every_spike(seed):
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_latency_equals_a_walk_of_every_packet(profile, seed):
     program, recording = random_hybrid(seed)
-    chip = replace(
-        program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
-    )
-    program = replace(program, chip=chip)
+    program = one_core_per_tile(program)
     result = hw.simulate(program, recording, probe=("spikes", "activity"))
     for phase, (item,) in result.activity.items():
         spikes = spikes_of(program, phase, result, len(item.buffered))
-        found = critical_path(step_times(program, phase, item, profile)).step_ns
+        step_ns = critical_path(step_times(program, phase, item, profile)).step_ns
         expected = [
             walked_step_ns(program, phase, item, spikes, profile, t) for t in range(len(spikes))
         ]
-        assert found.tolist() == pytest.approx(expected, rel=1e-12)
+        assert step_ns.tolist() == pytest.approx(expected, rel=1e-12)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.description.counts import BY_CORE
@@ -59,96 +60,132 @@ def test_every_single_future_keeps_a_proven_winner(seed, first):
     rest = recording[steps_done:]
     if rest.size > 10:
         rest = rest[-10 // recording.shape[1] :]
-    many = np.array(list(product((0, 1), repeat=rest.size)), dtype=np.uint8).reshape(
-        2**rest.size, *rest.shape
-    )
-    played = np.repeat(recording[None], len(many), axis=0)
-    played[:, len(recording) - len(rest) :] = many
+    all_rests = np.array(list(product((0, 1), repeat=rest.size)), dtype=np.uint8)
+    all_rests = all_rests.reshape(2**rest.size, *rest.shape)
+    played = np.repeat(recording[None], len(all_rests), axis=0)
+    played[:, len(recording) - len(rest) :] = all_rests
     assert (hw.simulate(program, played).prediction == stops.prediction[0]).all()
 
 
-def most_to_come(
-    program: hw.ChipProgram, result, name: str, at: int, steps: int
-) -> list[tuple[int, int]]:
-    """Spikes and the largest potential of one population, as the module's words bound them, in Python's integers."""
-    core = program.cores[0]
-    assert len(program.cores) == 1
-    groups = {piece.group: piece for piece in core.slices}
-    kept = {g.core: g.cannot_wrap for g in hw.prove_range(program)}[0]
-    charge = np.zeros(core.compartments, dtype=np.int64)
-    np.add.at(charge, core.axons.target, np.maximum(core.effective_weights, 0))
-    setting = {key: core.setting(key) for key in ("decay_u", "decay_v", "refractory")}
+class PlainBound:
+    """What one population may still do after ``at`` steps, by the words of the proof's module, in Python's integers.
 
-    def left(x: int, d: int) -> int:
-        return abs(x) * (4096 - d) // 4096 * (1 if x >= 0 else -1)
+    In every step each compartment gets the sum of its positive weights, its most. A compartment that may wrap may
+    reach anything, so its soma may spike in any step in which it is free to. A voltage that the steps left at below 0
+    counts as 0 in the next step: a refractory period could have brought it there.
+    """
 
-    found = []
-    for i in range(groups[name].size):
-        soma = groups[name].offset + i
+    def __init__(self, program: hw.ChipProgram, result: hw.SimulationResult, at: int) -> None:
+        assert len(program.cores) == 1
+        self.program = program
+        self.core = program.cores[0]
+        self.result = result
+        self.at = at
+        (proven,) = hw.prove_range(program)
+        self.cannot_wrap = proven.cannot_wrap
+        self.most_charge = np.zeros(self.core.compartments, dtype=np.int64)
+        positive_weights = np.maximum(self.core.effective_weights, 0)
+        np.add.at(self.most_charge, self.core.axons.target, positive_weights)
+        self.slices = {piece.group: piece for piece in self.core.slices}
+
+    def after(self, name: str, steps: int) -> list[tuple[int, int]]:
+        """The most spikes and the largest potential of each neuron from step ``at`` to step ``steps``."""
+        return [self.of_neuron(name, neuron, steps) for neuron in range(self.slices[name].size)]
+
+    def of_neuron(self, name: str, neuron: int, steps: int) -> tuple[int, int]:
+        core = self.core
+        soma = self.slices[name].offset + neuron
         family = [c for c in range(core.compartments) if core.parent[c] == soma] + [soma]
-        group_of = {piece.offset + i: piece.group for piece in core.slices}
-        u = {c: int(result.u[group_of[c]][at - 1, i]) if at else 0 for c in family}
-        v = {c: int(result.v[group_of[c]][at - 1, i]) if at else 0 for c in family}
-        before = np.flatnonzero(result.spikes[name][:at, i])
-        free = int(before[-1]) + int(setting["refractory"][soma]) if len(before) else 0
-        n = 0
-        most = int(core.vmin)
-        for step in range(at, steps):
-            joined = 0
-            for c in family:
-                u[c] = left(u[c], setting["decay_u"][c]) + int(charge[c])
-                arrived = (
-                    left(v[c], setting["decay_v"][c])
-                    + u[c]
-                    + int(core.bias[c])
-                    + (joined if c == soma else 0)
-                )
-                v[c] = min(core.vmax, max(core.vmin, arrived))
-                joined += v[c] if c != soma else 0
-            if step >= free and (
-                v[soma] > core.threshold_voltage[soma] or not all(kept[c] for c in family)
-            ):
-                n += 1
-                free = step + int(setting["refractory"][soma])
+        never_wraps = all(self.cannot_wrap[c] for c in family)
+        u = {c: self.last_value(self.result.u, c, neuron) for c in family}
+        v = {c: self.last_value(self.result.v, c, neuron) for c in family}
+        refractory = int(core.setting("refractory")[soma])
+        spikes_before = np.flatnonzero(self.result.spikes[name][: self.at, neuron])
+        free_from = int(spikes_before[-1]) + refractory if len(spikes_before) else 0
+        counts_from = self.program.readout.potentials_from or 0
+
+        spikes = 0
+        largest = int(core.vmin)
+        for step in range(self.at, steps):
+            self.advance(family, soma, u, v)
+            may_spike = v[soma] > core.threshold_voltage[soma] or not never_wraps
+            if step >= free_from and may_spike:
+                spikes += 1
+                free_from = step + refractory
             v[soma] = max(v[soma], 0)
-            if step >= (program.readout.potentials_from or 0):
-                most = max(most, v[soma] if all(kept[c] for c in family) else int(core.vmax))
-        found.append((n, most))
-    return found
+            if step >= counts_from:
+                largest = max(largest, v[soma] if never_wraps else int(core.vmax))
+        return spikes, largest
+
+    def last_value(self, registers: dict[str, np.ndarray], compartment: int, neuron: int) -> int:
+        """A register of a neuron's compartment after ``at`` steps."""
+        if self.at == 0:
+            return 0
+        for piece in self.core.slices:
+            if piece.offset + neuron == compartment:
+                return int(registers[piece.group][self.at - 1, neuron])
+        raise AssertionError(compartment)
+
+    def advance(self, family: list[int], soma: int, u: dict[int, int], v: dict[int, int]) -> None:
+        """Take the registers of a soma and of its dendrites, which come before it, a step on."""
+        core = self.core
+        joined = 0
+        for c in family:
+            u[c] = kept(u[c], core.setting("decay_u")[c]) + int(self.most_charge[c])
+            v_sum = kept(v[c], core.setting("decay_v")[c]) + u[c] + int(core.bias[c])
+            if c == soma:
+                v_sum += joined
+            v[c] = min(core.vmax, max(core.vmin, v_sum))
+            joined += v[c]
+
+
+def kept(x: int, decay: int) -> int:
+    """What a decay leaves of a register: x (4096 - decay) / 4096, truncated toward zero."""
+    magnitude = abs(x) * (FORGETS_AT_ONCE - int(decay)) // FORGETS_AT_ONCE
+    return magnitude if x >= 0 else -magnitude
 
 
 def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
     """Try every step from the first on, with exact scores."""
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential"))
-    (name,), (weight,) = program.readout.populations, program.readout.weights
-    weight, exact = Fraction(weight), float(weight).is_integer()
     steps = len(recording)
+    return next((at for at in range(steps) if is_proven(program, result, at, steps)), steps)
+
+
+def is_proven(program: hw.ChipProgram, result: hw.SimulationResult, at: int, steps: int) -> bool:
+    """Whether no class can come to win in the place of the one that leads after ``at`` steps."""
+    (name,) = program.readout.populations
+    (float_weight,) = program.readout.weights
+    weight = Fraction(float_weight)
+    # Scores of other weights are rounded, so that ties prove nothing.
+    is_exact = float(float_weight).is_integer()
+    to_come = PlainBound(program, result, at).after(name, steps)
     first = program.readout.potentials_from
-    for at in range(steps):
-        more = most_to_come(program, result, name, at, steps)
-        if first is None:
-            now = [int(n) for n in result.spikes[name][:at].sum(axis=0, dtype=np.int64)]
-            ends = [(n, n + spikes) for n, (spikes, _) in zip(now, more, strict=True)]
-        else:
-            seen = [[int(v) for v in row] for row in result.potential[name][first:at].T]
-            now = [max(row, default=0) for row in seen]
-            least = program.cores[0].vmin
-            ends = [
-                (max(*row, least, least), max(*row, top, top))
-                for row, (_, top) in zip(seen, more, strict=True)
-            ]
-            ends = ends if first < steps else [(0, 0)] * len(now)
-        score = [weight * n for n in now]
-        low = [min(weight * a, weight * b) for a, b in ends]
-        high = [max(weight * a, weight * b) for a, b in ends]
-        w = score.index(max(score))
-        if low == high or all(
-            high[c] < low[w] or (exact and c > w and high[c] == low[w])
-            for c in range(len(score))
-            if c != w
-        ):
-            return at
-    return steps
+    if first is None:
+        given = result.spikes[name][:at].sum(axis=0, dtype=np.int64).tolist()
+        ends = [(n, n + spikes) for n, (spikes, _) in zip(given, to_come, strict=True)]
+    else:
+        potentials = result.potential[name][first:at].T.tolist()
+        given = [max(of_class, default=0) for of_class in potentials]
+        lowest = int(program.cores[0].vmin)
+        ends = [
+            (max([*of_class, lowest]), max([*of_class, highest]))
+            for of_class, (_, highest) in zip(potentials, to_come, strict=True)
+        ]
+        if first >= steps:
+            ends = [(0, 0)] * len(given)
+    # A negative weight turns the lowest into the highest.
+    least = [min(weight * low, weight * high) for low, high in ends]
+    most = [max(weight * low, weight * high) for low, high in ends]
+    scores = [weight * n for n in given]
+    winner = scores.index(max(scores))
+
+    def stays_behind(rival: int) -> bool:
+        ties_and_loses = is_exact and rival > winner and most[rival] == least[winner]
+        return most[rival] < least[winner] or ties_and_loses
+
+    rivals = [rival for rival in range(len(scores)) if rival != winner]
+    return least == most or all(map(stays_behind, rivals))
 
 
 @pytest.mark.slow
