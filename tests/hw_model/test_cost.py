@@ -11,7 +11,7 @@ from hw_model.accounting.usage import measure
 from hw_model.values import added
 from tests.support.cost_programs import FORGETS, chain, crossroads, hybrid
 from tests.support.hybrids import program_of_graphs
-from tests.support.register_units import FORGETS_AT_ONCE
+from tests.support.register_units import FORGETS_AT_ONCE, LARGEST_THRESHOLD
 
 CHIP = hw.chip("loihi-sim")
 
@@ -144,7 +144,7 @@ def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
     x = builder.add_input("x", 1)
     for name, many in zip("ab", synapses, strict=True):
         y = builder.add_compartments(
-            name, 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+            name, 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=LARGEST_THRESHOLD
         )
         for _ in range(many):
             builder.connect(x, y, [[20]])

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from register_units import FORGETS_AT_ONCE
 
 import hw_model as hw
 from hw_model.description.counts import BY_CORE
@@ -27,6 +26,7 @@ from tests.support.early_stops import (
 )
 from tests.support.hybrids import CHIP, random_hybrid
 from tests.support.real_recordings import REAL, on_real_recordings
+from tests.support.register_units import FORGETS_AT_ONCE
 
 ROOT = Path(__file__).parents[2]
 

@@ -18,7 +18,7 @@ from tests.support import any_phases, any_program
 from tests.support import loihi_oracle as oracle
 from tests.support.against_oracle import check_oracle, check_played, play_all
 from tests.support.any_program import SETTINGS
-from tests.support.register_units import FORGETS_AT_ONCE
+from tests.support.register_units import FORGETS_AT_ONCE, UNIT
 
 LARGE = (1, 9)
 """Seeds of programs that a plain engine takes long for."""
@@ -86,18 +86,31 @@ def test_the_seeds_meet_what_the_builder_allows():
 
 
 def test_the_oracle_plays_a_step_by_hand():
-    """One compartment of known numbers: charge 640, half of it left a step later, a reset, and a blocked step."""
+    """One compartment of known numbers: a charge, half of it left a step later, a reset, and a blocked step."""
+    charge = 10 * UNIT
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 1)
     n = builder.add_compartments(
-        "n", 1, decay_u=2048, decay_v=FORGETS_AT_ONCE, threshold=4, refractory=2
+        "n", 1, decay_u=FORGETS_AT_ONCE // 2, decay_v=FORGETS_AT_ONCE, threshold=4, refractory=2
     )
     builder.connect(x, n, [[10]])
     graph = replace(builder.graph(), readout=Readout(("n",), (1.0,)))
     expected = oracle.play(graph, hw.chip("loihi-sim"), {"x": np.array([[1], [0], [0], [0], [0]])})
-    assert expected.arrays["u"]["n"].ravel().tolist() == [0, 640, 320, 160, 80]
-    assert expected.arrays["potential"]["n"].ravel().tolist() == [0, 640, 0, 160, 80]
-    assert expected.arrays["v"]["n"].ravel().tolist() == [0, 0, 0, 160, 80]
+    assert expected.arrays["u"]["n"].ravel().tolist() == [
+        0,
+        charge,
+        charge // 2,
+        charge // 4,
+        charge // 8,
+    ]
+    assert expected.arrays["potential"]["n"].ravel().tolist() == [
+        0,
+        charge,
+        0,
+        charge // 4,
+        charge // 8,
+    ]
+    assert expected.arrays["v"]["n"].ravel().tolist() == [0, 0, 0, charge // 4, charge // 8]
     assert expected.arrays["spikes"]["n"].ravel().tolist() == [0, 1, 0, 0, 0]
     assert expected.scores == [1.0]
     assert expected.events == {}

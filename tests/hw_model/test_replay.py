@@ -10,7 +10,7 @@ import pytest
 import hw_model as hw
 from hw_model.mapping.graph import Readout
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
-from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL, LARGEST_BIAS
 
 FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
 STEPS = 12
@@ -120,7 +120,7 @@ def delay_line(to=lambda neuron: neuron, onto=("h",)):
     return build
 
 
-LARGE = {"decay_u": KEEPS_ALL, "bias": 4095 * 128}
+LARGE = {"decay_u": KEEPS_ALL, "bias": LARGEST_BIAS}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
     "a spike that is taken back": relay,

@@ -5,21 +5,37 @@ import pytest
 
 import hw_model as hw
 from hw_model.simulation import ENGINES
-from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
+from tests.support.register_units import (
+    CHARGE_RANGE,
+    CURRENT_RANGE,
+    FORGETS_AT_ONCE,
+    KEEPS_ALL,
+    LARGEST_BIAS,
+    LARGEST_THRESHOLD,
+    LARGEST_WEIGHT,
+    UNIT,
+    VOLTAGE_MAX,
+)
 
 CHIP = hw.chip("loihi-sim")
+CHARGE = 100 * UNIT
+"""What an event adds to the current of :func:`one_compartment`."""
+LARGEST_CHARGE = (LARGEST_WEIGHT << 7) * UNIT
+"""Of one synapse. It fits the register of a charge, and twice as much does not."""
 
 
-def one_compartment(weight=100, delay=0, exponent=0, sign_mode="mixed", **parameters):
+def one_compartment(weight=CHARGE // UNIT, delay=0, exponent=0, sign_mode="mixed", **parameters):
+    """A compartment ``n`` with one input; unless told otherwise it never spikes, and keeps its voltage but no current."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    defaults = {"decay_u": FORGETS_AT_ONCE, "decay_v": KEEPS_ALL, "threshold": 131071}
+    defaults = {"decay_u": FORGETS_AT_ONCE, "decay_v": KEEPS_ALL, "threshold": LARGEST_THRESHOLD}
     n = builder.add_compartments("n", 1, **{**defaults, **parameters})
     builder.connect(x, n, [[weight]], delay=delay, exponent=exponent, sign_mode=sign_mode)
     return builder.build()
 
 
 def played(program, events, steps, engine):
+    """Play a recording of so many steps with an event in each of the rows ``events``."""
     rows = np.zeros((steps, 1), dtype=np.uint8)
     rows[events] = 1
     return hw.simulate(program, rows, engine=engine, probe=("spikes", "u", "v", "potential"))
@@ -29,18 +45,26 @@ def played(program, events, steps, engine):
 class TestStep:
     def test_an_input_of_row_t_acts_at_step_t_plus_1_plus_delay(self, engine):
         result = played(one_compartment(delay=3), [2], 9, engine)
-        assert result.v["n"].ravel().tolist() == [0] * 6 + [6400] * 3
+        assert result.v["n"].ravel().tolist() == [0] * 6 + [CHARGE] * 3
 
     def test_current_keeps_and_voltage_adds_it(self, engine):
-        result = played(one_compartment(decay_u=2048, decay_v=1024), [0], 4, engine)
-        assert result.u["n"].ravel().tolist() == [0, 6400, 3200, 1600]
-        assert result.v["n"].ravel().tolist() == [0, 6400, 4800 + 3200, 6000 + 1600]
+        result = played(
+            one_compartment(decay_u=FORGETS_AT_ONCE // 2, decay_v=FORGETS_AT_ONCE // 4),
+            [0],
+            4,
+            engine,
+        )
+        assert result.u["n"].ravel().tolist() == [0, CHARGE, CHARGE // 2, CHARGE // 4]
+        v_2 = 3 * CHARGE // 4 + CHARGE // 2
+        v_3 = 3 * v_2 // 4 + CHARGE // 4
+        assert result.v["n"].ravel().tolist() == [0, CHARGE, v_2, v_3]
 
     def test_negative_values_decay_toward_zero(self, engine):
         result = played(
             one_compartment(weight=-2, decay_u=1, decay_v=FORGETS_AT_ONCE), [0], 3, engine
         )
-        assert result.u["n"].ravel().tolist() == [0, -128, -127]
+        # -128 * 4095 / 4096 is a little above -128, and truncated toward zero.
+        assert result.u["n"].ravel().tolist() == [0, -2 * UNIT, -2 * UNIT + 1]
 
     @pytest.mark.parametrize(
         ("threshold", "spikes"), [(100, 0), (99, 1)], ids=["equal does not spike", "above does"]
@@ -55,9 +79,9 @@ class TestStep:
 
     def test_a_spike_resets_v_but_not_u(self, engine):
         result = played(one_compartment(threshold=99, decay_u=KEEPS_ALL), [0], 4, engine)
-        assert result.u["n"].ravel().tolist() == [0, 6400, 6400, 6400]
+        assert result.u["n"].ravel().tolist() == [0, CHARGE, CHARGE, CHARGE]
         assert result.v["n"].ravel().tolist() == [0, 0, 0, 0]
-        assert result.potential["n"].ravel().tolist() == [0, 6400, 6400, 6400]
+        assert result.potential["n"].ravel().tolist() == [0, CHARGE, CHARGE, CHARGE]
         assert result.spikes["n"].ravel().tolist() == [0, 1, 1, 1]
 
     def test_refractory_k_blocks_k_minus_1_steps_with_v_at_0(self, engine):
@@ -66,25 +90,26 @@ class TestStep:
         )
         assert result.spikes["n"].ravel().tolist() == [0, 1, 0, 0, 1, 0, 0, 1]
         assert result.v["n"].ravel().tolist() == [0] * 8
-        assert result.potential["n"].ravel().tolist() == [0, 6400, 0, 0, 6400, 0, 0, 6400]
+        assert result.potential["n"].ravel().tolist() == [0, CHARGE, 0, 0, CHARGE, 0, 0, CHARGE]
 
     def test_bias_acts_from_step_0(self, engine):
-        result = played(one_compartment(bias=-4096 * 128), [], 2, engine)
-        assert result.v["n"].ravel().tolist() == [-524288, -1048576]
+        lowest_bias = -4096 * 128
+        result = played(one_compartment(bias=lowest_bias), [], 2, engine)
+        assert result.v["n"].ravel().tolist() == [lowest_bias, 2 * lowest_bias]
         assert result.u["n"].ravel().tolist() == [0, 0]
 
     @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
     def test_charge_wraps_at_21_bits(self, sign, engine):
-        # 254 * 2^7 * 64 = 2080768 fits; two of them, from one input twice connected, do not.
+        """One input is connected twice."""
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
         n = builder.add_compartments(
-            "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+            "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=LARGEST_THRESHOLD
         )
-        builder.connect(x, n, [[sign * 254]], exponent=7)
-        builder.connect(x, n, [[sign * 254]], exponent=7)
+        builder.connect(x, n, [[sign * LARGEST_WEIGHT]], exponent=7)
+        builder.connect(x, n, [[sign * LARGEST_WEIGHT]], exponent=7)
         result = played(builder.build(), [0], 3, engine)
-        assert result.u["n"].ravel().tolist() == [0, sign * (2 * 2080768 - 2**22), 0]
+        assert result.u["n"].ravel().tolist() == [0, sign * (2 * LARGEST_CHARGE - CHARGE_RANGE), 0]
         assert (result.counts.charge_wraps, result.counts.current_wraps, result.counts.clips) == (
             1,
             0,
@@ -94,26 +119,30 @@ class TestStep:
 
     def test_current_wraps_at_23_bits(self, engine):
         result = played(
-            one_compartment(weight=254, exponent=7, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE),
+            one_compartment(
+                weight=LARGEST_WEIGHT, exponent=7, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE
+            ),
             [0, 1, 2, 3, 4],
             7,
             engine,
         )
         assert result.u["n"].ravel().tolist() == [
             0,
-            *(2080768 * k for k in (1, 2, 3, 4)),
-            5 * 2080768 - 2**24,
-            5 * 2080768 - 2**24,
+            *(LARGEST_CHARGE * k for k in (1, 2, 3, 4)),
+            5 * LARGEST_CHARGE - CURRENT_RANGE,
+            5 * LARGEST_CHARGE - CURRENT_RANGE,
         ]
         assert result.counts.current_wraps == 1
 
     def test_current_and_bias_wrap_together(self, engine):
         program = one_compartment(
-            weight=252, exponent=7, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE, bias=4095 * 128
+            weight=252, exponent=7, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE, bias=LARGEST_BIAS
         )
         result = played(program, [0, 1, 2, 3], 6, engine)
-        drives = [2064384 * k + 524160 for k in (0, 1, 2, 3)]
-        assert result.v["n"].ravel().tolist() == [*drives, *2 * [2064384 * 4 + 524160 - 2**24]]
+        charge = (252 << 7) * UNIT  # four of them fit the current, and with the bias they do not
+        drives = [charge * k + LARGEST_BIAS for k in (0, 1, 2, 3)]
+        wrapped = charge * 4 + LARGEST_BIAS - CURRENT_RANGE
+        assert result.v["n"].ravel().tolist() == [*drives, wrapped, wrapped]
         assert result.counts.current_wraps == 2
 
     def test_a_charge_acts_once(self, engine):
@@ -171,14 +200,14 @@ class TestStep:
             "exponent": 7,
             "decay_u": KEEPS_ALL,
             "decay_v": FORGETS_AT_ONCE,
-            "bias": 4095 * 128,
+            "bias": LARGEST_BIAS,
             "vmax": 2**19 - 1,
         }
         result = played(
             one_compartment(**wide, threshold=100, refractory=63), [0, 1, 2, 3], 9, engine
         )
         assert (result.counts.spikes, result.counts.wraps, result.counts.clips) == (1, 0, 0)
-        assert result.potential["n"].ravel().tolist() == [4095 * 128, *8 * [0]]
+        assert result.potential["n"].ravel().tolist() == [LARGEST_BIAS, *8 * [0]]
 
     def test_what_is_cut_off_in_a_refractory_sum_is_not_counted(self, engine):
         builder = hw.ProgramBuilder(CHIP)
@@ -191,19 +220,19 @@ class TestStep:
             )
         result = played(builder.build(), [0, 1], 4, engine)
         assert (result.counts.spikes, result.counts.clips) == (1, 1)
-        assert result.potential["soma"].ravel().tolist() == [0, 8191, 0, 0]
+        assert result.potential["soma"].ravel().tolist() == [0, 2**13 - 1, 0, 0]
 
     def test_voltage_clips_to_the_register(self, engine):
         result = played(
-            one_compartment(weight=254, exponent=7, decay_u=FORGETS_AT_ONCE),
+            one_compartment(weight=LARGEST_WEIGHT, exponent=7, decay_u=FORGETS_AT_ONCE),
             [0, 1, 2, 3, 4],
             7,
             engine,
         )
         assert result.potential["n"].ravel().tolist() == [
             0,
-            *(2080768 * k for k in (1, 2, 3, 4)),
-            2**23 - 1,
+            *(LARGEST_CHARGE * k for k in (1, 2, 3, 4)),
+            VOLTAGE_MAX,
             0,
         ]
         assert result.spikes["n"].ravel().tolist() == [0, 0, 0, 0, 0, 1, 0]
@@ -211,16 +240,17 @@ class TestStep:
 
     @pytest.mark.parametrize(
         ("limits", "lowest"),
-        [({"vmin": 0}, 0), ({"vmin": 1 - 2**13}, -8191), ({"vmin": 1 - 2**31}, -12800)],
+        [({"vmin": 0}, 0), ({"vmin": 1 - 2**13}, 1 - 2**13), ({"vmin": 1 - 2**31}, -2 * CHARGE)],
         ids=["vmin 0", "vmin 1 - 2^13", "vmin beyond the register"],
     )
     def test_vmin_clips(self, engine, limits, lowest):
-        result = played(one_compartment(weight=-200, **limits), [0], 3, engine)
+        result = played(one_compartment(weight=-2 * CHARGE // UNIT, **limits), [0], 3, engine)
         assert result.v["n"].ravel().tolist() == [0, lowest, lowest]
 
     def test_vmax_clips_before_the_threshold(self, engine):
         result = played(one_compartment(weight=200, vmax=2**11 - 1, threshold=40), [0], 3, engine)
-        assert result.potential["n"].ravel().tolist() == [0, 2047, 2047]
+        # 200 * 64 is above the threshold of 40 * 64; vmax, 2047, is below it.
+        assert result.potential["n"].ravel().tolist() == [0, 2**11 - 1, 2**11 - 1]
         assert result.counts.spikes == 0
 
     def test_a_joined_child_adds_its_v_in_the_same_step(self, engine):
@@ -243,8 +273,8 @@ class TestStep:
         builder.connect(x, one, [[100]])
         builder.connect(x, two, [[100]])
         result = played(builder.build(), [0], 4, engine)
-        assert result.v["soma/two"].ravel().tolist() == [0, 6400, 0, 0]
-        assert result.v["soma/one"].ravel().tolist() == [0, 12800, 12800, 12800]
+        assert result.v["soma/two"].ravel().tolist() == [0, CHARGE, 0, 0]
+        assert result.v["soma/one"].ravel().tolist() == [0, 2 * CHARGE, 2 * CHARGE, 2 * CHARGE]
         assert result.spikes["soma"].ravel().tolist() == [0, 1, 1, 1]
         assert list(result.spikes) == ["soma"]
 
@@ -260,13 +290,13 @@ class TestStep:
         for child in (one, two, deep):
             builder.connect(x, child, [[100]])
         result = played(builder.build(), [0], 3, engine)
-        assert result.potential["soma"].ravel().tolist() == [0, 19200, 0]
+        assert result.potential["soma"].ravel().tolist() == [0, 3 * CHARGE, 0]
         assert result.spikes["soma"].ravel().tolist() == [0, 1, 0]
 
     def test_steps_beyond_the_rows_are_silent_and_rows_beyond_the_steps_are_counted(self, engine):
         program = one_compartment()
         longer = hw.simulate(program, [[1]], steps=4, engine=engine, probe=("v",))
-        assert longer.v["n"].ravel().tolist() == [0, 6400, 6400, 6400]
+        assert longer.v["n"].ravel().tolist() == [0, CHARGE, CHARGE, CHARGE]
         shorter = hw.simulate(program, [[1], [0], [1], [1]], steps=2, engine=engine)
         assert (shorter.counts.input_events, shorter.counts.events_dropped) == (1, 2)
 
@@ -279,8 +309,11 @@ def test_an_exponent_below_0_floors_weight_by_weight():
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     n = builder.add_compartments(
-        "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=131071
+        "n", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=LARGEST_THRESHOLD
     )
     builder.connect(x, n, [[6, -6]], exponent=-2)
     result = hw.simulate(builder.build(), [[1, 1], [0, 0]], probe=("u",))
-    assert result.u["n"].ravel().tolist() == [0, 64 * (1 - 2)]
+    assert result.u["n"].ravel().tolist() == [
+        0,
+        (1 - 2) * UNIT,
+    ]  # 6 / 4 and -6 / 4, rounded down each

@@ -16,7 +16,7 @@ from hw_model.engine.layout import WIDE_LIST
 from hw_model.engine.links import packed_synapses
 from hw_model.engine.state import MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
-from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL, LARGEST_THRESHOLD
 
 CHIP = hw.chip("loihi-sim")
 FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
@@ -48,7 +48,7 @@ def weights_beyond_16_bits() -> hw.ProgramBuilder:
     """Two synapses from each source, which together are wider than an entry of a matrix."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 4)
-    n = builder.add_compartments("n", 20, threshold=131071, **FORGETS)
+    n = builder.add_compartments("n", 20, threshold=LARGEST_THRESHOLD, **FORGETS)
     for _ in range(2):
         builder.connect(x, n, np.full((20, 4), 254), exponent=7)
     return builder

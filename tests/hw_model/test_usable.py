@@ -32,6 +32,7 @@ PLAYED = "[0, 1, 1]\n"
 """By hand: the spikes of rows 0 and 1 act at steps 1 and 2, each with 2 * 64 against a threshold of 1 * 64."""
 NO_PART = """\
 from numba.core.caching import Cache
+from tests.support.register_units import FORGETS_AT_ONCE
 del Cache._load_overload
 """
 

@@ -12,7 +12,7 @@ from hw_model.mapping.graph import CompartmentGraph, Phase, Readout
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.images import Sizes
 from tests.support import hybrids
-from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL, LARGEST_BIAS, LARGEST_THRESHOLD
 
 CHIP = hw.chip("loihi-sim")
 FAULT = ("update.sv", "6'b0}) < sum7;", "6'b0}) >= sum7;")
@@ -56,7 +56,7 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
         decay_u=[1, 2048],
         decay_v=[0, 4095],
         threshold=40,
-        bias=[0, 4095 * 128],
+        bias=[0, LARGEST_BIAS],
         refractory=3,
         **kept,
     )
@@ -65,7 +65,7 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
     )
     # After four spikes its current is -2^23, the only value whose magnitude needs all 24 bits.
     edge = b.add_compartments(
-        "edge", 1, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE, threshold=131071
+        "edge", 1, decay_u=KEEPS_ALL, decay_v=FORGETS_AT_ONCE, threshold=LARGEST_THRESHOLD
     )
     b.connect(x, edge, [[-256, 0, 0, 0]], exponent=7)
     for target in (one, two, one, two, y):
@@ -116,7 +116,7 @@ def blocked() -> tuple[hw.ChipProgram, np.ndarray]:
         decay_u=KEEPS_ALL,
         decay_v=FORGETS_AT_ONCE,
         threshold=1,
-        bias=4095 * 128,
+        bias=LARGEST_BIAS,
         refractory=63,
     )
     b.connect(x, full, [[254, 0]], exponent=7)
@@ -164,7 +164,12 @@ def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
     b = hw.ProgramBuilder(CHIP, name="potentials")
     x = b.add_input("x", 2)
     y = b.add_compartments(
-        "y", 4, decay_u=FORGETS_AT_ONCE, decay_v=[0, 100, 100, 2000], threshold=131071, bias=-99
+        "y",
+        4,
+        decay_u=FORGETS_AT_ONCE,
+        decay_v=[0, 100, 100, 2000],
+        threshold=LARGEST_THRESHOLD,
+        bias=-99,
     )
     weights = 2 * r.integers(-60, 60, (4, 2))
     weights[2] = weights[1]
