@@ -31,7 +31,7 @@ TARGETS = {
 """The core that each device is given where a program has none."""
 USUAL_BAUD = 1_000_000
 CYCLES_PER_BIT = 8
-"""The fewest cycles of the core's clock that the serial line needs per bit."""
+"""The fewest cycles of the core's clock that the serial line needs per bit: ``BIT`` of uart_rx.sv."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 # It goes into comments of files that tools read, where the end of a line would end the comment.
 _DESCRIPTION = re.compile(r"[A-Za-z0-9 ,.()/+-]{1,100}")
@@ -53,6 +53,7 @@ _SIGNALS = {
 }
 """Names in the top of a board, beside that of the clock: ``clk`` and a number."""
 _BAUD_ERROR = 0.02
+"""Share by which the board's bits may be off: half of the 4 % that uart_rx.sv takes, for the host may be off as well."""
 
 
 class Pin(Frozen):

@@ -6,22 +6,26 @@ from pathlib import Path
 from typing import Any
 
 
-def filled(package: str, name: str, **given: str) -> str:
-    """Return a text file of a package, each placeholder filled with the value given or with the file that it names."""
+def filled(package: str, name: str, **values: str) -> str:
+    """Return the text file ``name`` of a package with its placeholders filled.
+
+    ``@@title@@`` becomes ``values["title"]`` or, without such a value, the text of the file ``title`` of the package.
+    """
     folder = Path(import_module(package).__path__[0])
 
-    def part(place: re.Match[str]) -> str:
-        return (
-            given[place[1]] if place[1] in given else folder.joinpath(place[1]).read_text("utf-8")
-        )
+    def text_of(placeholder: re.Match[str]) -> str:
+        key = placeholder[1]
+        if key in values:
+            return values[key]
+        return folder.joinpath(key).read_text("utf-8")
 
-    return re.sub("@@(.+?)@@", part, folder.joinpath(name).read_text("utf-8"))
+    return re.sub("@@(.+?)@@", text_of, folder.joinpath(name).read_text("utf-8"))
 
 
-def yaml_table(package: str, name: str, **given: str) -> Any:
-    """Return what a YAML file of a package holds."""
+def yaml_table(package: str, name: str, **values: str) -> Any:
+    """Return what a YAML file of a package holds, its placeholders filled as :func:`filled` does."""
     import yaml  # commands whose help has no table do not wait for it
 
     from hw_model.io.yaml_text import FAST_LOADER
 
-    return yaml.load(filled(package, name, **given), FAST_LOADER)
+    return yaml.load(filled(package, name, **values), FAST_LOADER)

@@ -70,8 +70,18 @@ def test_a_loop_reads_every_field_and_writes_into_arrays(dtype):
     numbers = np.zeros(11, np.int64)
     _read(pack(record), numbers)
     assert numbers.tolist() == [
-        -1, -77, 23, 10, -(1 << 40), 1, -3, 1 << 35, 205 + 6, -4, 24 + 24
-    ]  # fmt: skip
+        1 - 2,  # line[1]
+        -7 * 11,  # square[2, 3] is entry 11 of 12
+        23,  # block[1, 2, 3] is the last entry of 24
+        0 + 10 * 1,  # of three marks only the second is set
+        -(1 << 40),
+        1,
+        -3,
+        1 << 35,
+        (200 + 5) + 6,  # bytes_of_rows[1, 2] is entry 5 of 6
+        4 * -1,
+        3 * 4 * 2 + 2 * 3 * 4,  # bytes from block[0] to block[1], and its entries
+    ]
     assert record.line[0] == 99
 
 
