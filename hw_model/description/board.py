@@ -53,7 +53,7 @@ _SIGNALS = {
 }
 """Names in the top of a board, beside that of the clock: ``clk`` and a number."""
 _BAUD_ERROR = 0.02
-"""Share by which the board's bits may be off: half of the 4 % that uart_rx.sv takes, for the host may be off as well."""
+"""Share by which the board's bits may be off: half of the 4 % that uart_rx.sv takes, for the host may be off too."""
 
 
 class Pin(Frozen):
