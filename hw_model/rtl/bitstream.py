@@ -29,7 +29,10 @@ CELLS: dict[str, tuple[str, ...]] = {
     "multipliers": ("MULT18X18D", "ICESTORM_DSP"),
 }
 """What the tools of both families call them, by the beginning of the name."""
-_NO_SUCH_PIN = re.compile("does not exist for package|not have a pin named")
+_NO_SUCH_PIN = re.compile(
+    r"constrained to pin '(?P<ecp5>\w+)', which does not exist for package"
+    r"|package does not have a pin named '(?P<ice40>\w+)'"
+)
 """What nextpnr says of a site that the package of a board lacks, for both families."""
 _log = logging.getLogger("locsnn")
 
@@ -68,8 +71,13 @@ class _Build(Frozen):
     """A folder that only this process changes, the board that is made there, and its number of placements."""
 
     folder: Path
-    board: str
+    described: Board
     placements: int
+
+    @property
+    def board(self) -> str:
+        """The name of the board, with which names of files begin."""
+        return self.described.name
 
     @property
     def where(self) -> str:
@@ -116,7 +124,7 @@ def fit(program: ChipProgram, board: Board, seeds: int, target: str = "") -> Pla
     _say_if_busy(lock)
     with locked(lock, wait=True):
         write_build(folder, {} if (folder / "Makefile").exists() else files)
-        return _placed(_Build(folder, board.name, seeds), device.name)
+        return _placed(_Build(folder, board, seeds), device.name)
 
 
 def _say_if_busy(lock: Path) -> None:
@@ -184,11 +192,10 @@ def _place(build: _Build) -> None:
         try:
             build.make(build.placement(seed))
         except InputError as error:
-            if _NO_SUCH_PIN.search(error.measured):
-                fix = "Give a pin that the package has."
-                raise InputError(
-                    build.where, "a pin does not exist", measured=error.measured, fix=fix
-                ) from error
+            no_such_pin = _NO_SUCH_PIN.search(error.measured)
+            if no_such_pin is not None:
+                site = no_such_pin["ecp5"] or no_such_pin["ice40"]
+                raise _no_pin(build, site) from error
             raise _no_room(build, seed, error) from error
 
 
@@ -232,6 +239,14 @@ def _by_kind(cells: Mapping[str, int]) -> dict[str, int]:
         kind: sum(number for name, number in cells.items() if name.startswith(beginnings))
         for kind, beginnings in CELLS.items()
     }
+
+
+def _no_pin(build: _Build, site: str) -> InputError:
+    """Return the error of a site that the package of a board lacks."""
+    keys = [key for key, pin in build.described.pins() if pin.pin == site]
+    where = ", ".join([build.where, *keys])
+    what = f"package {build.described.device.package} has no pin {site}"
+    return InputError(where, what, fix="Give a pin that the package has.")
 
 
 def _no_room(build: _Build, seed: int, error: InputError) -> NoRoomError:

@@ -97,6 +97,7 @@ def test_the_board_of_the_manual_is_a_board() -> None:
 
 
 ICE = {"family": "ice40", "size": "up5k", "package": "sg48"}
+ICE_PINS = {"device": ICE, "clock__pin": 35, "serial": {"rx": 6, "tx": 9}, "leds": {}}
 REFUSED = {
     "family": ({"device__family": "xc7"}, "device.family: 'xc7' is not known. Choose one of: ecp5, ice40."),
     "size": ({"device__size": "26k"}, "device.size: the core cannot go to ecp5 of the size '26k'. Did you mean '25k'?"),
@@ -107,6 +108,9 @@ REFUSED = {
     "unknown": ({"led": "B1"}, "unknown key 'led'. Did you mean 'leds'?"),
     "frequency": ({"clock__core_mhz": 61.7}, "clock.core_mhz: the PLL cannot make 61.7 MHz from 12 MHz (the nearest is 61.714286 MHz). Give 61.714286."),
     "slow clock": ({"clock__mhz": 5}, "clock.core_mhz: the PLL cannot make 60 MHz from 5 MHz. Leave it out, to use the clock of the board."),
+    "frequency of an iCE40": ({**ICE_PINS, "clock__mhz": 12, "clock__core_mhz": 25}, "clock.core_mhz: the PLL cannot make 25 MHz from 12 MHz (the nearest is 25.125 MHz). Give 25.125."),
+    "slow clock of an iCE40": ({**ICE_PINS, "clock__mhz": 5, "clock__core_mhz": 24}, "clock.core_mhz: the PLL cannot make 24 MHz from 5 MHz. Leave it out, to use the clock of the board."),
+    "clock out of range": ({"clock__core_mhz": 500}, "clock.core_mhz: it must be a number from 1 to 400 (got 500). Correct it."),
     "no pin": ({"serial__rx": "pin 3"}, "serial.rx: 'pin 3' is not a pin. Give a site of the package, such as G2 or 35."),
     "pin twice": ({"serial__rx": "T3"}, "serial.tx: pin T3 is that of serial.rx already. Give each signal a pin of its own."),
     "low line": ({"serial__rx": {"pin": "R3", "active": "low"}}, "serial.rx: only a light or the reset can be active low. Leave 'active' out."),

