@@ -17,7 +17,7 @@ SILENT = "silent"
 _ENERGY_UNITS = ("pJ", "nJ", "µJ", "mJ", "J")
 _TIME_UNITS = ("ns", "µs", "ms", "s")
 _SIZE_UNITS = ("B", "kB", "MB", "GB")
-BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|%)(?!\w))")
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|[kMG]?Hz|%)(?!\w))")
 """The space between a number and its unit, at which no line should break."""
 _MOST_DECIMALS = 6
 """Most decimals of a percentage; nearer to 0 or 100 % only a bound is shown."""

@@ -18,10 +18,15 @@ from tests.support.small_report import figures
 
 
 def test_the_summary_says_what_no_recording_exceeds(document: dict[str, Any]) -> None:
-    facts = {fact.label: fact.value for fact in worst_time(figures(document)).facts}
+    verdict = worst_time(figures(document))
+    facts = {fact.label: fact.value for fact in verdict.facts}
+    assert verdict.sentence == (
+        "The slowest recording takes 2.80 ms, 2,500 times faster than the 7.00 s recorded; none with "
+        "up to 3 events in a step takes more than 5.00 ms."
+    )
     assert facts["bound"] == (
-        "no recording with up to 3 events in a step takes more than 5.00 ms, its answer 1.04 ms after "
-        "the last row; with all 5 channels 6.00 ms"
+        "with up to 3 events in a step, the answer comes at most 1.04 ms after the last row; with all "
+        "5 channels, a recording takes at most 6.00 ms"
     )
     assert facts["sustained"] == (
         "events of all 5 channels in every step are done within the 20.0 ms between two rows"
@@ -67,10 +72,14 @@ def test_a_stated_rate_takes_the_place_of_the_recorded_one_in_the_answer(
 ) -> None:
     document["bounds"]["as_stated"] = bounds_at(4, 45_000.0)
     report = figures(document)
-    facts = {fact.label: fact.value for fact in worst_time(report).facts}
+    verdict = worst_time(report)
+    facts = {fact.label: fact.value for fact in verdict.facts}
+    assert verdict.sentence.endswith(
+        "; none with up to 4 events in a step takes more than 5.50 ms."
+    )
     assert facts["bound"] == (
-        "no recording with up to 4 events in a step takes more than 5.50 ms, its answer 1.04 ms after "
-        "the last row; with all 5 channels 6.00 ms"
+        "with up to 4 events in a step, the answer comes at most 1.04 ms after the last row; with all "
+        "5 channels, a recording takes at most 6.00 ms"
     )
     table = bounds_table(report.bounds)
     assert table is not None

@@ -64,10 +64,9 @@ def bound_facts(figures: BoundFigures | None) -> dict[str, str]:
     expected = figures.expected
     events = plural(expected.events_per_step, "event")
     facts = {
-        "bound": f"no recording with up to {events} in a step takes more than "
-        f"{time(expected.recording_ns.bound)}, its answer {time(expected.answer_ns.bound)} after "
-        f"the last row; with all {count(figures.channels)} channels "
-        f"{time(figures.any_input.recording_ns.bound)}"
+        "bound": f"with up to {events} in a step, the answer comes at most "
+        f"{time(expected.answer_ns.bound)} after the last row; with all {count(figures.channels)} "
+        f"channels, a recording takes at most {time(figures.any_input.recording_ns.bound)}"
     }
     sustained = _sustained(figures)
     if sustained:

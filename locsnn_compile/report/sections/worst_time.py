@@ -1,6 +1,7 @@
 """How fast is the program at worst? The slowest recording and step of the check."""
 
 from locsnn_compile.report.content import Facts, Verdict
+from locsnn_compile.report.figures.bounds import BoundFigures
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.latency import LatencyFigures, RealTime
 from locsnn_compile.report.format import plural, ratio, time
@@ -34,7 +35,8 @@ def worst_time(report: ReportFigures) -> Verdict:
         answer=answer,
         figure=slowest,
         figure_label=f"the slowest of {plural(report.match.samples, 'recording')}",
-        sentence=f"The slowest recording takes {slowest}{_against_recorded(latency)}.",
+        sentence=f"The slowest recording takes {slowest}{_against_recorded(latency)}"
+        f"{_bound(report.bounds)}.",
         facts=_facts(report).facts,
     )
 
@@ -43,6 +45,16 @@ def _against_recorded(latency: LatencyFigures) -> str:
     if latency.recording_ns is None:
         return ""
     return f", {pace(latency.over_samples_ns.max, latency.recording_ns)}"
+
+
+def _bound(figures: BoundFigures | None) -> str:
+    """Return what no recording exceeds, after a semicolon; nothing if that is not known."""
+    if figures is None:
+        return ""
+    expected = figures.expected
+    events = plural(expected.events_per_step, "event")
+    longest = time(expected.recording_ns.bound)
+    return f"; none with up to {events} in a step takes more than {longest}"
 
 
 def _facts(report: ReportFigures) -> Facts:
