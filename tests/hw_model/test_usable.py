@@ -17,7 +17,7 @@ PLAYS = """\
 import numpy as np, hw_model as hw
 builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
 x = builder.add_input("x", 1)
-y = builder.add_compartments("y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1)
+y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=1)
 builder.connect(x, y, np.full((1, 1), 2))
 builder.read_out(y)
 program = builder.build()
@@ -32,7 +32,6 @@ PLAYED = "[0, 1, 1]\n"
 """By hand: the spikes of rows 0 and 1 act at steps 1 and 2, each with 2 * 64 against a threshold of 1 * 64."""
 NO_PART = """\
 from numba.core.caching import Cache
-from tests.support.register_units import FORGETS_AT_ONCE
 del Cache._load_overload
 """
 
