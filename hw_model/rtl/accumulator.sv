@@ -5,6 +5,8 @@
 //     cycle 2   `taken` is the value: the newest result of its address that is still on its way, or the memory's word
 //     cycle 3   the sum, or 0 after a take, is written back
 //
+// A digit at the end of a name is this cycle. A charge is in units of 64, the lowest bits of a current.
+//
 // A word that is written in a cycle can be read in the next, so results of operations up to three cycles old are forwarded.
 module accumulator #(
     parameter integer WIDTH = 18,
@@ -25,7 +27,8 @@ module accumulator #(
     logic [$clog2(DEPTH)-1:0] address1, address2, address3, address4;
     logic [WIDTH-1:0]         addend1, addend2;
     logic [WIDTH-1:0]         stored, kept2, written3, written4, written5;
-    logic                     as3, as4, as5;  // the operation of cycle 2 has the address of the one in that cycle
+    // Whether the operation of cycle 2 has the address of the one in cycle 3, 4 or 5, whose result it takes.
+    logic                     as3, as4, as5;
 
     assign taken = as3 ? written3 : as4 ? written4 : as5 ? written5 : kept2;
 

@@ -1,7 +1,8 @@
 // Joined compartments: adds up the voltages of siblings, which follow each other, and keeps the sum so far for their
 // parent.
 //
-// A parent must come so much later than its last child that its read meets the written sum; the loader sees to it.
+// A parent must come so much later than its last child that its read meets the written sum: JOIN_DISTANCE of
+// hw_model/rtl/numbering.py sees to it.
 module join_sums #(
     parameter integer WIDTH = 26,
     parameter integer COMPARTMENTS = 512

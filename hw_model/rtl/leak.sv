@@ -1,6 +1,6 @@
 // What a step leaves of a register: rz(x, d) = sign(x) * ((|x| * (4096 - d)) >> 12), truncated toward zero.
 //
-// `keep` is 4096 - d. The product is cut off toward minus infinity, so a negative one with a fraction is one too low. Two
+// `keep` is 4096 - d, 0 to 4096: a decay d takes d / 4096 of x. The product is cut off toward minus infinity, so a negative one with a fraction is one too low. Two
 // cycles: the products of the halves of x, and their sum.
 module leak (
     input  logic               clk,

@@ -14,8 +14,8 @@ module readout #(
     input  logic [127:0]               load_data,
     input  logic [23:0]                classes,
     input  logic [23:0]                populations,
-    input  logic                       from_here,    // potentials count from this step on
-    input  logic                       after_here,   // they have counted before
+    input  logic                       from_here,    // this is the first step whose potentials count
+    input  logic                       after_here,   // an earlier step was
     input  logic                       sweep,
     input  logic [$clog2(ENTRIES)-1:0] sweep_address,
     input  logic                       early_read,   // two cycles before the others
@@ -33,11 +33,15 @@ module readout #(
     output logic signed [63:0]         score
 );
     localparam integer ENTRY = $clog2(ENTRIES);
-    localparam integer GROUPS = 64, GROUP = 6;  // populations that are read out, at most
+    localparam integer GROUPS = 64, GROUP = 6;  // populations that are read out, at most, and the bits of their number
+    // At the end, for each class and in it for each population: READ a tally and its weight, LOAD them, MULTIPLY, and add
+    // to the score. Then COMPARE the score with the best one, and DECIDE which is the best so far.
     localparam logic [2:0] IDLE = 0, READ = 1, LOAD = 2, MULTIPLY = 3, COMPARE = 4, DECIDE = 5;
 
     logic [2:0]         state;
     logic [ENTRY-1:0]   address;
+    // A digit at the end of a name is the cycle of update.sv: a tally is asked for in cycle 6 of its compartment, shown by
+    // the memory in cycle 7, and written in cycle 8.
     logic signed [23:0] stored, tally8, new_tally;
     logic               write;
 
@@ -81,8 +85,8 @@ module readout #(
         .read_data    (weight)
     );
     logic [ENTRY:0]     class_number;
-    logic [31:0]        factor;
-    logic               negative;
+    logic [31:0]        factor;    // bits of the weight's magnitude that are left, the next at bit 0
+    logic               negative;  // the weight is
     // -x is ~x + 1: of a negative weight, inverted bits of `addend` are added, and 1 with them.
     logic [63:0]        addend;
     logic signed [63:0] best;

@@ -5,7 +5,7 @@ module reset_sync (
     output logic reset
 );
     logic [1:0] pressed = 0;
-    logic [5:0] count = 0;  // 0 after configuration, too
+    logic [5:0] count = 0;  // 0 after configuration, too; bit 5: 32 cycles have passed
     assign reset = !count[5];
     always_ff @(posedge clk) begin
         pressed <= {pressed[0], button};

@@ -1,6 +1,6 @@
 // Spikes for the host: each as the number of compartments that were updated before it in its recording.
 //
-// Updates follow a fixed order, so the number tells the step and the compartment. Steps wait while half of the queue is
+// Updates follow a fixed order, step by step and in each by compartment, so the number tells both. Steps wait while half of the queue is
 // taken. Spikes of a step that still find it full are counted, and the count is answered with the class.
 module spike_report #(
     parameter integer DEPTH = 256  // a power of two

@@ -11,8 +11,8 @@ module stepped #(
     input  logic                       clk,
     input  logic                       valid,
     input  logic                       first,
-    input  logic [TARGET_BITS+2:0]     head,    // exponent, place
-    input  logic [STEP+SLOT_BITS+8:0]  half,
+    input  logic [TARGET_BITS+2:0]     head,    // exponent (3 bits), place
+    input  logic [STEP+SLOT_BITS+8:0]  half,    // mantissa (9 bits), delay, step
     // As where targets are told in full: mantissa, exponent, delay, target. What is no synapse is 0 * 2^7.
     output logic [TARGET_BITS+SLOT_BITS+11:0] synapse
 );

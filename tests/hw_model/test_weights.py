@@ -24,6 +24,7 @@ from hw_model.errors import InputError
     ],
 )
 def test_grid(bits, mode, step, low, high):
+    """By the table of :class:`hw_model.arithmetic.fixed_point.WeightGrid`, worked out by hand."""
     grid = weight_grid(bits, mode)
     assert (grid.step, grid.low, grid.high) == (step, low, high)
 
