@@ -24,17 +24,14 @@ def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int
         session.push({name: array[low:high] for name, array in recording.items()})
         for low, high in pairwise(ends)
     ]
-    spikes, potential = (
-        {
-            name: np.concatenate([getattr(part, kind)[name] for part in parts])
-            for name in getattr(parts[0], kind)
-        }
-        for kind in ("spikes", "potential")
-    )
+    spikes = {name: np.concatenate([p.spikes[name] for p in parts]) for name in parts[0].spikes}
+    potential = {
+        name: np.concatenate([p.potential[name] for p in parts]) for name in parts[0].potential
+    }
     return StepScores(spikes, potential, np.concatenate([part.scores for part in parts]))
 
 
-def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
+def check_so_far(case: any_phases.Case, step: int, session_scores: StepScores) -> None:
     """What a session says after a step is what the reference counts of the recording until then, silence after it.
 
     Phases that play rows as they come have run so many steps; transposed ones run to their end.
@@ -44,7 +41,7 @@ def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
         name: np.where(heard, array, 0).astype(np.uint8) for name, array in case.first.items()
     }
     whole = hw.simulate(case.program, so_far, engine=ENGINES[1], probe=("spikes", "potential"))
-    scores = np.zeros(found.scores.shape[1])
+    scores = np.zeros(session_scores.scores.shape[1])
     from_step = case.program.readout.from_step
     phase_of = {
         name: phase.name
@@ -52,17 +49,19 @@ def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
         for name in case.program.columns_of(phase.name)
     }
     for name, weight in case.program.readout.terms:
-        live = case.program.inputs_of(phase_of[name])[0].positions is None
-        ran = slice(0, step + 1) if live else slice(None)
+        plays_as_it_comes = case.program.inputs_of(phase_of[name])[0].positions is None
+        steps_run = slice(0, step + 1) if plays_as_it_comes else slice(None)
         if name in from_step:
-            seen = whole.potential[name][ran][from_step[name] :]
-            given = seen.max(axis=0) if len(seen) else np.zeros(seen.shape[1], dtype=int)
-            assert found.potential[name][step].tolist() == given.tolist(), (name, step)
+            potentials = whole.potential[name][steps_run][from_step[name] :]
+            expected = np.zeros(potentials.shape[1], dtype=int)
+            if len(potentials):
+                expected = potentials.max(axis=0)
+            assert session_scores.potential[name][step].tolist() == expected.tolist(), (name, step)
         else:
-            given = whole.spikes[name][ran].sum(axis=0, dtype=int)
-            assert found.spikes[name][step].tolist() == given.tolist(), (name, step)
-        scores += weight * given
-    assert np.array_equal(found.scores[step], scores, equal_nan=True)
+            expected = whole.spikes[name][steps_run].sum(axis=0, dtype=int)
+            assert session_scores.spikes[name][step].tolist() == expected.tolist(), (name, step)
+        scores += weight * expected
+    assert np.array_equal(session_scores.scores[step], scores, equal_nan=True)
 
 
 def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
@@ -70,15 +69,15 @@ def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
     scores = pushed(session, case.first, [])
     for step in {0, case.rows - 1, *r.integers(case.rows, size=2).tolist()}:
         check_so_far(case, step, scores)
-    every = list(range(1, case.rows))
-    some = r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist()
-    for cuts in (every, some):
+    row_by_row = list(range(1, case.rows))
+    at_random = r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist()
+    for cuts in (row_by_row, at_random):
         again = pushed(session if r.random() < 0.5 else hw.Session(case.program), case.first, cuts)
         assert np.array_equal(again.scores, scores.scores, equal_nan=True)
         for kind in ("spikes", "potential"):
-            ours = getattr(again, kind)
-            theirs = getattr(scores, kind)
-            assert [name for name in theirs if not np.array_equal(ours[name], theirs[name])] == []
+            arrays = getattr(again, kind)
+            for name, expected in getattr(scores, kind).items():
+                assert np.array_equal(arrays[name], expected), (kind, name)
     live = [p for p in case.program.phases if case.program.inputs_of(p.name)[0].positions is None]
     if all((phase.steps or 0) <= case.rows for phase in live):
         assert np.array_equal(

@@ -42,22 +42,28 @@ def check_engines(drawn: any_program.Drawn) -> hw.SimulationResult:
     return slow
 
 
-def check_ranges(program: hw.ChipProgram, found: hw.SimulationResult) -> None:
+def check_ranges(program: hw.ChipProgram, result: hw.SimulationResult) -> None:
     """What is proven of a compartment holds in this run."""
     for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
         for piece in core.slices:
-            here = slice(piece.offset, piece.offset + piece.size)
-            there = slice(piece.start, piece.stop)
-            u, v = (getattr(found, kind)[piece.group][..., there] for kind in ("u", "potential"))
-            kept = proven.cannot_wrap[here]
-            assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
-            assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
-            assert (v.max(axis=(0, 1)) <= np.maximum(proven.v.high[here], 0)).all()
-            assert (v.min(axis=(0, 1)) >= np.minimum(proven.v.low[here], 0)).all()
+            on_core = slice(piece.offset, piece.offset + piece.size)
+            in_group = slice(piece.start, piece.stop)
+            u = result.u[piece.group][..., in_group]
+            v = result.potential[piece.group][..., in_group]
+            # Nothing is proven of the current of what may wrap.
+            cannot_wrap = proven.cannot_wrap[on_core]
+            highest_u = proven.u.high[on_core][cannot_wrap]
+            lowest_u = proven.u.low[on_core][cannot_wrap]
+            assert (u.max(axis=(0, 1))[cannot_wrap] <= highest_u).all()
+            assert (u.min(axis=(0, 1))[cannot_wrap] >= lowest_u).all()
+            assert (v.max(axis=(0, 1)) <= np.maximum(proven.v.high[on_core], 0)).all()
+            assert (v.min(axis=(0, 1)) >= np.minimum(proven.v.low[on_core], 0)).all()
+            # Events are counted for whole groups.
             if piece.size == program.populations[piece.group]:
-                events = found.events.get(piece.group, dict.fromkeys(EVENTS, 0))
-                assert not kept.all() or events["charge_wraps"] + events["current_wraps"] == 0
-                assert not proven.cannot_clip[here].all() or events["voltage_clips"] == 0
+                events = result.events.get(piece.group, dict.fromkeys(EVENTS, 0))
+                wraps = events["charge_wraps"] + events["current_wraps"]
+                assert wraps == 0 or not cannot_wrap.all()
+                assert events["voltage_clips"] == 0 or not proven.cannot_clip[on_core].all()
 
 
 def check_program(drawn: any_program.Drawn) -> Counter[str]:

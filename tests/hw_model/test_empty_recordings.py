@@ -29,27 +29,28 @@ def biased() -> hw.ChipProgram:
     return builder.build()
 
 
-def parts(value: object) -> list[np.ndarray]:
-    """Return all arrays of a result."""
+def arrays_in(value: object) -> list[np.ndarray]:
+    """Return all arrays of a result, however deep they lie."""
     if isinstance(value, np.ndarray):
         return [value]
     if isinstance(value, dict):
         value = tuple(value.values())
     if isinstance(value, tuple):
-        return [array for item in value for array in parts(item)]
+        return [array for item in value for array in arrays_in(item)]
     if isinstance(value, (hw.SimulationResult, simulation.StepActivity)):
-        held = {
+        # Pieces and routes belong to the program, and are the same object in all results.
+        fields = {
             name: item for name, item in vars(value).items() if name not in ("pieces", "routes")
         }
-        return parts(held)
+        return arrays_in(fields)
     return []
 
 
-def equal(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
-    pairs = list(zip(parts(one), parts(other), strict=True))
-    return one.events == other.events and all(
-        np.array_equal(a, b) and a.dtype == b.dtype for a, b in pairs
-    )
+def check_equal(result: hw.SimulationResult, expected: hw.SimulationResult) -> None:
+    assert result.events == expected.events
+    for array, expected_array in zip(arrays_in(result), arrays_in(expected), strict=True):
+        assert np.array_equal(array, expected_array)
+        assert array.dtype == expected_array.dtype
 
 
 @pytest.mark.parametrize("batched", [False, True], ids=["rows", "a batch of one"])
@@ -62,8 +63,9 @@ def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched)
     assert plain.counts.voltage_clips > 0
     for _ in range(2):
         result = hw.simulate(program, nothing, probe=KINDS)
-        assert equal(result, plain)
-        for array in parts(result):  # what one caller does with its own is nobody else's
+        check_equal(result, plain)
+        # A caller may write into its result: no other caller gets the same arrays.
+        for array in arrays_in(result):
             array[...] = 77
         for kinds in result.events.values():
             kinds.clear()
@@ -79,12 +81,12 @@ def test_nothing_is_remembered_of_another_question():
     assert hw.simulate(program, nothing[None]).spikes["y"].shape == (1, STEPS, 20)
     assert hw.simulate(program, nothing, probe=("u",)).u["y"].shape == (STEPS, 20)
     assert hw.simulate(program, np.stack([nothing] * 3)).spikes["y"].shape == (3, STEPS, 20)
-    other = biased()
-    assert hw.simulate(other, nothing, skip=False).counts.skipped_steps == 0
+    fresh_program = biased()
+    assert hw.simulate(fresh_program, nothing, skip=False).counts.skipped_steps == 0
     for row, channel in ((0, 0), (STEPS - 1, 2)):
-        one = nothing.copy()
-        one[row, channel] = 1
-        assert hw.simulate(program, one).counts.input_events == 1
+        with_one_event = nothing.copy()
+        with_one_event[row, channel] = 1
+        assert hw.simulate(program, with_one_event).counts.input_events == 1
 
 
 def test_events_of_one_stream_are_played_beside_an_empty_one():

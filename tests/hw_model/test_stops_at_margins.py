@@ -21,13 +21,18 @@ def leads_of(scores: np.ndarray) -> np.ndarray:
 
 
 def plain_margin(scores: np.ndarray, agreement: float) -> float:
-    """Try every lead that occurs, from the smallest on."""
-    leads = [leads_of(one) for one in scores]
-    for margin in sorted({lead for one in leads for lead in one if lead > 0}):
+    """The smallest lead, of all that occur, at which enough recordings stop with the class of their end.
+
+    ``scores`` (recordings, steps, classes); ``agreement``: the share of recordings that is enough.
+    """
+    leads = [leads_of(of_recording) for of_recording in scores]
+    all_leads = {lead for of_recording in leads for lead in of_recording if lead > 0}
+    for margin in sorted(all_leads):
         agreed = 0
-        for one, lead in zip(scores, leads, strict=True):
-            at = next((t for t, value in enumerate(lead) if value >= margin), len(one) - 1)
-            agreed += one[at].argmax() == one[-1].argmax()
+        for scores_of_steps, leads_of_steps in zip(scores, leads, strict=True):
+            reached = np.flatnonzero(leads_of_steps >= margin)
+            stop = reached[0] if len(reached) else len(scores_of_steps) - 1
+            agreed += scores_of_steps[stop].argmax() == scores_of_steps[-1].argmax()
         if agreed / len(scores) >= agreement:
             return float(margin)
     return float("inf")
@@ -73,11 +78,10 @@ def test_stops_at_a_margin(seed, margin, psi):
     expected = dict.fromkeys(BY_CORE, 0)
     for b, recording in enumerate(recordings):
         step = int(stops.steps[b])
-        one = scores[b]
-        leads = leads_of(one)
+        leads = leads_of(scores[b])
         assert (leads[: step - 1] < margin).all()
-        assert step == len(one) or leads[step - 1] >= margin
-        assert stops.prediction[b] == one[step - 1].argmax()
+        assert step == len(leads) or leads[step - 1] >= margin
+        assert stops.prediction[b] == scores[b, step - 1].argmax()
         short = replace(program, phases=(replace(program.phases[0], steps=step), program.phases[1]))
         until = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
         expected = {
