@@ -18,6 +18,14 @@ from locsnn_compile.errors import InputError, counted
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.settings import TRAINABLE
 
+MANTISSA_MAX = 255
+"""Largest weight mantissa of 8 bits."""
+DELAY_MAX = 65_534
+"""Longest delay, in steps, and"""
+REFRACTORY_MAX = 65_535
+"""longest refractory count that any chip file may state (:class:`hw_model.description.chip.Registers`)."""
+THRESHOLD_MAX = (1 << 24) - 1
+"""Largest threshold mantissa: 64 times it, 2^30 units, is more than the widest registers that are trained on hold."""
 TRAINED_BITS = (9, 29)
 """Least and most bits of registers that networks are trained on: no sum on the way needs more than 32 bits."""
 WRITE_AGAIN = "Write it again with 'locsnn train'."
@@ -29,7 +37,7 @@ def file_fault(where: str, what: str, measured: str = "") -> InputError:
 
 
 class RegisterWidths(Frozen):
-    """Widths of registers in bits, the sign not counted."""
+    """Widths of registers in bits, the sign not counted; by default those of ``loihi-sim``."""
 
     charge_bits: Annotated[int, between(*TRAINED_BITS)] = 21
     current_bits: Annotated[int, between(*TRAINED_BITS)] = 23
@@ -42,10 +50,11 @@ class RegisterWidths(Frozen):
 
 
 Exponent = Annotated[int, between(*EXPONENTS)]
-OwnSynapse = tuple[Annotated[int, between(-255, 255)], Exponent, Annotated[int, between(0, 65_534)]]
+OwnMantissa = Annotated[int, between(-MANTISSA_MAX, MANTISSA_MAX)]
+OwnSynapse = tuple[OwnMantissa, Exponent, Annotated[int, between(0, DELAY_MAX)]]
 """Mantissa, exponent and delay of a synapse of a neuron to itself."""
 MOST_OWN_SYNAPSES = {"dendrite": 1, "delay-line": 512, "reset": 0}
-"""Strategy -> most synapses of a neuron to itself."""
+"""Strategy -> most synapses of a neuron to itself; a delay line has two at most for each of 256 delays."""
 
 
 class ChipPopulation(Frozen):
@@ -60,10 +69,10 @@ class ChipPopulation(Frozen):
     The biases of windows are one more: see :meth:`~locsnn_compile.network.chip_neurons.ChipCuba.with_biases`.
     """
 
-    threshold: Annotated[int, between(0, (1 << 24) - 1)]
+    threshold: Annotated[int, between(0, THRESHOLD_MAX)]
     decay: Annotated[int, between(1, DECAYS.high)]
     refractory_decay: Annotated[int, between(*DECAYS)]
-    refractory: Annotated[int, between(1, 65_535)]
+    refractory: Annotated[int, between(1, REFRACTORY_MAX)]
     own: tuple[OwnSynapse, ...]
     exponent: Exponent
     weight_bits: Annotated[int, WEIGHT_BITS]
@@ -93,14 +102,20 @@ class ChipPopulation(Frozen):
         """Return ``size`` neurons laid out by a strategy."""
         if strategy == "reset":
             return self.resetting(size)
-        # A refractory dendrite has one synapse, if only of weight 0.
-        dendrite = strategy == "dendrite"
-        own = self.own or ([[0, 0, 0]] if dendrite else [])
-        mantissa, exponent, delay = np.array(own, dtype=np.int64).reshape(-1, 3).T
-        taps = {"mantissa": mantissa, "exponent": exponent, "delay": delay}
-        pull = self.refractory_decay if dendrite else None
+        has_refractory_dendrite = strategy == "dendrite"
+        own_synapses: Sequence[Sequence[int]] = self.own
+        if has_refractory_dendrite and not own_synapses:
+            # A refractory dendrite has one synapse, if only of weight 0.
+            own_synapses = [[0, 0, 0]]
+        mantissa, exponent, delay = np.array(own_synapses, dtype=np.int64).reshape(-1, 3).T
         return ChipSrm.with_taps(
-            size, decay=self.decay, threshold=self.threshold, **taps, refractory_decay=pull
+            size,
+            decay=self.decay,
+            threshold=self.threshold,
+            mantissa=mantissa,
+            exponent=exponent,
+            delay=delay,
+            refractory_decay=self.refractory_decay if has_refractory_dendrite else None,
         )
 
 
@@ -130,8 +145,8 @@ class ChipNumbers(Frozen):
 def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
     """Return the entry of a network's numbers."""
     entry = asdict(chip)
-    for part in entry["populations"].values():
-        part["own"] = [list(synapse) for synapse in part["own"]]
+    for population in entry["populations"].values():
+        population["own"] = [list(synapse) for synapse in population["own"]]
     return entry
 
 
@@ -146,14 +161,11 @@ def parse_chip_entry(
     reader = RecordReader(where, WRITE_AGAIN, lacks=False)
     chip = reader.record(ChipNumbers, entry, "chip")
     reader.entries(chip.populations, "chip.populations", dict.fromkeys(shapes, True))
-    for name, part in chip.populations.items():
+    for name, population in chip.populations.items():
         strategy = "reset" if name in windows else chip.strategy
-        if len(part.own) > (most := MOST_OWN_SYNAPSES[strategy]):
-            where, measured = (
-                f"chip.populations.{name}.own",
-                f"{counted(len(part.own), 'synapse')} against 0..{most}",
-            )
-            raise file_fault(
-                reader.place(where), f"it does not fit strategy {strategy!r}", measured
-            )
+        most = MOST_OWN_SYNAPSES[strategy]
+        if len(population.own) > most:
+            place = reader.place(f"chip.populations.{name}.own")
+            measured = f"{counted(len(population.own), 'synapse')} against 0..{most}"
+            raise file_fault(place, f"it does not fit strategy {strategy!r}", measured)
     return chip

@@ -27,7 +27,11 @@ def xylo_folder(program: XyloProgram, recording: ByteArray) -> dict[str, bytes]:
 
 
 def specification(program: XyloProgram) -> dict[str, AnyArray]:
-    """Return the arguments of ``from_specification`` by name; numbers as arrays of no dimension."""
+    """Return the arguments of ``from_specification`` by name; numbers as arrays of no dimension.
+
+    Names are rockpool's: a *dash* is the number of bits by which a state is shifted to decay, and a weight shift
+    that by which arriving weights are enlarged.
+    """
     network = program.network
     hidden = network.hidden
     outputs = network.outputs

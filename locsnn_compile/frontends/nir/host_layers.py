@@ -46,30 +46,46 @@ def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str
         raise InputError(place, what, measured=f"{len(inputs)}", fix="Leave it out.")
     with_memory = [name for name in order if flat.nodes[name].kind in WITH_MEMORY]
     chosen = chosen_layers(host_layers, order, with_memory, place)
-    on_host = _before(flat, chosen, stop=())
+    on_host = _up_to(flat, chosen, stop=())
     neurons_left = [name for name in order if name not in on_host]
     if not neurons_left:
         raise none_left(place)
     _check_host(flat, on_host, place)
-    borders = [name for name in order if name in on_host]
+    # The chip has what lies behind the neurons of the host, whose spikes it is sent.
+    neurons_of_host = [name for name in order if name in on_host]
     ends = [*neurons_left, *flat.named("Output")]
-    on_chip = _before(flat, ends, stop=borders)
+    on_chip = _up_to(flat, ends, stop=neurons_of_host)
     if inputs[0] in on_chip:
         what = "the input also reaches the chip past these layers, and it is not made of spikes"
         raise InputError(place, what, fix="Name more layers, up to where all paths meet.")
-    sent = tuple(name for name in flat.nodes if name in on_chip and name in borders)
-    chip = _part(flat, on_chip)
+    sent = tuple(name for name in flat.nodes if name in on_chip and name in neurons_of_host)
+    return Divided(
+        host=_with_output(_nodes_of(flat, on_host), sent[0]),
+        chip=_with_inputs(_nodes_of(flat, on_chip), sent),
+        sent=sent,
+        input_shape=flat.shapes[inputs[0]],
+    )
+
+
+def _with_output(host: FlatGraph, name: str) -> FlatGraph:
+    """Return the graph with an Output behind a node: every graph has one, and what is sent is named apart from it."""
+    output = NirNode("Output", {"shape": np.array(())})
+    return replace(
+        host,
+        nodes={**host.nodes, SENT: output},
+        sources={**host.sources, SENT: (name,)},
+        shapes={**host.shapes, SENT: host.shapes[name]},
+    )
+
+
+def _with_inputs(chip: FlatGraph, sent: Collection[str]) -> FlatGraph:
+    """Return the graph with an Input in place of each node whose spikes the host sends."""
     nodes = dict(chip.nodes)
     sources = dict(chip.sources)
     for name in sent:
-        nodes[name] = NirNode("Input", {"shape": np.array(flat.shapes[name])})
+        nodes[name] = NirNode("Input", {"shape": np.array(chip.shapes[name])})
         sources[name] = ()
-    host = _part(flat, on_host)
-    host_nodes = {**host.nodes, SENT: NirNode("Output", {"shape": np.array(())})}
-    host_sources = {**host.sources, SENT: sent[:1]}
-    host_shapes = {**host.shapes, SENT: flat.shapes[sent[0]]}
-    host = replace(host, nodes=host_nodes, sources=host_sources, shapes=host_shapes)
-    return Divided(host, replace(chip, nodes=nodes, sources=sources), sent, flat.shapes[inputs[0]])
+    return replace(chip, nodes=nodes, sources=sources)
 
 
 def _check_host(flat: FlatGraph, on_host: Collection[str], place: str) -> None:
@@ -81,7 +97,7 @@ def _check_host(flat: FlatGraph, on_host: Collection[str], place: str) -> None:
             raise InputError(place, what, fix="Name layers that spike.")
 
 
-def _before(flat: FlatGraph, names: Collection[str], stop: Collection[str]) -> set[str]:
+def _up_to(flat: FlatGraph, names: Collection[str], stop: Collection[str]) -> set[str]:
     """Return nodes and all that leads to them, up to and with the nodes where the search stops."""
     reached: set[str] = set()
     waiting = list(names)
@@ -95,11 +111,11 @@ def _before(flat: FlatGraph, names: Collection[str], stop: Collection[str]) -> s
     return reached
 
 
-def _part(flat: FlatGraph, names: Collection[str]) -> FlatGraph:
+def _nodes_of(flat: FlatGraph, names: Collection[str]) -> FlatGraph:
     """Return some of the nodes, in file order, and what is known of them."""
     return FlatGraph(
         {name: node for name, node in flat.nodes.items() if name in names},
-        {name: found for name, found in flat.sources.items() if name in names},
+        {name: feeding for name, feeding in flat.sources.items() if name in names},
         {name: shape for name, shape in flat.shapes.items() if name in names},
         {name: layer for name, layer in flat.layers.items() if name in names},
     )
