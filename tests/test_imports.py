@@ -162,6 +162,7 @@ def test_few_files_lie_loose(package):
 
 
 def modules(package):
+    """The Python files of a package."""
     return sorted((ROOT / package).rglob("*.py"))
 
 

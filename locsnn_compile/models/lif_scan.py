@@ -27,23 +27,27 @@ def _step_back(gradient, potential, constants, by_u):  # type: ignore[no-untyped
     """Make the gradient by u of the next step that of this one, all (n,)."""
     keep, threshold, window, zero = constants
     for i in range(len(by_u)):
-        u, later = potential[i], keep * by_u[i]
-        by_spike = gradient[i] - u * later
-        carried = zero if u > threshold else later
-        by_u[i] = carried + (by_spike if abs(u - threshold) < window else zero)
+        u = potential[i]
+        by_kept = keep * by_u[i]
+        # A spike sends on, and takes away what the next step would keep of u.
+        by_spike = gradient[i] - u * by_kept
+        through_potential = zero if u > threshold else by_kept
+        through_spike = by_spike if abs(u - threshold) < window else zero
+        by_u[i] = through_potential + through_spike
 
 
 @compiled_with_arrays
 def scan(drive, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Fill ``potential`` and ``spikes`` for what the inputs of each step add up to."""
     batch, steps, size = drive.shape
-    voltage, silence = np.empty(size, drive.dtype), np.zeros(size, drive.dtype)
-    for b in range(batch):
+    voltage = np.empty(size, drive.dtype)
+    silence = np.zeros(size, drive.dtype)
+    for recording in range(batch):
         voltage[:] = 0
         for t in range(steps):
-            _step(
-                drive[b, t - 1] if t else silence, constants, voltage, potential[b, t], spikes[b, t]
-            )
+            # What is sent in a step arrives in the next.
+            arrived = drive[recording, t - 1] if t else silence
+            _step(arrived, constants, voltage, potential[recording, t], spikes[recording, t])
 
 
 @compiled_with_arrays
@@ -51,11 +55,11 @@ def scan_back(gradient, potential, constants, by_drive):  # type: ignore[no-unty
     """Fill ``by_drive``, the gradient by drive, for that by spikes."""
     batch, steps, size = gradient.shape
     by_u = np.empty(size, gradient.dtype)
-    for b in range(batch):
+    for recording in range(batch):
         by_u[:] = 0
         for t in range(steps - 1, -1, -1):
-            by_drive[b, t] = by_u
-            _step_back(gradient[b, t], potential[b, t], constants, by_u)
+            by_drive[recording, t] = by_u
+            _step_back(gradient[recording, t], potential[recording, t], constants, by_u)
 
 
 @compiled
@@ -97,14 +101,16 @@ def _add_active(row, active, weight, total):  # type: ignore[no-untyped-def]  # 
 def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Fill ``potential`` and ``spikes`` for x (batch * steps, inputs), as listed, and ``weight`` (inputs, n)."""
     batch, steps, size = potential.shape
-    voltage, arrived = np.empty(size, potential.dtype), np.empty(size, potential.dtype)
-    for b in range(batch):
+    voltage = np.empty(size, potential.dtype)
+    arrived = np.empty(size, potential.dtype)
+    for recording in range(batch):
         voltage[:] = 0
         arrived[:] = 0
         for t in range(steps):
-            _step(arrived, constants, voltage, potential[b, t], spikes[b, t])
-            r = b * steps + t
-            _add_active(x[r], inputs[ends[r - 1] if r else 0 : ends[r]], weight, arrived)
+            _step(arrived, constants, voltage, potential[recording, t], spikes[recording, t])
+            row = recording * steps + t
+            first = ends[row - 1] if row else 0
+            _add_active(x[row], inputs[first : ends[row]], weight, arrived)
 
 
 @compiled_with_arrays
@@ -117,13 +123,15 @@ def scan_active_back(  # type: ignore[no-untyped-def]
     """
     batch, steps, size = gradient.shape
     by_u = np.empty(size, gradient.dtype)
-    for b in range(batch):
+    for recording in range(batch):
         by_u[:] = 0
         for t in range(steps - 1, -1, -1):
-            r = b * steps + t
-            by_drive[min(r, len(by_drive) - 1)] = by_u
-            for i in inputs[ends[r - 1] if r else 0 : ends[r]]:
-                value, row = x[r, i], by_weight[i]
+            row = recording * steps + t
+            by_drive[min(row, len(by_drive) - 1)] = by_u
+            first = ends[row - 1] if row else 0
+            for i in inputs[first : ends[row]]:
+                value = x[row, i]
+                by_weights_of_input = by_weight[i]
                 for o in range(size):
-                    row[o] += value * by_u[o]
-            _step_back(gradient[b, t], potential[b, t], constants, by_u)
+                    by_weights_of_input[o] += value * by_u[o]
+            _step_back(gradient[recording, t], potential[recording, t], constants, by_u)

@@ -86,6 +86,7 @@ def here(build, monkeypatch):
 
 
 def run(command):
+    """Run a command as typed; return its exit code."""
     program, *arguments = shlex.split(command)
     return (compile_main if program == "locsnn-compile" else locsnn_main)(arguments)
 

@@ -62,6 +62,7 @@ def run(build, *arguments):
 
 
 def as_json(build, capsys, *arguments):
+    """What ``locsnn run --json`` prints."""
     assert run(build, *arguments, "--json") == 0
     return json.loads(capsys.readouterr().out)
 

@@ -40,6 +40,7 @@ FAULTS = {
 
 
 def guarded(run):
+    """Run a function as a command is run, which turns errors into a line and an exit code."""
     return shell.guarded(shell.Parser("locsnn"), [], run)
 
 

@@ -77,6 +77,7 @@ WEIGHTS = np.array([[0.7, 0.4, -0.2], [0.9, -0.3, 0.6]])
 
 
 def adaptive(**changes):
+    """A network of the neurons of this page, with some parameters changed."""
     return single(replace(NEURON, **changes), WEIGHTS, steps=40)
 
 

@@ -60,6 +60,7 @@ def tapped(**changes):
 
 
 def joined(**changes):
+    """Two neurons with a refractory dendrite, of which some parameters are changed."""
     neuron = ChipSrm.with_taps(
         2, decay=390, threshold=10, refractory_decay=1, mantissa=-3, exponent=0
     )

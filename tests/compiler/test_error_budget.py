@@ -194,6 +194,7 @@ def budget_of_all(levels, played):
 
 @pytest.fixture(scope="module")
 def budget(levels, played):
+    """What every stage of rounding changes on the recordings."""
     return budget_of_all(levels, played)
 
 

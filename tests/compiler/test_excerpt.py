@@ -17,6 +17,7 @@ CHIP = hw.chip("loihi-sim")
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid of spike response neurons."""
     return hybrid(1, steps=40, hidden=6)
 
 

@@ -17,6 +17,7 @@ CHIP = hw.chip("loihi-sim")
 
 @pytest.fixture(scope="module")
 def network():
+    """A small hybrid of spike response neurons, with 12 channels and 50 steps."""
     return hybrid(1, steps=50, hidden=6, channels=12)
 
 

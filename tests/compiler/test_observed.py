@@ -24,6 +24,7 @@ def network():
 
 @pytest.fixture(scope="module")
 def levels(network):
+    """It at every level, with weights of 4 bits."""
     return lower(network, CHIP, weight_bits=4)
 
 

@@ -44,6 +44,7 @@ def by_hand(**changes):
 
 @pytest.fixture(scope="module")
 def compiled():
+    """A small hybrid whose weights of 30 make many spikes, checked on labelled recordings of many events."""
     network = hybrid(scale=30.0)
     return lc.compile(network, events=recordings(network, rate=0.6), labels=[0, 1, 0])
 

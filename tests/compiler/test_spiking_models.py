@@ -64,6 +64,7 @@ def recordings(fingertips: int, samples: int = 3) -> np.ndarray:
 
 
 def checkpoint(model: TouchModel) -> Checkpoint:
+    """The checkpoint of an untrained model."""
     return Checkpoint(
         model.description, model.weights(), recordings=None, training={}, sha256="0" * 64
     )

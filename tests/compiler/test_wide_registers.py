@@ -116,6 +116,7 @@ def inhibited():
 
 
 def verdict_of(compiled):
+    """The answer of the report to whether registers are wide enough."""
     figures = compiled.figures
     return registers(figures, figures.overflows, figures.range)
 

@@ -108,6 +108,7 @@ OF_ACTIVITY = [
 
 
 def message_of(call):
+    """The message with which a call is refused."""
     with pytest.raises(hw.InputError) as caught:
         call()
     return str(caught.value)

@@ -57,6 +57,7 @@ def test_camera_files_become_bins_of_the_whole_sensor(name: str) -> None:
 
 
 def evt2(*words: int, header: bytes = b"% evt 2.0\n% end\n") -> bytes:
+    """A file of EVT2 words of 32 bits, the low byte first, behind a header."""
     return header + np.array(words, dtype="<u4").tobytes()
 
 

@@ -19,6 +19,7 @@ class _Holds(Shown):
 
 
 def refused(call, *arguments):
+    """The message with which a call is refused."""
     with pytest.raises(InputError) as caught:
         call(*arguments)
     return str(caught.value)

@@ -29,6 +29,7 @@ PLACES = [(0, 2 * (34 * 7 + 5) + 1), (1, 2 * (34 * 33 + 33)), (2, 1)]
 
 
 def places(spikes: np.ndarray) -> list[tuple[int, int]]:
+    """The (step, channel) of every event of a recording."""
     return [(int(step), int(channel)) for step, channel in zip(*np.nonzero(spikes), strict=True)]
 
 
@@ -101,6 +102,7 @@ FIELDS = np.dtype([("x", np.int16), ("y", np.int16), ("t", np.int64), ("p", bool
 
 
 def structured(events: list[tuple[int, int, int, int]]) -> np.ndarray:
+    """Events (t, x, y, polarity) as a structured array."""
     return np.array([(x, y, t, p) for t, x, y, p in events], dtype=FIELDS)
 
 

@@ -31,6 +31,7 @@ def bs2(*events: tuple[int, int, int, int]) -> bytes:
 
 
 def found_events(path: Path, **options: Any) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+    """The shape of the recordings in a file, and the (recording, step, channel) of every event."""
     found = read_recordings(path, **options)
     return found.spikes.shape, [tuple(map(int, where)) for where in np.argwhere(found.spikes)]
 

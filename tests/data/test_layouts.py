@@ -24,6 +24,7 @@ from locsnn_compile.errors import InputError
 
 
 def grid_layout(text: str, polarities: int) -> SensorLayout:
+    """The layout of a grid, such as ``34x34``."""
     return SensorLayout(
         f"grid {text}",
         math.prod(map(int, text.split("x"))),

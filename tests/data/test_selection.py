@@ -183,6 +183,7 @@ ASKED = ["--grid", "10x1", "--merge-polarities", "--merge-channels", "5"]
 
 @pytest.fixture(scope="module")
 def trained(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A network trained for one epoch on some of the channels."""
     path = tmp_path_factory.mktemp("trained") / "model.pt"
     fast = ["--target", "xylo-imu", "--hidden", "6", "--epochs", "1", "--quiet"]
     assert locsnn(["train", "--data", str(data), *ASKED, *fast, "-o", str(path)]) in (0, 3)

@@ -129,6 +129,7 @@ Model = Callable[[Path], lc.Network]
 
 
 def structured(place: Place) -> np.ndarray:
+    """A structured array of one event at a pixel (x, y, polarity)."""
     x, y, p = place
     return np.array([(1_000, x, y, p)], dtype=TXYP)
 

@@ -44,6 +44,7 @@ def no_last_column() -> Recordings:
 
 
 def same(found: Recordings, wanted: Recordings) -> None:
+    """Assert that recordings have equal spikes, labels and widths of a step."""
     assert np.array_equal(found.spikes, wanted.spikes)
     assert (found.labels is None) == (wanted.labels is None)
     if found.labels is not None and wanted.labels is not None:

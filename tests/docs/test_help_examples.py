@@ -31,6 +31,7 @@ def examples(program: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
+    """A folder with a copy of the examples, in which commands may write."""
     folder = tmp_path_factory.mktemp("examples")
     shutil.copytree(ROOT / "examples", folder / "examples")
     return folder

@@ -16,6 +16,7 @@ DEVELOPERS = "the locsnn-compile developers"
 
 
 def load(path):
+    """A YAML file of the project."""
     return yaml.safe_load((ROOT / path).read_text("utf-8"))
 
 

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated:DeprecationWarning"
 
 
 def read_graphml(program):
+    """The emitted graph of a program, as networkx reads it."""
     return nx.read_graphml(io.BytesIO(graphml_file(program)["program.graphml"]))
 
 
@@ -27,6 +28,7 @@ def read_dot(program):
 
 
 def of_kind(items, kind):
+    """The nodes or edges of a kind."""
     return [item for item in items if item[-1]["kind"] == kind]
 
 

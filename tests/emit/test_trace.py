@@ -28,6 +28,7 @@ def case(request):
 
 
 def slices(document):
+    """The events of a timeline that have a duration."""
     return [event for event in document["traceEvents"] if event["ph"] == "X"]
 
 

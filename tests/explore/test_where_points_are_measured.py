@@ -250,6 +250,7 @@ class Future:
 
 
 def spread_on(client):
+    """The absolute values of -1 and -2, computed by the workers of a client."""
     return list(spread.on_workers(client, "--scheduler x", abs, [-1, -2]))
 
 

@@ -82,6 +82,7 @@ def works(format, feature, made, **options):
 
 
 def loses(format, feature, made, lost, shows, **options):
+    """A cell for a feature that is compiled with a loss, which ``shows`` finds in the network."""
     return Cell(format, feature, made, options, lost=lost, shows=shows)
 
 

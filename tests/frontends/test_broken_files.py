@@ -23,6 +23,8 @@ def graph_file(folder, change=None):
 
 
 def edges(*rows):
+    """Return what replaces the edges of a graph's file."""
+
     def change(file):
         del file["node/edges"]
         file["node"].create_dataset(

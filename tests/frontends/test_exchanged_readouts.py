@@ -21,6 +21,7 @@ INPUTS = tuple(lc.InputView(name, "time", 10) for name in ("touch", "again"))
 
 
 def floats(size, **given):
+    """Float neurons without a current; by default they lose a fifth per step."""
     return lc.Cuba.of(size, **{"decay_u": 1.0, "decay_v": 0.2, "threshold": 1.0} | given)
 
 

@@ -38,6 +38,7 @@ def network_of(name: str, folder: Path, **options) -> lc.Network:
 
 
 def given_to(name: str):
+    """The recorded input of a network, as a batch of one."""
     return HELD[f"{name}.input"][None]
 
 

@@ -16,6 +16,7 @@ def layer(weight, **settings):
 
 
 def loaded(folder, made, simulation=None):
+    """Load a ``.net`` file of one layer."""
     write_net(folder / "model.net", [made], simulation)
     return lc.load(folder / "model.net")
 

@@ -22,6 +22,7 @@ GIVEN = (RNG.random((12, 60, 10)) < RNG.uniform(0, 1, (12, 1, 10)) ** 2).astype(
 
 
 def graph(kind):
+    """A graph of 10 inputs and 12 LIF neurons whose readout has 5 neurons of a kind."""
     return chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12)), ("w", linear(RNG, 5, 12)), ("read", READOUTS[kind]))  # fmt: skip
 
 

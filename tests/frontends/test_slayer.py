@@ -332,6 +332,8 @@ def other_kernel(tau):
 
 
 def yaml_text(text):
+    """Return what writes a checkpoint with this text as its YAML, and returns both paths."""
+
     def made(folder):
         path, config = write(folder, {"fc1": normal_weights(4, 6)})
         config.write_text(text)

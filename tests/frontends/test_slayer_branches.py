@@ -35,6 +35,7 @@ def played(network, given):
 
 
 def of_time(given):
+    """The time branch of the checkpoint by SLAYER's own kernels."""
     return srm_layer(LAYERS["fc2"], srm_layer(LAYERS["fc1"], given))
 
 

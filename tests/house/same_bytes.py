@@ -129,6 +129,7 @@ def digest(inputs: Path) -> str:
 
 
 def git(*words: str) -> str:
+    """Run git here, and return what it prints."""
     return subprocess.run(
         ["git", *words], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout.strip()

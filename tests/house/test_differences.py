@@ -10,6 +10,7 @@ from same_bytes import case_lines
 
 
 def archive(**arrays):
+    """The bytes of a ``.npz`` of these arrays."""
     file = io.BytesIO()
     np.savez(file, **arrays)
     return file.getvalue()

@@ -51,6 +51,7 @@ def emitted(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[Arra
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The emitted script, with the stand-in in the place of Lava."""
     return stand_in_script(tmp_path_factory.mktemp("script"))
 
 

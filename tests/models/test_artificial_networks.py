@@ -21,6 +21,7 @@ from locsnn_compile.models.networks import build_network
 
 
 def description(architecture: str, fingertips: int = 1, steps: int = 30) -> NetworkDescription:
+    """An artificial network of an architecture, on fingertips."""
     layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     return NetworkDescription(architecture, layout, classes=5, hidden=7)
 

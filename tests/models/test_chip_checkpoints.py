@@ -60,6 +60,7 @@ CHIP = chip_of(DENDRITE)
 
 
 def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
+    """Save an untrained network on a chip's integers."""
     Checkpoint(DESCRIPTION, build_network(DESCRIPTION, chip=chip).mantissas(), chip=chip).save(path)
     return path
 

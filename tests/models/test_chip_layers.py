@@ -80,6 +80,7 @@ def layer_of(
     neuron: NeuronParameters | None = None,
     registers: RegisterWidths = USUAL,
 ) -> ChipLayer:
+    """The layer of torch that follows the chip's integers, with these float weights."""
     layer = ChipLayer(
         weights.shape[1],
         weights.shape[0],

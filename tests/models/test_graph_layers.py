@@ -28,6 +28,7 @@ SEEDS = st.integers(0, 2**31)
 
 
 def edges_of(kind: str, neighbours: int = 3, nearer_mm: float = 3.0) -> tuple[tuple[int, int], ...]:
+    """The edges of a graph of a fingertip's taxels."""
     return taxel_graph(kind, neutouch(), neighbours=neighbours, nearer_mm=nearer_mm)
 
 

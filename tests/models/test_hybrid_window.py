@@ -32,6 +32,7 @@ ORDER = tuple(range(39, 0, -1))
 
 
 def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
+    """A network of time, location and window neurons; windows have 4 steps, every 2 steps."""
     layout, windows = (
         InputLayout(neutouch(1), steps, step_seconds=0.02),
         WindowParameters(steps=4, stride=2, levels=(1, 3)),
@@ -49,10 +50,12 @@ def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
 
 
 def touches(samples: int, steps: int = 40, share: float = 0.2) -> np.ndarray:
+    """Random recordings of a fingertip with a share of events."""
     return (np.random.default_rng(samples).random((samples, steps, 78)) < share).astype(np.uint8)
 
 
 def random_network(description: NetworkDescription) -> TouchNetwork:
+    """An untrained network whose windows have random weights too."""
     network = build_network(description, seed=1, initial_scale=6.0)
     assert isinstance(network, TouchNetwork)
     rng = np.random.default_rng(0)

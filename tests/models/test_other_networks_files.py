@@ -27,6 +27,7 @@ OTHERS = [name for name, a in ARCHITECTURES.items() if a.neurons not in ("srm", 
 
 
 def description(name: str) -> NetworkDescription:
+    """A small network of an architecture, with every entry that its file may hold."""
     structure = ARCHITECTURES[name]
     located = "location" in structure.branches
     edges = taxel_graph("tree", neutouch(), neighbours=3, nearer_mm=2.0)
@@ -35,7 +36,9 @@ def description(name: str) -> NetworkDescription:
         InputLayout(neutouch(1), steps=24, step_seconds=0.02),
         classes=3,
         hidden=4,
-        neuron=LifParameters(0.3, 0.6, 0.4) if structure.neurons == "lif" else None,
+        neuron=LifParameters(decay=0.3, threshold=0.6, window=0.4)
+        if structure.neurons == "lif"
+        else None,
         graph=GraphParameters("tree", edges, hops=2, features=3, step_features=2)
         if structure.graph
         else None,

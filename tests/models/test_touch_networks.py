@@ -32,6 +32,7 @@ def description(
 
 
 def recording(layout: InputLayout = LAYOUT, samples: int = 3) -> torch.Tensor:
+    """Random recordings of a layout, as floats of 0 and 1."""
     generator = torch.Generator().manual_seed(11)
     return (torch.rand(samples, layout.steps, layout.channels, generator=generator) < 0.15).float()
 

@@ -23,6 +23,7 @@ def mark(x, y, *, kind=0, front=True, taken=False, label="8-bit"):
 
 
 def drawn(*marks, kinds=("dendrite", "reset")):
+    """The picture of these marks, parsed."""
     return ET.fromstring(draw("title", "subtitle", kinds, [panel(*marks)]))
 
 

@@ -67,6 +67,7 @@ def written(files: Mapping[str, bytes], tmp_path: Path) -> WrittenReport:
 
 
 def read(folder: Path, files: Mapping[str, bytes]) -> WrittenReport:
+    """Write the files of a report, and read it as the commands do."""
     for name, content in files.items():
         (folder / name).write_bytes(content)
     report = WrittenReport.of(folder, json.loads(files["report.json"]))

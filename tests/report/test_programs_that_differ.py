@@ -72,6 +72,7 @@ def of_route(program, name):
 
 
 def of_readout(program, **changes):
+    """The program with parts of its readout replaced."""
     return replace(program, readout=replace(program.readout, **changes))
 
 

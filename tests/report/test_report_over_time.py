@@ -13,6 +13,7 @@ from tests.support.small_report import figures
 
 
 def _section(document: dict[str, Any]) -> Section:
+    """The section of a report on predictions over time."""
     return next(
         section for section in compose(figures(document)).sections if section.key == "over-time"
     )

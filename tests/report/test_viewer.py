@@ -45,6 +45,7 @@ def page(compiled):
 
 
 def values_of(page):
+    """The values in a viewer's page, with recordings in the order of their numbers."""
     values = json.loads(
         re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1]
     )
@@ -139,6 +140,7 @@ def test_it_is_emitted():
 
 @pytest.fixture(scope="module")
 def chromium():
+    """A browser; tests that need it are skipped where there is none."""
     path = find_chromium()
     if path is None:
         pytest.skip("no Chromium")
@@ -164,6 +166,7 @@ def text(browser, name):
 
 
 def value(browser, name):
+    """The value of an input element of the page."""
     return browser.evaluate(f"document.getElementById({name!r}).value")
 
 

@@ -55,6 +55,7 @@ def test_bounds_for_all_time(keep_u, keep_v, bound):
 
 
 def played(network, strategy="dendrite"):
+    """Both sides of a network on random input, and the bound of the error by its source."""
     recordings = random_input(network.steps, channels=network.channels)
     sides = Sides(lower(network, CHIP, weight_bits=8, strategy=strategy), recordings)
     bound = sides.bound()

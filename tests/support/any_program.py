@@ -41,6 +41,7 @@ class Drawn:
 
 
 def _bits(usual: int, other: st.SearchStrategy[int]) -> st.SearchStrategy[int]:
+    """Draw the usual width of a register, or another one."""
     return st.one_of(st.just(usual), other)
 
 

@@ -70,6 +70,7 @@ def say(port, kind: int, number: int, payload: bytes = b"") -> list[tuple[int, i
 
 
 def stream_words(words) -> bytes:
+    """The bytes of words of 24 bits on the serial line, the highest first."""
     return b"".join(word.to_bytes(3, "big") for word in words)
 
 

@@ -25,6 +25,7 @@ def write_net(path, layers, simulation=None):
 
 
 def neuron(i_decay=1024, v_decay=128, threshold=400, kind="CUBA", **more):
+    """The entries of CUBA neurons: decays in 4096ths, a threshold mantissa of 64 units each; ``more`` replaces entries."""
     return {
         "type": kind,
         "iDecay": i_decay,
@@ -41,6 +42,7 @@ def even(rng, *shape, low=-128, high=127):
 
 
 def dense(rng, outs, ins, **more):
+    """A dense layer of even weights as a ``.net`` file holds it, with CUBA neurons; ``more`` replaces entries."""
     return {
         "type": "dense",
         "shape": np.array([outs]),

@@ -110,6 +110,7 @@ def _integers(r: np.random.Generator, size: int) -> Parameters:
 
 
 def _stored(values: np.ndarray) -> np.ndarray:
+    """Return numbers as SpiNNaker stores them, in units of 2^-15; no positive one becomes 0."""
     return np.maximum(np.rint(values * ONE), np.where(values > 0, 1, -HALF_SPAN)).astype(np.int64)
 
 
