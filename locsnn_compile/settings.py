@@ -188,24 +188,24 @@ def _check_strategy(chip: Chip, strategy: str) -> None:
     check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, known)
 
 
-def weight_bits_of(chip: Chip, asked: int | None) -> int:
+def weight_bits_of(chip: Chip, bits: int | None) -> int:
     """Return the weight bits asked for, or the chip's most; refuse a width that the chip's synapse formats lack."""
     from hw_model.arithmetic.fixed_point import weight_grid
 
     widths = chip.registers.weight_bits
-    if asked is None:
+    if bits is None:
         return widths[-1]
     try:
-        weight_grid(asked, "excitatory")
+        weight_grid(bits, "excitatory")
     except InputError as error:
         raise InputError("--weight-bits", error.what, fix=error.fix) from None
-    if asked not in widths:
+    if bits not in widths:
         measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
         fix = f"Ask for {widths[-1]}, or leave it out."
         raise TargetError(
-            "--weight-bits", f"weights of {asked} bits are too wide", measured=measured, fix=fix
+            "--weight-bits", f"weights of {bits} bits are too wide", measured=measured, fix=fix
         )
-    return asked
+    return bits
 
 
 def _check_weight_bits(chip: Chip, bits: int) -> None:

@@ -49,7 +49,9 @@ def check_places(
             )
     for option, path in files:
         target = os.path.realpath(path)
-        other = next((said for place, said in taken.items() if _lies_in(target, place)), None)
+        other = next(
+            (sentence for place, sentence in taken.items() if _lies_in(target, place)), None
+        )
         if other is not None:
             raise InputError(option, other, fix="Write somewhere else.")
         check_file(Path(target), option)

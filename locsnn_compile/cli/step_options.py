@@ -114,7 +114,7 @@ def chunks_expected(args: argparse.Namespace, expected: Expected) -> Iterator[Re
 
 def assumption_lines(recordings: Recordings) -> list[str]:
     """Return what was taken where neither the recordings nor the program said it, a line for each sentence."""
-    return [f"assumed: {said}" for said in recordings.assumed]
+    return [f"assumed: {sentence}" for sentence in recordings.assumed]
 
 
 def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
@@ -144,13 +144,13 @@ def _check_channels(recordings: Recordings, wanted: int | None) -> None:
         raise InputError(where, what, measured=measured, fix=fix)
 
 
-def _check_steps(recordings: Recordings, most: int | None) -> None:
+def _check_steps(recordings: Recordings, program_steps: int | None) -> None:
     """Refuse recordings that are longer than a program that has a length."""
-    if most is not None:
+    if program_steps is not None:
         where = f"events {recordings.source!r}"
         what = "the recordings are longer than the program"
-        fix = f"Cut them with --steps {most}."
-        check_most(recordings.spikes.shape[1], most, where, what, unit="steps", fix=fix)
+        fix = f"Cut them with --steps {program_steps}."
+        check_most(recordings.spikes.shape[1], program_steps, where, what, unit="steps", fix=fix)
 
 
 def _expected(args: argparse.Namespace, program: hw.ChipProgram) -> Expected:
@@ -223,7 +223,9 @@ def _with_made_up_steps(network: "Network", step_seconds: float) -> "Network":
     carried = network.recordings
     if carried is not None and network.usual_step_seconds is not None:
         carried = replace(carried, step_seconds=step_seconds)
-    assumptions = tuple(said for said in network.assumptions if "(--step-seconds)" not in said)
+    assumptions = tuple(
+        sentence for sentence in network.assumptions if "(--step-seconds)" not in sentence
+    )
     return replace(network, usual_step_seconds=None, recordings=carried, assumptions=assumptions)
 
 

@@ -348,22 +348,22 @@ def _check_sensor(sensor: SensorLayout, model: Expected, selection: ChannelSelec
         raise InputError(f"sensor {sensor.name!r}", what, measured=measured, fix=fix)
 
 
-def _channels_of_events(asked: Binning, model: Expected, *, merge: bool) -> int | None:
+def _channels_of_events(binning: Binning, model: Expected, *, merge: bool) -> int | None:
     """Return the channels that events get: those asked for, or those of a model that does not know their pixels."""
-    if asked.channels is None:
+    if binning.channels is None:
         flat = model.inputs is None or not model.inputs.is_grid
         return model.channels if flat else None
-    return asked.channels // (asked.polarities or 2) if merge else asked.channels
+    return binning.channels // (binning.polarities or 2) if merge else binning.channels
 
 
-def _layout(asked: Binning) -> SensorLayout:
+def _layout(binning: Binning) -> SensorLayout:
     """Return the sensor that numbers describe: so many channels, in columns if these are given."""
     layout = asked_layout(
         grid=None,
-        polarities=asked.polarities,
-        channels=asked.channels,
+        polarities=binning.polarities,
+        channels=binning.channels,
         layout=None,
-        columns=asked.columns,
+        columns=binning.columns,
     )
     assert layout is not None  # it has channels
     return layout

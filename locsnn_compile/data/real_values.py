@@ -61,9 +61,9 @@ class RealValues(Shown):
         return self.values.reshape(samples, inner[0], channels)
 
 
-def real_values(given: ArrayLike, labels: ArrayLike | None = None) -> RealValues:
+def real_values(array: ArrayLike, labels: ArrayLike | None = None) -> RealValues:
     """Return the numbers of an array (samples, ...); ``InputError`` for what is not made of numbers."""
-    unlabelled = RealValues(_numbers(np.asarray(given), "values 'array'"))
+    unlabelled = RealValues(_numbers(np.asarray(array), "values 'array'"))
     return _labelled(unlabelled, None if labels is None else np.asarray(labels))
 
 

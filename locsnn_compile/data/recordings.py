@@ -125,11 +125,11 @@ class Recordings(Shown):
     def __len__(self) -> int:
         return len(self.spikes)
 
-    def assuming(self, said: str) -> "Recordings":
+    def assuming(self, sentence: str) -> "Recordings":
         """Return the same recordings with a sentence on what was taken, once."""
-        if said in self.assumed:
+        if sentence in self.assumed:
             return self
-        return replace(self, assumed=(*self.assumed, said))
+        return replace(self, assumed=(*self.assumed, sentence))
 
     def called(self, label: int) -> str:
         """Return ``label 1``, or ``label 1 (slide)`` where the class has a name."""

@@ -203,8 +203,12 @@ def asked_layout(
         if columns is not None:
             name += f" in {counted(columns, 'column')}"
         return SensorLayout(name, taxels, polarities or 1, columns=columns)
-    found = None if layout is None else read_layout(Path(layout))
-    return found if found is None or polarities is None else replace(found, polarities=polarities)
+    if layout is None:
+        return None
+    layout_of_file = read_layout(Path(layout))
+    if polarities is None:
+        return layout_of_file
+    return replace(layout_of_file, polarities=polarities)
 
 
 def read_layout(path: Path) -> SensorLayout:

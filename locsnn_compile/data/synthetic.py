@@ -16,12 +16,17 @@ from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, SensorLayout, neutouch
 from locsnn_compile.errors import check_most, check_range
 
-#: Share of bins with an event: 2490 events in 250 steps of 78 channels, as in the published Ev-Objects.
 EVENT_SHARE = 2490 / (250 * 78)
-#: Share of the events that are noise, and the radius r of the contact in millimetres.
-NOISE_SHARE, RADIUS_MM = 0.1, 2.5
-#: A stroke reaches this far from the middle of its line, in millimetres.
+"""Share of bins with an event: 2490 events in 250 steps of 78 channels, as in the published Ev-Objects.
+
+All other numbers of this file are made up: they make motions that differ by class and vary within one.
+"""
+NOISE_SHARE = 0.1
+"""Share of the events that are noise."""
+RADIUS_MM = 2.5
+"""The radius r of the contact."""
 REACH_MM = 7.0
+"""How far a stroke reaches from the middle of its line."""
 
 
 def synthetic_touches(
@@ -74,10 +79,9 @@ def _places_mm(sensor: SensorLayout) -> FloatArray:
         places = np.stack([np.arange(sensor.taxels), np.zeros(sensor.taxels)], axis=1)
     from_middle = places - (places.min(axis=0) + places.max(axis=0)) / 2
     largest = float(np.abs(from_middle).max())
-    found: FloatArray = from_middle * float(
-        np.abs(TAXEL_COORDINATES_MM).max() / largest if largest else 1.0
-    )
-    return found
+    scale = float(np.abs(TAXEL_COORDINATES_MM).max()) / largest if largest else 1.0
+    places_mm: FloatArray = from_middle * scale
+    return places_mm
 
 
 def _touch(

@@ -51,11 +51,11 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     times = np.array([float((one - start).scaleb(6)) for one in seconds])
     places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else None
-    found = EventStream(
+    stream = EventStream(
         times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where
     )
     way_out = "Give a .startend file next to it, or wider bins."
-    return replace(found, if_too_long=way_out, start_is_fixed=True)
+    return replace(stream, if_too_long=way_out, start_is_fixed=True)
 
 
 def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> bytes:

@@ -120,20 +120,20 @@ def _check_bounded(channels: int, chip: hw.Chip, check: CheckRequest) -> None:
         raise InputError(where, what, fix="Leave it out.")
 
 
-def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:
+def _with_bounds_of(choice: Choice | None, network: Network, request: SettingRequest) -> Network:
     """Return the network; where an unusual strategy sets the bounds of ``auto``, it says so."""
-    if choice is None or asked.setting.strategy != AUTO or asked.budget.given:
+    if choice is None or request.setting.strategy != AUTO or request.budget.given:
         return network
     usual = next(iter(STRATEGIES))
     first = choice.candidates[0].strategy
     if first == usual:
         return network
     chip = choice.levels.program.chip
-    said = (
+    sentence = (
         f"{chip.name} cannot hold strategy {usual}, which sets the bounds of auto. "
         f"Here {first} sets them."
     )
-    return replace(network, assumptions=(*network.assumptions, said))
+    return replace(network, assumptions=(*network.assumptions, sentence))
 
 
 class _Lowered(NamedTuple):
@@ -154,15 +154,15 @@ class _Lowered(NamedTuple):
 def _lower(
     network: Network,
     chip: hw.Chip,
-    asked: SettingRequest,
+    request: SettingRequest,
     calibration: Recordings,
     spread: Spread,
 ) -> _Lowered:
     """Lower as asked, or by a setting that is chosen; refuse a strategy that no neuron uses."""
     choice = None
-    if asked.chooses:
-        choice = choose_strategy(network, chip, asked, calibration, spread)
-    setting = asked.setting
+    if request.chooses:
+        choice = choose_strategy(network, chip, request, calibration, spread)
+    setting = request.setting
     if choice:
         levels = choice.levels
         setting = choice.taken.setting
@@ -171,7 +171,7 @@ def _lower(
             setting = replace(setting, strategy=next(iter(STRATEGIES)))
         calibrated = calibrate(network, calibration, chip.registers)
         levels = lower_or_advise(network, chip, setting, calibrated)
-    _check_used(asked.setting.strategy, levels)
+    _check_used(request.setting.strategy, levels)
     return _Lowered(levels, setting, choice)
 
 

@@ -111,65 +111,84 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         )
     if not isinstance(values, dict) or values.get("format") != checkpoint.FORMAT:
         raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
+    version = _checked_version(values, where)
+    description = _description(values, where, version)
+    chip, of_xylo = _integers(values, where, description)
+    weights = _weights(where, values["weights"], description, chip or of_xylo)
+    training = _training(where, values["training"])
+    recordings = _recordings(where, values["recordings"], description, source, _origin(training))
+    return Checkpoint(description, weights, recordings, training, sha256, chip, of_xylo)
+
+
+def _checked_version(values: dict[Any, Any], where: str) -> int:
+    """Return the version of a checkpoint whose entries are those of its version; refuse newer and unknown ones."""
     version: Any = values.get("version")
     against = f"version {version} against {VERSION}"
-    whole = type(version) is int
-    if whole and version > VERSION:
+    is_whole = type(version) is int
+    if is_whole and version > VERSION:
         raise InputError(
             where,
             "it was written by a newer version",
             measured=against,
             fix="Update locsnn-compile.",
         )
-    more: dict[object, tuple[str, ...]]
-    more = {CHIP_VERSION: ("chip",), VERSION: ("graph", "chip") if "chip" in values else ("graph",)}
-    optional = [name for name in checkpoint.OPTIONAL if name in values]
-    rest = (*(more.get(version, ()) if whole else ()), *optional)
-    check_keys(where, "", values, _KEYS | dict.fromkeys(rest, _LATER))
-    if version not in (1, *more):
+    later_keys: dict[object, tuple[str, ...]] = {CHIP_VERSION: ("chip",), VERSION: ("graph",)}
+    if "chip" in values:
+        later_keys[VERSION] = ("graph", "chip")
+    expected = list(later_keys.get(version, ())) if is_whole else []
+    expected += [name for name in checkpoint.OPTIONAL if name in values]
+    check_keys(where, "", values, _KEYS | dict.fromkeys(expected, _LATER))
+    if version not in (1, *later_keys):
         raise file_fault(where, "its version does not exist", against)
-    order, srm = values["location_order"], version != VERSION
+    assert isinstance(version, int)
+    return version
+
+
+def _description(values: dict[Any, Any], where: str, version: int) -> NetworkDescription:
+    """Return what a checkpoint says of its network; versions before the last one have spike response neurons alone."""
+    has_srm = version != VERSION
+    order = values["location_order"]
     if order is not None:
         check_keys(where, "location_order", order, {"name": (str,), "taxels": (list, tuple)})
-    held = {name: values.get(name, usual) for name, usual in checkpoint.USUAL.items()}
-    held |= {
+    fields = {name: values.get(name, usual) for name, usual in checkpoint.USUAL.items()}
+    fields |= {
         "location_order": order and order["name"],
         "location_taxels": order and order["taxels"],
     }
     try:
-        made: dict[str, Any] = {"input": _input(where, held.pop("input"))}
+        parts: dict[str, Any] = {"input": _input(where, fields.pop("input"))}
         for name in ("neuron", "location_neuron"):
-            given = held.pop(name)
-            made[name] = _neuron(where, given, srm=srm) if name in values else None
-        if isinstance(made["neuron"], WindowParameters):
-            held = {
-                name: value for name, value in held.items() if name != "window" or name in values
-            }
-            made |= {"neuron": None, "window": made["neuron"]}
-        description = RecordReader(where, WRITE_AGAIN, lacks=False).record(
-            NetworkDescription, held, **made
-        )
+            parameters = fields.pop(name)
+            parts[name] = _neuron(where, parameters, srm=has_srm) if name in values else None
+        if isinstance(parts["neuron"], WindowParameters):
+            # A network of windows alone has them in place of a neuron.
+            if "window" not in values:
+                del fields["window"]
+            parts |= {"neuron": None, "window": parts["neuron"]}
+        reader = RecordReader(where, WRITE_AGAIN, lacks=False)
+        description = reader.record(NetworkDescription, fields, **parts)
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
-    if (description.structure.neurons == "srm") != srm:
+    if (description.structure.neurons == "srm") != has_srm:
         raise file_fault(where, f"version {version} does not hold such networks")
+    return description
+
+
+def _integers(
+    values: dict[Any, Any], where: str, description: NetworkDescription
+) -> tuple[ChipNumbers | None, XyloNumbers | None]:
+    """Return the integers of a network that was trained on them: those of a chip of cores, or of a Xylo."""
     if "chip" in values and not description.structure.learns_integers:
         raise file_fault(where, f"no {description.architecture!r} is trained on a chip's integers")
-    windows = description.window_names if description.structure.window_branch else ()
-    chip, of_xylo = None, None
     if description.structure.neurons == "xylo":
         if "chip" not in values:
             raise file_fault(where, "a network of a Xylo's neurons has no float weights")
-        of_xylo = parse_xylo_entry(where, values["chip"], description.weight_shapes)
-    elif "chip" in values:
-        chip = parse_chip_entry(where, values["chip"], description.weight_shapes, windows)
-    weights, training = (
-        _weights(where, values["weights"], description, chip or of_xylo),
-        _training(where, values["training"]),
-    )
-    recordings = _recordings(where, values["recordings"], description, source, _origin(training))
-    return Checkpoint(description, weights, recordings, training, sha256, chip, of_xylo)
+        return None, parse_xylo_entry(where, values["chip"], description.weight_shapes)
+    if "chip" not in values:
+        return None, None
+    windows = description.window_names if description.structure.window_branch else ()
+    return parse_chip_entry(where, values["chip"], description.weight_shapes, windows), None
 
 
 def _seen(values: object) -> str:
@@ -189,22 +208,21 @@ def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type
 
 def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     """Return the input layout; files have sizes for NeuTouch, and the layout of any other sensor."""
-    sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
+    sizes = ("taxels", "polarities", "fingertips")
+    of_sensor: dict[str, tuple[type, ...]] = dict.fromkeys(sizes, (int,))
+    if "sensor" in entry:
+        of_sensor = {"sensor": (dict,)}
     lacks = {"event_threshold", "sensor"} - set(entry)
-    held: dict[str, tuple[type, ...]] = (
-        {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
-    )
-    check_keys(where, "input", entry, {key: known[key] for key in known if key not in lacks} | held)
+    kinds = {name: kind for name, kind in field_kinds(InputLayout).items() if name not in lacks}
+    check_keys(where, "input", entry, kinds | of_sensor)
     if "sensor" in entry:
         sensor = parse_layout(entry["sensor"], "input 'sensor'")
     else:
         sensor = SensorLayout("channels", *(entry[name] for name in sizes))
-        sensor = (
-            neutouch(sensor.surfaces)
-            if (sensor.taxels, sensor.polarities) == (TAXELS, POLARITIES)
-            else sensor
-        )
-    return InputLayout(sensor, **{name: value for name, value in entry.items() if name not in held})
+        if (sensor.taxels, sensor.polarities) == (TAXELS, POLARITIES):
+            sensor = neutouch(sensor.surfaces)
+    others = {name: value for name, value in entry.items() if name not in of_sensor}
+    return InputLayout(sensor, **others)
 
 
 def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameters | None:

@@ -99,40 +99,40 @@ class ChipProjection(Shown, Connection):
         return self.mantissa
 
 
-def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
+def matrix(weights: Any, dtype: npt.DTypeLike) -> Matrix:
     """Return a read-only copy: of a sparse matrix as CSR with sorted entries and sums for duplicates, else an array.
 
     Integers must be whole.
     """
-    if sparse.issparse(given):
-        csr = sparse.csr_array(given, copy=True)
+    if sparse.issparse(weights):
+        csr = sparse.csr_array(weights, copy=True)
         csr.data = _of_type(csr.data, dtype)
         csr.sum_duplicates()
         for part in (csr.data, csr.indices, csr.indptr):
             part.setflags(write=False)
         return csr
-    return sealed(_of_type(given, dtype))
+    return sealed(_of_type(weights, dtype))
 
 
-def held_matrix(given: Any, where: str) -> Matrix:
-    """Return a read-only matrix of float64: the given one, if it is that already, or a copy."""
-    values = given.data if sparse.issparse(given) else given
+def held_matrix(weights: Any, where: str) -> Matrix:
+    """Return weights as a read-only matrix of float64: themselves, if they are that already, or a copy."""
+    values = weights.data if sparse.issparse(weights) else weights
     if isinstance(values, np.ndarray) and values.dtype == np.float64 and not values.flags.writeable:
-        return given
+        return weights
     try:
-        return matrix(given, np.float64)
+        return matrix(weights, np.float64)
     except (TypeError, ValueError, OverflowError):
         fix = "Give one row per target and one column per source."
         raise InputError(where, "the weights are not an array of numbers", fix=fix) from None
 
 
-def _of_type(given: ArrayLike, dtype: npt.DTypeLike) -> Values:
+def _of_type(numbers: ArrayLike, dtype: npt.DTypeLike) -> Values:
     """Return a copy as another type; ``TypeError`` for complex numbers."""
-    if np.iscomplexobj(given):
+    if np.iscomplexobj(numbers):
         raise TypeError
     if np.issubdtype(dtype, np.integer):
-        return whole_numbers(given)
-    return np.array(given, dtype=dtype)
+        return whole_numbers(numbers)
+    return np.array(numbers, dtype=dtype)
 
 
 def values_of(m: Matrix) -> Values:

@@ -192,5 +192,5 @@ class HostCubaSteps:
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, IntArray]:
         """Take the charge that arrives, (batch, n), in the unit of the registers; return as :class:`ChipCubaSteps`."""
-        held = np.clip(arriving, -self._largest, self._largest)
-        return self._compartments.step(np.trunc(held).astype(np.int64))
+        within_range = np.clip(arriving, -self._largest, self._largest)
+        return self._compartments.step(np.trunc(within_range).astype(np.int64))

@@ -66,13 +66,13 @@ def _is_rounded_for_recordings(network: Network, rounded: Collection[QuantizedPo
 
 def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
     """The reference wraps and clips like the chip of the program, which may not be that of the training."""
-    here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
+    bits_here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
     for chip, bits in network.trained_on.items():
-        if bits != here:
+        if bits != bits_here:
             yield (
                 f"The network was trained in the integers of {chip}, whose registers of charge, "
                 f"current and voltage have {listed([*map(str, bits)])} bits. Those of this chip have "
-                f"{listed([*map(str, here)])}: what is called as trained wraps and clips like them, "
+                f"{listed([*map(str, bits_here)])}: what is called as trained wraps and clips like them, "
                 "not as in the training."
             )
 
@@ -82,9 +82,9 @@ def _of_floors(rounded: Iterable[QuantizedPopulation]) -> Iterator[str]:
     names: dict[tuple[str, str], list[str]] = {}
     for q in rounded:
         wanted: FloatArray | None = getattr(q.population.neuron, "floor", None)
-        held = q.neuron.limits.get("vmin")
-        if wanted is not None and held is not None:
-            pair = _numbers(wanted), _numbers(held / q.scale)
+        vmin = q.neuron.limits.get("vmin")
+        if wanted is not None and vmin is not None:
+            pair = _numbers(wanted), _numbers(vmin / q.scale)
             names.setdefault(pair, []).append(repr(q.population.name))
     for (wanted_text, held_text), of_pair in names.items():
         yield (

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from functools import reduce
-from typing import Any
 
 import numpy as np
 
@@ -97,24 +96,22 @@ def stop_all(
     spread: Spread = here,
 ) -> hw.Stops:
     """Stop recordings chunk by chunk, so memory does not grow with their number."""
-    parts = []
-    for stops in spread(
-        stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))
-    ):
+    chunks = (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))
+    parts: list[hw.Stops] = []
+    for stops in spread(stop, chunks):
         parts.append(stops)
         if progress:
             progress(min(len(parts) * chunk, len(recordings)), len(recordings))
-    by_recording, sums = (
-        ("steps", "prediction", "final"),
-        ("counts", "all_counts", "latency_ns", "all_latency_ns"),
+    return hw.Stops(
+        steps=np.concatenate([part.steps for part in parts]),
+        prediction=np.concatenate([part.prediction for part in parts]),
+        final=np.concatenate([part.final for part in parts]),
+        counts=reduce(added, [part.counts for part in parts]),
+        all_counts=reduce(added, [part.all_counts for part in parts]),
+        latency_ns=reduce(added, [part.latency_ns for part in parts]),
+        all_latency_ns=reduce(added, [part.all_latency_ns for part in parts]),
+        all_steps=parts[0].all_steps,
     )
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in by_recording
-    }
-    totals: dict[str, Any] = {
-        name: reduce(added, [getattr(part, name) for part in parts]) for name in sums
-    }
-    return hw.Stops(all_steps=parts[0].all_steps, **arrays, **totals)
 
 
 def _work(network: Network) -> int:
@@ -133,10 +130,10 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
     voters = list(zip(readout.populations, readout.weights, strict=True))
 
     def votes(pushed: StepScores) -> dict[str, FloatArray]:
-        given = {**pushed.spikes, **pushed.potential}
+        outputs = {**pushed.spikes, **pushed.potential}
         return reduce(
             added,
-            ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters),
+            ({axis_of[name]: weight * outputs[name].astype(np.float64)} for name, weight in voters),
         )
 
     from hw_model.streaming.early_stop import pushed_each  # numba: only where it can be used
@@ -147,6 +144,6 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
     if len(by_axis) == 1:
         return {TOGETHER: together}
     steps = recordings.shape[1]
-    w = location_share(psi, np.arange(1, steps + 1), steps)[:, None]
-    weighted = (1.0 - w) * by_axis["time"] + w * by_axis["location"]
+    of_location = location_share(psi, np.arange(1, steps + 1), steps)[:, None]
+    weighted = (1.0 - of_location) * by_axis["time"] + of_location * by_axis["location"]
     return {**by_axis, TOGETHER: together, TIME_WEIGHTED: weighted}

@@ -82,11 +82,11 @@ def with_spread_parameters(node: NirNode, shape: Shape) -> NirNode:
     return NirNode(node.kind, parameters)
 
 
-def _spreads(own: Shape, shape: Shape) -> bool:
+def _spreads(parameter_shape: Shape, shape: Shape) -> bool:
     """Tell whether the numbers of a parameter, more than one, are repeated to fill a shape."""
-    if math.prod(own) in (1, math.prod(shape)) or len(own) != len(shape):
+    if math.prod(parameter_shape) in (1, math.prod(shape)) or len(parameter_shape) != len(shape):
         return False
-    return all(axis in (1, given) for axis, given in zip(own, shape, strict=True))
+    return all(axis in (1, size) for axis, size in zip(parameter_shape, shape, strict=True))
 
 
 def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
@@ -211,7 +211,7 @@ def _shapes(
         name = waiting.popleft()
         if name in shapes:
             continue
-        given = next((shapes[source] for source in sources[name] if source in shapes), None)
+        input_shape = next((shapes[source] for source in sources[name] if source in shapes), None)
         node = nodes[name]
         place = f"{where}, node {name!r}"
         if node.kind in WITH_WEIGHTS:
@@ -219,13 +219,13 @@ def _shapes(
                 raise InputError(
                     place, "no node feeds it", fix="Connect it to the input, or remove it."
                 )
-            layer = layer_of(node, given, place)
+            layer = layer_of(node, input_shape, place)
             if layer is None:
                 continue
             layers[name] = layer
             shape = layer.shape
         else:
-            passed_shape = _passed_shape(node, given, place)
+            passed_shape = _passed_shape(node, input_shape, place)
             if passed_shape is None:
                 continue
             shape = passed_shape
@@ -252,32 +252,32 @@ def _own_shape(node: NirNode) -> Shape:
     return shape if math.prod(shape) > 1 else ()
 
 
-def _passed_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
+def _passed_shape(node: NirNode, input_shape: Shape | None, where: str) -> Shape | None:
     """Return the output shape of a node without weights; None if it depends on an input shape that is not known yet."""
     if node.kind == "Input":
         return _as_shape(node, "shape", where)
     if node.kind in NEURONS:
-        own = _own_shape(node)
-        if given is None:
-            return own or None
-        return _joined(own, given, where)
-    if node.kind == "Flatten" and given is not None:
-        return _flattened(node, given)
-    return given
+        parameter_shape = _own_shape(node)
+        if input_shape is None:
+            return parameter_shape or None
+        return _joined(parameter_shape, input_shape, where)
+    if node.kind == "Flatten" and input_shape is not None:
+        return _flattened(node, input_shape)
+    return input_shape
 
 
-def _flattened(node: NirNode, given: Shape) -> Shape:
+def _flattened(node: NirNode, input_shape: Shape) -> Shape:
     """Return the output shape of a Flatten for an input shape without a batch axis.
 
     Some exporters count a batch as axis 0, others do not, and the file does not say which. Only the order
     of the values matters to the weights behind it, and joining axes keeps it, so any reading is right: the
     axes are taken as if there was no batch, and where such axes do not exist, all are joined.
     """
-    start = _axis_of(node, "start_dim", len(given))
-    end = _axis_of(node, "end_dim", len(given))
-    if not 0 <= start <= end < len(given):
-        return (math.prod(given),)
-    return (*given[:start], math.prod(given[start : end + 1]), *given[end + 1 :])
+    start = _axis_of(node, "start_dim", len(input_shape))
+    end = _axis_of(node, "end_dim", len(input_shape))
+    if not 0 <= start <= end < len(input_shape):
+        return (math.prod(input_shape),)
+    return (*input_shape[:start], math.prod(input_shape[start : end + 1]), *input_shape[end + 1 :])
 
 
 def _axis_of(node: NirNode, name: str, axes: int) -> int:
@@ -298,18 +298,21 @@ def _as_shape(node: NirNode, name: str, where: str) -> Shape:
     return tuple(int(v) for v in values)
 
 
-def _joined(own: Shape, given: Shape, where: str) -> Shape:
+def _joined(parameter_shape: Shape, input_shape: Shape, where: str) -> Shape:
     """Return the shape of neurons: that of their input, to which parameters are spread, or their own of equal size."""
-    if not own or math.prod(own) == math.prod(given):
-        return own or given
+    if not parameter_shape or math.prod(parameter_shape) == math.prod(input_shape):
+        return parameter_shape or input_shape
     try:
-        if np.broadcast_shapes(own, given) == given:
-            return given
+        if np.broadcast_shapes(parameter_shape, input_shape) == input_shape:
+            return input_shape
     except ValueError:
         pass
     fix = "Give one number per neuron."
     raise InputError(
-        where, "its parameters do not fit its input", measured=f"{own} against {given}", fix=fix
+        where,
+        "its parameters do not fit its input",
+        measured=f"{parameter_shape} against {input_shape}",
+        fix=fix,
     )
 
 
@@ -324,15 +327,15 @@ class Layer(Frozen, eq=False):
     shape: Shape
 
 
-def layer_of(node: NirNode, given: Shape | None, where: str) -> Layer | None:
+def layer_of(node: NirNode, input_shape: Shape | None, where: str) -> Layer | None:
     """Return the layer of a node of :data:`WITH_WEIGHTS`; None while the input shape that it needs is unknown."""
     if node.kind in ("Linear", "Affine"):
         return _dense(node, where)
-    if given is None and "input_shape" not in node.parameters:
+    if input_shape is None and "input_shape" not in node.parameters:
         return None
     if node.kind in ("Conv1d", "Conv2d"):
-        return _convolved(node, given or (), where)
-    return _pooled(node, given or (), where)
+        return _convolved(node, input_shape or (), where)
+    return _pooled(node, input_shape or (), where)
 
 
 def _dense(node: NirNode, where: str) -> Layer:
@@ -349,7 +352,7 @@ def _dense(node: NirNode, where: str) -> Layer:
     return Layer(sparse.csr_array(weight.astype(np.float64)), bias, (len(weight),))
 
 
-def _image(node: NirNode, given: Shape, where: str) -> Shape:
+def _image(node: NirNode, input_shape: Shape, where: str) -> Shape:
     """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
     weight = node.array("weight")
     axes = 1 if node.kind == "Conv1d" else 2
@@ -363,16 +366,19 @@ def _image(node: NirNode, given: Shape, where: str) -> Shape:
     if "input_shape" in node.parameters:
         channels = weight.shape[1] * _ints(node, "groups", 1, where)[0]
         return (channels, *_ints(node, "input_shape", axes, where))
-    image = _unbatched(given, axes)
+    image = _unbatched(input_shape, axes)
     if len(image) != axes + 1:
         raise InputError(
-            where, "its input is not an image", measured=f"{given}", fix="Set its input_shape."
+            where,
+            "its input is not an image",
+            measured=f"{input_shape}",
+            fix="Set its input_shape.",
         )
     return image
 
 
-def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
-    image = _image(node, given, where)
+def _convolved(node: NirNode, input_shape: Shape, where: str) -> Layer:
+    image = _image(node, input_shape, where)
     weight, groups = node.array("weight").astype(np.float64), _ints(node, "groups", 1, where)[0]
     window = _window(node, weight.shape[2:], where)
     weights, shape = convolution(weight, image, window, groups=groups, where=where)
@@ -380,12 +386,15 @@ def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
     return Layer(weights, np.repeat(bias, math.prod(shape[1:])), shape)
 
 
-def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
-    image = _unbatched(given, axes=2)
+def _pooled(node: NirNode, input_shape: Shape, where: str) -> Layer:
+    image = _unbatched(input_shape, axes=2)
     kernel = _ints(node, "kernel_size", 2, where)
     if len(image) != 3:
         raise InputError(
-            where, "its input is not an image", measured=f"{given}", fix="Pool before flattening."
+            where,
+            "its input is not an image",
+            measured=f"{input_shape}",
+            fix="Pool before flattening.",
         )
     if min(kernel) < 1:
         raise InputError(
@@ -398,10 +407,10 @@ def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
     return Layer(weights, 0.0, shape)
 
 
-def _unbatched(given: Shape, axes: int) -> Shape:
+def _unbatched(shape: Shape, axes: int) -> Shape:
     """Return the shape of an image without the leading batch axis of length one that some exporters keep."""
-    has_batch_axis = len(given) == axes + 2 and given[0] == 1
-    return given[1:] if has_batch_axis else given
+    has_batch_axis = len(shape) == axes + 2 and shape[0] == 1
+    return shape[1:] if has_batch_axis else shape
 
 
 def _window(node: NirNode, kernel: Shape, where: str) -> Window:

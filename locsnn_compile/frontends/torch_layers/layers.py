@@ -211,8 +211,8 @@ class MaxPool2d(Pooling, Frozen):
         sums = self.node("SumPool2d", dilation=np.array(self.dilation))
         chain.add_linear(f"{name} (sums)", sums)
         chain.add_neurons(name, NirNode("Threshold", {"threshold": np.array(HALF_A_SPIKE)}))
-        said = f"Max pooling {name!r} runs as neurons that spike a step after any spike of their window."
-        chain.assumed.append(said)
+        sentence = f"Max pooling {name!r} runs as neurons that spike a step after any spike of their window."
+        chain.assumed.append(sentence)
 
 
 class Flatten(Layer, Frozen):

@@ -17,23 +17,23 @@ class FloorScale(Frozen, eq=False):
     vmin: IntArray
 
 
-def floor_scale(task: Task, depth: FloatArray, most: int, over: int) -> FloorScale:
-    """Return the largest thresholds, at most ``most``, with which floors are nearest to one ``1 - 2^k``.
+def floor_scale(task: Task, depth: FloatArray, mantissa_max: int, over: int) -> FloorScale:
+    """Return the largest thresholds, at most ``mantissa_max``, with which floors are nearest to one ``1 - 2^k``.
 
     ``depth`` (n,): how far floors are below 0, in thresholds. A threshold is ``over`` more than
     its mantissa says in the register. All neurons with a floor below 0 get the same limit, since a core has one.
     Refuses floors that would move by more than :data:`TOLERANCE`.
     """
     below = depth > 0
-    threshold = np.full(len(depth), most, dtype=np.int64)
+    threshold = np.full(len(depth), mantissa_max, dtype=np.int64)
     vmin = np.zeros(len(depth), dtype=np.int64)
     if not below.any():
         return FloorScale(threshold, vmin)
-    deepest_room = (loihi.threshold_of(most) + over) * float(depth[below].min())
+    deepest_room = (loihi.threshold_of(mantissa_max) + over) * float(depth[below].min())
     lowest = -loihi_inverse.deepest_minimum(deepest_room, task.chip.registers)
     if lowest > 0:
         wanted = loihi.in_units(lowest / depth[below] - over)
-        threshold[below] = np.clip(np.rint(wanted), 1, most).astype(np.int64)
+        threshold[below] = np.clip(np.rint(wanted), 1, mantissa_max).astype(np.int64)
     vmin[below] = -lowest
     moved = np.abs(lowest / (loihi.threshold_of(threshold[below]) + over) - depth[below])
     allowed = TOLERANCE * np.maximum(depth[below], 1)

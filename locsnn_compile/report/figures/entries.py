@@ -101,9 +101,9 @@ def _fields_of(kind: Any) -> tuple[Field, ...]:
 
 
 def _field(name: str, hint: Any) -> Field:
-    said = getattr(hint, "__metadata__", ())
-    bare = get_args(hint)[0] if said else hint
-    return Field(name, hint, tuple(k for k in alternatives(bare) if k is not NoneType), said)
+    metadata = getattr(hint, "__metadata__", ())
+    bare = get_args(hint)[0] if metadata else hint
+    return Field(name, hint, tuple(k for k in alternatives(bare) if k is not NoneType), metadata)
 
 
 def alternatives(hint: Any) -> tuple[Any, ...]:

@@ -15,7 +15,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 def flatten(value: object, key: str = "") -> Figures:
     """Return the leaves of nested dictionaries and lists by dotted keys, in order."""
-    found: Figures = {}
+    leaves: Figures = {}
     waiting = [(key, value)]
     while waiting:
         key, value = waiting.pop()
@@ -24,10 +24,10 @@ def flatten(value: object, key: str = "") -> Figures:
         elif isinstance(value, list):
             items = [(str(index), item) for index, item in enumerate(value)]
         else:
-            found[key] = value
+            leaves[key] = value
             continue
         waiting += [(f"{key}.{name}" if key else name, item) for name, item in reversed(items)]
-    return found
+    return leaves
 
 
 def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
@@ -40,11 +40,11 @@ def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 def table_bytes(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:
     """Return a table for a spreadsheet or a script; texts are on one line and never formulas."""
-    made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows([_cell(value) for value in row] for row in rows)
-    return made.getvalue().encode()
+    return text.getvalue().encode()
 
 
 def _cell(value: Any) -> Any:

@@ -168,8 +168,8 @@ def _block(block: content.Block) -> str:
         case content.Raster():
             return _figure(block.title, drawings.raster(block) + _raster_legend(block))
         case content.Mesh():
-            said = f'<p class="said">{text(block.description)}</p>'
-            return _figure(block.title, drawings.mesh(block) + said)
+            description = f'<p class="said">{text(block.description)}</p>'
+            return _figure(block.title, drawings.mesh(block) + description)
         case content.Folded():
             inside = "".join(_block(each) for each in block.blocks)
             return (

@@ -148,12 +148,12 @@ def _line(
         break_on_hyphens=False,
     )
     # A word that is wider than the line may be cut behind a blank that held it to its unit.
-    made = Text(_BLANKS_AT_ENDS.sub("", folded.replace(_HELD, " ")))
+    styled_text = Text(_BLANKS_AT_ENDS.sub("", folded.replace(_HELD, " ")))
     letters = len(
         "".join(_readable(console, line[:styled]).split())
     )  # wrapping changes only the space around them
-    made.stylize(style, 0, re.match(rf"(?:\s*\S){{{letters}}}", made.plain).end())  # type: ignore[union-attr]
-    console.print(made, soft_wrap=True)
+    styled_text.stylize(style, 0, re.match(rf"(?:\s*\S){{{letters}}}", styled_text.plain).end())  # type: ignore[union-attr]
+    console.print(styled_text, soft_wrap=True)
 
 
 def _ending(name: str, longest: int) -> str:

@@ -258,8 +258,8 @@ def _distances(figures: MarginFigures) -> Table:
 def _errors(figures: MarginFigures) -> Table:
     rows = []
     for name, population in figures.by_population.items():
-        median, most, largest = population.error.values()
-        errors = short(median), short(most), short(largest)
+        median, near_largest, largest = population.error.values()
+        errors = short(median), short(near_largest), short(largest)
         rows.append(
             (name, *errors, share(population.within_error), share(population.decided_otherwise))
         )

@@ -142,12 +142,12 @@ def _operations_compared(
 ) -> Table:
     on_paper = report.operations.published_method.operations
     on_chip = report.operations.per_sample.synaptic_ops
-    most = max(on_paper, on_chip, *(network.operations for network in networks.values()))
+    largest = max(on_paper, on_chip, *(network.operations for network in networks.values()))
 
     def row(
         name: str, operations: float, to_paper: float | None, to_chip: float | None
     ) -> tuple[str | Bar, ...]:
-        bar = Bar(share_of(operations, most), plural(operations, "operation"))
+        bar = Bar(share_of(operations, largest), plural(operations, "operation"))
         return name, bar, count(operations), known(to_paper, ratio), known(to_chip, ratio)
 
     return Table(

@@ -23,10 +23,10 @@ def bounds_table(figures: BoundFigures | None) -> Table | None:
     if figures.as_stated is not None:
         at_other_rates.insert(0, figures.as_stated)
     rows = []
-    for key, name, said in _ROWS:
+    for key, name, text_of in _ROWS:
         if vars(figures.any_input)[key].bound:
             others = [vars(rate)[key] for rate in at_other_rates]
-            rows.append(_row(name, said, vars(figures.as_recorded)[key], others))
+            rows.append(_row(name, text_of, vars(figures.as_recorded)[key], others))
     columns = ["at most", "in these recordings", _at(figures.as_recorded), "measured of it"]
     if figures.as_stated is not None:
         columns.append(_at(figures.as_stated))
@@ -44,16 +44,16 @@ def _at(rate: RateBounds) -> str:
 
 def _row(
     name: str,
-    said: Callable[[float], str],
+    text_of: Callable[[float], str],
     recorded: Bounded,
     at_other_rates: Sequence[Bounded],
 ) -> tuple[str, ...]:
     return (
         name,
-        known(recorded.measured, said, NONE),
-        said(recorded.bound),
+        known(recorded.measured, text_of, NONE),
+        text_of(recorded.bound),
         known(recorded.share, share, NONE),
-        *(said(bounded.bound) for bounded in at_other_rates),
+        *(text_of(bounded.bound) for bounded in at_other_rates),
     )
 
 

@@ -111,9 +111,9 @@ def _memory_row(name: str, bar: Cell, used_bits: int, bits: int) -> tuple[Cell, 
 
 
 def _limits(limits: Mapping[str, LimitUse], *, of_cores: bool) -> Table:
-    given = ((name, use) for name, use in limits.items() if use.used or use.limit)
+    limited = ((name, use) for name, use in limits.items() if use.used or use.limit)
     rows = []
-    for name, use in sorted(given, key=lambda named: -fullness(named[1])):
+    for name, use in sorted(limited, key=lambda named: -fullness(named[1])):
         full = share(fullness(use))
         bar = Bar(fullness(use), f"{full} used")
         limit = limit_words(name, of_cores=of_cores)

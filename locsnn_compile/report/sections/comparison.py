@@ -191,8 +191,8 @@ def _change_of_match(predictions: _Known, spikes: _Known, scores: _Known) -> tup
     losses = {"fewer spikes are equal": spikes[::-1], "class scores differ more": scores}
     worse = [
         words
-        for words, (least, most) in losses.items()
-        if least is not None and most is not None and most > least
+        for words, (before, after) in losses.items()
+        if before is not None and after is not None and after > before
     ]
     if b >= a and worse:
         return "nearly", f"{answer}, but {listed(worse)}"
@@ -303,15 +303,19 @@ def _key_figures(before: Build, after: Build) -> Section:
 
 
 def _row(figure: KeyFigure, before: Build, after: Build) -> tuple[Cell, ...]:
-    a, b = before.number(figure.key), after.number(figure.key)
-    most = max(a, b) or 1.0
-    then, now = figure.shown(a), figure.shown(b)
-    change = "no change" if a == b else percent(a, b) or NONE
+    number_before, number_after = before.number(figure.key), after.number(figure.key)
+    largest = max(number_before, number_after) or 1.0
+    then, now = figure.shown(number_before), figure.shown(number_after)
+    change = (
+        "no change"
+        if number_before == number_after
+        else percent(number_before, number_after) or NONE
+    )
     return (
         figure.name,
-        Bar(a / most, f"before, {then}"),
+        Bar(number_before / largest, f"before, {then}"),
         then,
-        Bar(b / most, f"after, {now}", 1),
+        Bar(number_after / largest, f"after, {now}", 1),
         now,
         change,
     )

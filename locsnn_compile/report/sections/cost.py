@@ -271,14 +271,14 @@ def _cores(cores: Sequence[CoreTime], total_ns: float) -> Table:
 def _links(links: Sequence[LinkUse]) -> Table | None:
     if not links:
         return None
-    most = max(link.packets for link in links)
+    largest = max(link.packets for link in links)
     return Table(
         "Packets on the links of the mesh, mean per recording",
         ("link, from tile to tile", "", "branch", "packets", "most in a step"),
         tuple(
             (
                 f"{link.from_[0]},{link.from_[1]} to {link.to[0]},{link.to[1]}",
-                Bar(link.packets / most, plural(link.packets, "packet")),
+                Bar(link.packets / largest, plural(link.packets, "packet")),
                 words(link.phase),
                 count(link.packets),
                 count(link.most_in_a_step),

@@ -142,12 +142,12 @@ def _course(
 ) -> tuple[Plot, Table]:
     """Draw each bin's mean at its middle."""
     steps = {branch: _per_step(course) for branch, course in by_step.items()}
-    most = max((value for values in steps.values() for value in values), default=0.0) or 1.0
+    largest = max((value for values in steps.values() for value in values), default=0.0) or 1.0
     plot = Plot(
         title=f"{name} of a step, mean over the recordings, profile {profile}",
         x_label="part of the branch's steps",
         x=Axis(0.0, 1.0, (0.0, *PARTS), lambda part: f"{100 * part:.0f} %"),
-        y=Axis(0.0, most, tuple(x for x in round_numbers(0.0, most, 4) if x), shown),
+        y=Axis(0.0, largest, tuple(x for x in round_numbers(0.0, largest, 4) if x), shown),
         curves=tuple(
             _curve(branch, values, len(by_step[branch].bins)) for branch, values in steps.items()
         ),

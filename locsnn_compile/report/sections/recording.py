@@ -181,10 +181,10 @@ def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
 
 
 def _strokes(
-    kind: Literal["equal", "reference", "chip", "event"], found: ByteArray, label: str
+    kind: Literal["equal", "reference", "chip", "event"], spikes: ByteArray, label: str
 ) -> Strokes:
     """Return the (column, row) of every spike, row by row."""
-    rows, columns = np.nonzero(found.T)
+    rows, columns = np.nonzero(spikes.T)
     return Strokes(
         kind,
         f"{count(len(rows))} {label}",

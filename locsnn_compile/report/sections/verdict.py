@@ -44,9 +44,9 @@ def matches(report: SharedFigures) -> Verdict:
     """Does the chip do what the network does?"""
     match = report.match
     status, answer = _answer(match)
-    said = _comparison_of_both_sides(match, status, answer)
+    sentence = _comparison_of_both_sides(match, status, answer)
     if report.chance is not None and not report.chance.told_apart:
-        said += f". {_at_chance(report.chance.test)}"
+        sentence += f". {_at_chance(report.chance.test)}"
         if status == "yes":
             status, answer = "nearly", f"{answer}, but it predicts no better than chance"
     same = _same_predictions(match)
@@ -56,7 +56,7 @@ def matches(report: SharedFigures) -> Verdict:
         answer=answer,
         figure=known(match.prediction_agreement, share, SILENT if match.readout.silent else NONE),
         figure_label=f"same prediction, {same}" if same else "no prediction to compare",
-        sentence=f"{said}.",
+        sentence=f"{sentence}.",
         facts=_facts_of_match(report).facts,
     )
 
@@ -99,22 +99,22 @@ def _comparison_of_both_sides(match: MatchFigures, status: Status, answer: str) 
     if match.reference == "integers":
         network = "the network in its own integers"
     same = _same_predictions(match)
-    said = "Every class score ties"
+    sentence = "Every class score ties"
     if status == "unknown":
         unproven = "no prediction was compared"
         if match.spikes.spike_agreement is None:
             unproven = "nothing was compared"
-        said = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
+        sentence = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
     elif same:
-        said = f"The chip predicts the same class as {network} {same}"
+        sentence = f"The chip predicts the same class as {network} {same}"
     if answer == SPIKE_FOR_SPIKE:
-        said += ", and every spike is equal"
+        sentence += ", and every spike is equal"
     if status != "unknown" and same and match.tied_predictions:
         tied = count(match.tied_predictions)
-        said += f"; {tied} more are not predicted, as all class scores tie on both sides"
+        sentence += f"; {tied} more are not predicted, as all class scores tie on both sides"
     if answer == SAME_CLASSES:
-        said += f", but class scores {_scores(match)}"
-    return said
+        sentence += f", but class scores {_scores(match)}"
+    return sentence
 
 
 def _same_predictions(match: MatchFigures) -> str:

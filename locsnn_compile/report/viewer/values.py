@@ -184,17 +184,17 @@ def _kept(levels: Levels, differing: Mapping[str, IntArray], room: int) -> dict[
     """Return the neurons of each population that differ most, as many as fit their potentials into ``room``."""
     network = levels.network
 
-    def characters(most: int) -> int:
+    def characters(count: int) -> int:
         return sum(
-            _POTENTIAL_CHARACTERS * network.steps_of(p.phase) * min(most, p.size)
+            _POTENTIAL_CHARACTERS * network.steps_of(p.phase) * min(count, p.size)
             for p in network.own_populations
         )
 
-    most = max(map(len, differing.values()))
-    while most > 1 and characters(most) > room:
-        most = most * 3 // 4
+    count = max(map(len, differing.values()))
+    while count > 1 and characters(count) > room:
+        count = count * 3 // 4
     return {
-        name: sorted(np.argsort(-spikes, kind="stable")[:most].tolist())
+        name: sorted(np.argsort(-spikes, kind="stable")[:count].tolist())
         for name, spikes in differing.items()
     }
 

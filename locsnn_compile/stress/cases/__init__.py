@@ -33,5 +33,9 @@ LEADS = {
 
 def cases(*, quick: bool = False) -> tuple[Case, ...]:
     """Return all cases in the order of the page; if ``quick``, only those of a quick run."""
-    every = (replace(case, group=group) for group, made in GROUPS.items() for case in made())
+    every = (
+        replace(case, group=group)
+        for group, cases_of_group in GROUPS.items()
+        for case in cases_of_group()
+    )
     return tuple(case for case in every if case.quick or not quick)
