@@ -64,9 +64,10 @@ def lower_by(
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
-    kept = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
-    kept |= vars(network.event_times or EventTimes())
-    program = replace(assemble(routed), **kept, **network.numbering_entries)
+    # What commands that play the program need to know of its network, and no core.
+    of_network = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
+    of_network |= vars(network.event_times or EventTimes())
+    program = replace(assemble(routed), **of_network, **network.numbering_entries)
     target_of(chip).check_fits(program, network.steps)
     _log.debug(
         "%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name

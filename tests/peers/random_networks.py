@@ -16,13 +16,20 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
 
 STEPS = 80
 DECAYS = (0, 1, 128, 390, 1024, 2589, 4095, 4096)
+"""In 4096ths that a step loses: both ends of the grid, and those of time constants of 10 steps (390) and of 1 (2589)."""
 THRESHOLDS = (0, 1, 4095, 131071)
+"""Mantissas, 64 units of the voltage register each; the last is the largest."""
 THRESHOLDS_IN_WEIGHTS = (0.2, 0.5, 1.0, 3.0, 10.0)
+"""Further thresholds, in weights of mantissa 128 at the largest exponent of the network, so that neurons spike."""
 BIASES = (0, 0, 0, -7, 3, 4095, -4096, 4095 * 128)
+"""In units of the voltage register; the last is the largest, a mantissa of 4095 with the exponent 7."""
 REFRACTORY = (1, 1, 1, 2, 3, 7, 63)
+"""Steps of which the first is that of the spike; 63 is the most that the chip counts."""
 VOLTAGE_MAX = 2**23 - 1
 VOLTAGES_MIN = (*[-VOLTAGE_MAX] * 4, 1 - 2**15, 0)
+"""Lower limits of the voltage, in its units; values that occur several times are drawn as often."""
 VOLTAGES_MAX = (*[VOLTAGE_MAX] * 4, 2**19 - 1, 511)
+"""Upper limits."""
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 SIGN_MODES = ("mixed", "excitatory", "inhibitory")
 SIGN_MODE_SHARES = (0.5, 0.35, 0.15)
@@ -65,10 +72,10 @@ def random_network(name: str, seed: int, can: Abilities) -> Network:
 
 def _draw(name: str, r: Generator, can: Abilities) -> Network:
     size = {"x": int(r.integers(3, 9)), "h": int(r.integers(3, 10)), "y": int(r.integers(2, 6))}
-    pairs = [("x", "h"), ("x", "h"), ("x", "y"), ("h", "y"), ("h", "h")] + [
-        ("y", "h")
-    ] * can.feedback
-    top = int(r.choice(can.exponents))
+    pairs = [("x", "h"), ("x", "h"), ("x", "y"), ("h", "y"), ("h", "h")]
+    if can.feedback:
+        pairs.append(("y", "h"))
+    top = int(r.choice(can.exponents))  # the largest weight exponent
     return Network(
         name,
         spikes=(r.random((STEPS, size["x"])) < r.choice([0.05, 0.2, 0.5, 1.0])).astype(np.uint8),

@@ -4,6 +4,8 @@ import numpy as np
 import torch
 import yaml
 
+SMALLEST = 0.01
+"""slayerPytorch ends a kernel at the first lag beyond tau whose magnitude is below this."""
 SRM = {
     "type": "SRMALPHA",
     "theta": 10.0,
@@ -26,11 +28,11 @@ LOIHI = {
 
 
 def kernel(tau, factor):
-    """slayerPytorch's _calculateAlphaKernel, Ts 1."""
+    """slayerPytorch's _calculateAlphaKernel with a Ts of 1, for time constants whose kernels end within 1,000 steps."""
     taps = []
     for t in range(1000):
         value = factor * t / tau * np.exp(1 - t / tau)
-        if abs(value) < 0.01 and t > tau:
+        if abs(value) < SMALLEST and t > tau:
             break
         taps.append(value)
     return np.array(taps)
@@ -66,23 +68,23 @@ def write(folder, weights, neuron=SRM, steps=60, extra=None, **more):
 
 
 def srm_layer(weight, spikes, neuron=SRM, full=True):
-    """Return the spikes (steps, out) of a layer: psp, weights, spike; with the kernels' tails, or slayer's cut ones."""
+    """Return the spikes (steps, out) of a layer, in slayer's order: filter the input, weigh it, spike.
+
+    Kernels are ``full``, with their tails, or end where slayerPytorch ends them.
+    """
     steps = len(spikes)
     k = np.arange(steps)
 
     def taps(tau, factor):
-        return (
-            factor * k / tau * np.exp(1 - k / tau)
-            if full
-            else np.pad(kernel(tau, factor), (0, steps))[:steps]
-        )
+        if full:
+            return factor * k / tau * np.exp(1 - k / tau)
+        return np.pad(kernel(tau, factor), (0, steps))[:steps]
 
-    eps, nu = (
-        taps(neuron["tauSr"], 1.0),
-        taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"]),
-    )
-    psp = np.array([sum(eps[t - s] * spikes[s] for s in range(t + 1)) for t in range(steps)])
-    u, out = psp @ weight.T, np.zeros((steps, len(weight)))
+    eps = taps(neuron["tauSr"], 1.0)
+    nu = taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"])
+    filtered = np.array([sum(eps[t - s] * spikes[s] for s in range(t + 1)) for t in range(steps)])
+    u = filtered @ weight.T
+    out = np.zeros((steps, len(weight)))
     for t in range(steps):
         out[t] = u[t] >= neuron["theta"]
         u[t:] += nu[: steps - t, None] * out[t]
