@@ -59,12 +59,12 @@ class Binned(Frozen):
     @property
     def words(self) -> str:
         """How many events are lost, and why."""
-        bins = (
-            "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
-        )
+        reasons = [f"{self.outside} outside the steps"]
+        if self.threshold is not None:
+            reasons.append(f"{self.below} in bins of at most {self.threshold}")
         if self.elsewhere:
-            bins += f", {self.elsewhere} in further streams or before the first time"
-        return f"{self.dropped} of {counted(self.events, 'event')} dropped: {self.outside} outside the steps{bins}"
+            reasons.append(f"{self.elsewhere} in further streams or before the first time")
+        return f"{self.dropped} of {counted(self.events, 'event')} dropped: {', '.join(reasons)}"
 
     def document(self) -> dict[str, int | None]:
         """Return the figures as plain values, for JSON."""
@@ -291,14 +291,13 @@ class Expected(Frozen):
     def agreed(self, **asked: float | None) -> dict[str, Any]:
         """Return each option as asked for, or else as the model has it; ``InputError`` if the two differ."""
         for name, value in asked.items():
-            own = getattr(self, name)
-            if value is not None and own is not None and not same(value, own):
-                fix = "Leave it out."
+            expected = getattr(self, name)
+            if value is not None and expected is not None and not same(value, expected):
                 raise InputError(
                     name,
                     f"{self.whose} has another",
-                    measured=f"got {value:g} against {own:g}",
-                    fix=fix,
+                    measured=f"got {value:g} against {expected:g}",
+                    fix="Leave it out.",
                 )
         return {
             name: getattr(self, name) if value is None else value for name, value in asked.items()
@@ -316,19 +315,17 @@ class Expected(Frozen):
             measured = f"{', '.join(names)[:80]} against {', '.join(self.class_names)[:80]}"
             fix = "Give recordings of the same classes, in the same order."
             raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
-        own, given = self.step_seconds, recordings.step_seconds
-        if (
-            self.steps is not None
-            and own is not None
-            and given is not None
-            and not same(own, given)
-        ):
-            what, measured = (
-                f"their steps are not as long as those of {self.whose}",
-                f"{given:g} s against {own:g} s",
-            )
-            fix = "Give recordings that were binned for it, or their single events."
-            raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
+        expected = self.step_seconds
+        width = recordings.step_seconds
+        takes_any_length = self.steps is None
+        if takes_any_length or expected is None or width is None or same(expected, width):
+            return
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            f"their steps are not as long as those of {self.whose}",
+            measured=f"{width:g} s against {expected:g} s",
+            fix="Give recordings that were binned for it, or their single events.",
+        )
 
 
 OPEN = Expected("no model")

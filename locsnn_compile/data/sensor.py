@@ -171,16 +171,11 @@ def asked_layout(
     if columns is not None and channels is None:
         what = "the grid or the layout has columns of its own"
         raise InputError("columns", what, measured=f"got {columns}", fix="Leave it out.")
-    given = [
-        name
-        for name, value in (("grid", grid), ("channels", channels), ("layout", layout))
-        if value is not None
-    ]
+    options = {"grid": grid, "channels": channels, "layout": layout}
+    given = [name for name, value in options.items() if value is not None]
     if len(given) > 1 or (polarities is not None and not given):
-        measured, fix = (
-            " and ".join(given) or "polarities alone",
-            "Give one of --grid, --channels and --layout.",
-        )
+        measured = " and ".join(given) or "polarities alone"
+        fix = "Give one of --grid, --channels and --layout."
         raise InputError("sensor", "its layout is not clear", measured=measured, fix=fix)
     if grid is not None:
         match = re.fullmatch(r"([1-9]\d{0,3})x([1-9]\d{0,3})", grid)
