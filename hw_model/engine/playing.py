@@ -120,38 +120,42 @@ def play(
 ) -> PhaseInput:
     """Lay recordings out as the lines of a phase, of ``steps`` steps where it does not fix them."""
     rows, batch = next((events.rows, len(events.first)) for events in streams.values())
-    length = length_of(program, phase, rows, steps)
-    counts = np.zeros((len(PLAYED), batch), dtype=np.int64)
-    played, transposed, dropped, before = counts
+    steps_of_phase = length_of(program, phase, rows, steps)
     inputs = program.inputs_of(phase.name)
+    is_aligned = phase.align_events is not None
+    # Views of one array, in the order of PLAYED.
+    counts = np.zeros((len(PLAYED), batch), dtype=np.int64)
+    played, transposed, dropped, rows_before_start = counts
+
+    # From which step to which each recording runs.
     start = np.zeros(batch, dtype=np.int64)
-    stop = before + length
+    stop = start + steps_of_phase
     if phase.align_events is not None:
-        before[:] = first_touch(
-            [streams[name] for name in {item.stream for item in inputs}], phase.align_events
-        )
+        names = {item.stream for item in inputs}
+        rows_before_start[:] = first_touch([streams[name] for name in names], phase.align_events)
         if phase.axis == "time":
-            many = steps_of(program, phase, rows, steps)
-            start = np.where(before < rows, before, many)
-            length, stop = many, np.minimum(start + length, many)
+            last_step = steps_of(program, phase, rows, steps)
+            start = np.where(rows_before_start < rows, rows_before_start, last_step)
+            stop = np.minimum(start + steps_of_phase, last_step)
+            steps_of_phase = last_step
+
     lists = []
     for item in inputs:
         recorded = streams[item.stream]
         if item.positions is None:
-            late = recorded if phase.align_events is None else recorded.between(start, stop)
-            lists.append(_fit(late, length))
+            heard = recorded.between(start, stop) if is_aligned else recorded
+            lists.append(_fit(heard, steps_of_phase))
             counted = played
         else:
-            late = recorded if phase.align_events is None else recorded.moved(before)
-            lists.append(player.transpose(late, item, length))
+            heard = recorded.moved(rows_before_start) if is_aligned else recorded
+            lists.append(player.transpose(heard, item, steps_of_phase))
             counted = transposed
-        given = lists[-1].events
-        counted += given
+        events_played = lists[-1].events
+        counted += events_played
         if lists[-1] is not recorded:
-            dropped += recorded.events - given
-    return PhaseInput(
-        length, tuple(item.size for item in inputs), tuple(lists), counts, start, stop
-    )
+            dropped += recorded.events - events_played
+    sizes = tuple(item.size for item in inputs)
+    return PhaseInput(steps_of_phase, sizes, tuple(lists), counts, start, stop)
 
 
 def length_of(program: HasInputs, phase: Phase, rows: int, steps: int | None = None) -> int:

@@ -5,7 +5,7 @@ from dataclasses import field
 import numpy as np
 
 from hw_model.engine.playing import length_of
-from hw_model.mapping.graph import Phase
+from hw_model.mapping.graph import Input, Phase
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.row_groups import rows_together
 from hw_model.values import ByteArray, Frozen, IntArray
@@ -57,31 +57,52 @@ def core_phases(
 
     ``steps``: those of phases of no fixed length. ``groups``: 1 if rows share sources where they can.
     """
-    plain = [phase for phase in program.phases if phase.align_events is None]
-    streaming = next(
-        (p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))),
-        None,
-    )
-    core_phases_so_far = [] if streaming else [CorePhase()]
-    free = sum(program.streams.values())
+    streaming = next((p for p in program.phases if _plays_as_it_arrives(program, p)), None)
+    # The first phase of the core is that of the arriving recording, even if it has nothing to do.
+    phases = [] if streaming else [CorePhase()]
+    next_source = sum(program.streams.values())
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
-        length = length_of(program, phase, rows, steps)
-        core_phase, free = _core_phase(
-            program, phase, length, rows, free, phase is streaming, groups
+        core_phase, next_source = _core_phase(
+            program,
+            phase,
+            steps=length_of(program, phase, rows, steps),
+            rows=rows,
+            next_source=next_source,
+            streams=phase is streaming,
+            groups=groups,
         )
-        core_phases_so_far.append(core_phase)
-    return tuple(core_phases_so_far), free
+        phases.append(core_phase)
+    return tuple(phases), next_source
+
+
+def _plays_as_it_arrives(program: ChipProgram, phase: Phase) -> bool:
+    inputs = program.inputs_of(phase.name)
+    return phase.align_events is None and all(item.positions is None for item in inputs)
 
 
 def _core_phase(
-    program: ChipProgram, phase: Phase, steps: int, rows: int, free: int, streams: bool, groups: int
+    program: ChipProgram,
+    phase: Phase,
+    *,
+    steps: int,
+    rows: int,
+    next_source: int,
+    streams: bool,
+    groups: int,
 ) -> tuple[CorePhase, int]:
+    """Return a phase whose sources are numbered from ``next_source`` on, and the first number after them.
+
+    ``streams``: it plays rows as they arrive, whose channels have sources already.
+    """
     inputs = program.inputs_of(phase.name)
     ends = np.cumsum([0, *program.streams.values()]).tolist()
     first_channel = dict(zip(program.streams, ends, strict=False))
     by_rows = not streams and any(item.positions is None for item in inputs)
-    row_source = free if by_rows else 0
-    free += ends[-1] if by_rows else 0
+    row_source = 0
+    if by_rows:
+        row_source = next_source
+        next_source += ends[-1]
+
     sources = [CorePhase().sources]
     visits = [CorePhase().visits]
     shared = rows_together(program, phase.name) if groups else 0
@@ -90,38 +111,46 @@ def _core_phase(
         if item.positions is None:
             sources.append(row_source + channels)
             continue
-        of_line = np.arange(item.size)
-        row = np.arange(item.size) % item.rows
-        if shared:
-            of_line = of_line // item.rows * -(-item.rows >> shared) + (row >> shared)
-        visits.append(np.stack((item.positions, channels, free + of_line[item.visits[1]])))
+        source_of_line, row_of_line = _sources_of_lines(item, shared)
+        first_source = source_of_line[item.visits[1]]
+        visits.append(np.stack((item.positions, channels, next_source + first_source)))
         # Where rows share a source, the first of them has its list.
-        sources.append(np.where(row % (1 << shared), -1, free + of_line))
-        free += int(of_line[-1]) + 1
+        has_list = row_of_line % (1 << shared) == 0
+        sources.append(np.where(has_list, next_source + source_of_line, -1))
+        next_source += int(source_of_line[-1]) + 1
     table = np.hstack(visits)
-    events = phase.align_events
+
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
-    rows_kept = max(
-        0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows
+    is_aligned = phase.align_events is not None
+    kept = max(
+        0 if streams else rows_of_visits,
+        steps if by_rows else 0,
+        rows if is_aligned else 0,  # any of them may be the first
     )
-    rows_told = rows_of_visits if events is None or not by_rows else rows_kept
-    first = program.readout.from_step if program.readout else {}
-    from_step = min(
-        max((first[name] for name in program.columns_of(phase.name) if name in first), default=0),
-        NO_ROW,
+    from_step = program.readout.from_step if program.readout else {}
+    first_steps = [from_step[name] for name in program.columns_of(phase.name) if name in from_step]
+    core_phase = CorePhase(
+        name=phase.name,
+        steps=steps,
+        kept=kept,
+        rows=kept if is_aligned and by_rows else rows_of_visits,
+        shared=shared,
+        row_source=row_source,
+        by_rows=by_rows,
+        align_events=phase.align_events,
+        potentials_from=min(max(first_steps, default=0), NO_ROW),
+        sources=np.concatenate(sources),
+        visits=table[:, np.argsort(table[0], kind="stable")],
     )
-    lines = np.concatenate(sources)
-    table = table[:, np.argsort(table[0], kind="stable")]
-    return CorePhase(
-        phase.name,
-        steps,
-        rows_kept,
-        rows_told,
-        shared,
-        row_source,
-        by_rows,
-        events,
-        from_step,
-        lines,
-        table,
-    ), free
+    return core_phase, next_source
+
+
+def _sources_of_lines(item: Input, shared: int) -> tuple[IntArray, IntArray]:
+    """Return the source of each line of a transposed input, counted from 0, and its row; 2^shared rows have one."""
+    line = np.arange(item.size)
+    row = line % item.rows
+    if not shared:
+        return line, row
+    sources_per_channel = -(-item.rows >> shared)
+    channel = line // item.rows
+    return channel * sources_per_channel + (row >> shared), row
