@@ -22,7 +22,7 @@ from hw_model.engine.layout import (
     Widths,
     aligned,
 )
-from hw_model.engine.links import Blocks, Echoes, Ends, links_of, synapses_by_ends, take_echoes
+from hw_model.engine.links import Blocks, Echoes, NodePair, links_of, synapses_by_ends, take_echoes
 from hw_model.engine.places import Cut, Numbering, cut_pieces
 from hw_model.engine.trace import due_late
 from hw_model.mapping.circles import roots, sources_first
@@ -53,7 +53,7 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     )
 
 
-def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> Blocks:
+def _blocks(nodes: Numbering, pairs: Iterable[NodePair]) -> Blocks:
     """Return the groups' nodes block by block, sources before targets."""
     first = nodes.inputs
     joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]

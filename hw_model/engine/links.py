@@ -23,7 +23,7 @@ _Synapses = tuple[Int32Array, ...]
 """Some synapses from one node to another: number of the source there, column, weight in units, and delay."""
 _DELAY = 3
 """Which of these is the delay."""
-Ends = tuple[int, int]
+NodePair = tuple[int, int]
 """Nodes that synapses lead from and to."""
 Blocks = list[list[int]]
 """The nodes of every block."""
@@ -31,9 +31,9 @@ Blocks = list[list[int]]
 
 def synapses_by_ends(
     program: ChipProgram, phase: str, nodes: Numbering
-) -> dict[Ends, list[_Synapses]]:
+) -> dict[NodePair, list[_Synapses]]:
     """Return the synapses of a phase by their ends, core by core: each is held once, in 32 bits a number."""
-    by_ends: dict[Ends, list[_Synapses]] = {}
+    by_ends: dict[NodePair, list[_Synapses]] = {}
     for core in program.cores_of(phase):
         axons = core.axons
         columns = program.columns_of_core(core)
@@ -58,7 +58,7 @@ Echoes = dict[int, tuple[int, IntArray]]
 """By node: one that is joined to it, and weights (delays, n) of synapses from its compartments to their own child."""
 
 
-def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echoes:
+def take_echoes(nodes: Numbering, synapses: dict[NodePair, list[_Synapses]]) -> Echoes:
     """Take synapses out that lead from compartments of a group to their own child, with not many delays left out.
 
     This is how a neuron is made refractory: with one step late, or as a delay line. They are added as vectors, chunk to
@@ -78,7 +78,7 @@ def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echo
     return echoes
 
 
-class _Held:
+class _LinkColumns:
     """Links as they are laid out, one after the other: a row of numbers each, entries of matrices, and lists."""
 
     def __init__(self) -> None:
@@ -92,7 +92,9 @@ class _Held:
         self._matrix_size = 0
         self._list_rows = 0
 
-    def add(self, ends: Ends, synapses: tuple[IntArray, ...], sources: int, slots: slice) -> None:
+    def add(
+        self, ends: NodePair, synapses: tuple[IntArray, ...], sources: int, slots: slice
+    ) -> None:
         """Add the synapses, sorted, of a link from ``sources`` sources to slots of a node."""
         source, slot, weight, delay = synapses
         slots_of_target = slots.stop - slots.start
@@ -125,7 +127,7 @@ class _Held:
 
 def links_of(
     nodes: Numbering,
-    synapses: dict[Ends, list[_Synapses]],
+    synapses: dict[NodePair, list[_Synapses]],
     blocks: Blocks,
     cut: Cut,
     due_late: IntArray,
@@ -133,24 +135,24 @@ def links_of(
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
     divided = _by_delay(nodes, synapses)
     into_block, from_node = _in_order(nodes, blocks, sorted(divided))
-    columns_of_links = _Held()
+    link_columns = _LinkColumns()
     for parts in (*into_block, *from_node):
         for node, target, part in parts:
             source, column, weight, delay = _sorted(divided.pop((node, target, part)))
             slots = slice(LANES * int(cut.of_node[target]), LANES * int(cut.of_node[target + 1]))
             slot = cut.slot[column] - slots.start
-            columns_of_links.add(
+            link_columns.add(
                 (node, target), (source, slot, weight, delay), int(nodes.size[node]), slots
             )
 
-    columns = np.array(columns_of_links.rows, dtype=np.int64).reshape(-1, 10).T.copy()
+    columns = np.array(link_columns.rows, dtype=np.int64).reshape(-1, 10).T.copy()
     outside = sum(map(len, into_block))
     return Links(
         **dict(zip(Links._fields, columns, strict=False)),
-        matrix=columns_of_links.matrix(),
-        word=np.concatenate(columns_of_links.words[LIST]),
-        wide_word=np.concatenate(columns_of_links.words[WIDE_LIST]),
-        list_start=np.concatenate(columns_of_links.list_starts),
+        matrix=link_columns.matrix(),
+        word=np.concatenate(link_columns.words[LIST]),
+        wide_word=np.concatenate(link_columns.words[WIDE_LIST]),
+        list_start=np.concatenate(link_columns.list_starts),
         into_block=np.cumsum([0, *map(len, into_block)]),
         from_node=np.cumsum([0, *map(len, from_node)]) + outside,
         due_late=due_late,
@@ -178,7 +180,7 @@ def _in_order(
 
 
 def _by_delay(
-    nodes: Numbering, synapses: dict[Ends, list[_Synapses]]
+    nodes: Numbering, synapses: dict[NodePair, list[_Synapses]]
 ) -> dict[tuple[int, int, int], list[_Synapses]]:
     """Divide long lists by delay: what spikes of one step add is due in one row then, which stays in the cache."""
     divided = {}

@@ -193,7 +193,7 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
         for piece in core["slices"]:
             for i in range(piece["stop"] - piece["start"]):
                 names[core["number"], piece["offset"] + i] = (piece["group"], piece["start"] + i)
-    found = []
+    read_from_files = []
 
     def follow(source, k, axon):
         core = {
@@ -204,7 +204,9 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
                 "exponent"
             ]
             weight = 64 * math.floor(int(core["mantissa"][row]) * 2.0**exponent)
-            found.append((source, names[k, core["target"][row]], weight, int(core["delay"][row])))
+            read_from_files.append(
+                (source, names[k, core["target"][row]], weight, int(core["delay"][row]))
+            )
 
     for k, item in enumerate(document["inputs"]):
         for line, core, axon in zip(
@@ -227,4 +229,4 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
         for k in links
         for i, j in zip(*np.nonzero(k["weights"]), strict=True)
     ]
-    assert sorted(found) == sorted(expected)
+    assert sorted(read_from_files) == sorted(expected)

@@ -34,8 +34,8 @@ def peak_mib(do):
     """Give what a function returns, and the MiB that Python and numpy held at most meanwhile."""
     tracemalloc.start()
     try:
-        found = do()
-        return found, tracemalloc.get_traced_memory()[1] / 2**20
+        result = do()
+        return result, tracemalloc.get_traced_memory()[1] / 2**20
     finally:
         tracemalloc.stop()
 

@@ -237,13 +237,14 @@ def test_streams_by_name():
     named = replace(
         program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
     )
-    other = recording[::-1].copy()
-    scores = hw.Session(named).push({"time": recording, "location": other})
+    reversed_recording = recording[::-1].copy()
+    scores = hw.Session(named).push({"time": recording, "location": reversed_recording})
     assert np.array_equal(
         scores.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"]
     )
     assert np.array_equal(
-        scores.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"]
+        scores.spikes["location/y"],
+        hw.Session(program).push(reversed_recording).spikes["location/y"],
     )
 
 

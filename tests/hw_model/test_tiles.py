@@ -304,11 +304,11 @@ def test_a_short_cut_changes_nothing(build, watched):
     plain = hw.simulate(program, rows, probe=probe, skip=False)
     assert plain.counts.skipped_steps == 0
     assert slow.counts.neuron_updates_active > 0
-    for found in (fast, plain):
-        assert replace(found.counts, skipped_steps=0) == slow.counts
+    for result in (fast, plain):
+        assert replace(result.counts, skipped_steps=0) == slow.counts
         for kind in probe:
-            for name, wanted in getattr(slow, kind).items():
-                assert np.array_equal(getattr(found, kind)[name], wanted), (kind, name)
+            for name, expected in getattr(slow, kind).items():
+                assert np.array_equal(getattr(result, kind)[name], expected), (kind, name)
 
 
 @pytest.mark.parametrize("build", PROGRAMS.values(), ids=PROGRAMS)

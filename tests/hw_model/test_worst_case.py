@@ -73,9 +73,9 @@ def rows_of_many(channels: int) -> hw.ChipProgram:
 
 def test_the_dearest_events_are_those_of_the_bound() -> None:
     program = rows_of_many(7)
-    most = [hw.worst_case(program, 5, events).slowest_step_ns for events in range(8)]
+    slowest_ns = [hw.worst_case(program, 5, events).slowest_step_ns for events in range(8)]
     synapses = [7, 6, 5, 4, 3, 2, 1]
-    assert np.diff(most) == pytest.approx(np.array(synapses) * SYNAPSE)
+    assert np.diff(slowest_ns) == pytest.approx(np.array(synapses) * SYNAPSE)
 
 
 def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:

@@ -67,12 +67,12 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
     need = getattr(needs, name)
     with pytest.raises(hw.TargetError) as caught:
         on_core(program, rows, device(replace(needs, **{name: need - 1})))
-    held = [
+    holding = [
         one
         for one in DEVICES
         if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())
     ]
-    fix = f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."
+    fix = f"Use the device {listed(holding, 'or')}." if holding else "Use a smaller network."
     expected = (
         f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
     )
@@ -172,12 +172,12 @@ def test_where_no_strategy_fits_the_device_that_holds_it_is_named(tmp_path, caps
 def test_cycles_of_a_target_are_those_of_the_core(small, cores_of_this_run):
     program, spikes, _ = small
     expected = hw.cosimulate(program, spikes, simulator="icarus")
-    found = latencies(program, spikes, hw.simulate(program, spikes).spikes)
+    of_recordings = latencies(program, spikes, hw.simulate(program, spikes).spikes)
     clock = program.chip.clock_ghz
-    assert [one.total_ns for one in found] == [
+    assert [latency.total_ns for latency in of_recordings] == [
         counts["cycles"] / clock for counts in expected.per_recording
     ]
-    assert len(found) == len(spikes)
+    assert len(of_recordings) == len(spikes)
 
 
 COUNTING = """
@@ -391,12 +391,12 @@ def test_settings_are_ranked_by_cycles():
 )
 def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, needs, tmp_path):
     recordings = synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3)
-    own = tmp_path / "own.pt"
+    checkpoint = tmp_path / "own.pt"
     config = config_from_mapping(
         read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT
     )
-    export_checkpoint(own, train(recordings, config), config, recordings, None, carried=0)
-    program = lower(load(own), hw.chip("ecp5-85f"), 8, "auto").program
+    export_checkpoint(checkpoint, train(recordings, config), config, recordings, None, carried=0)
+    program = lower(load(checkpoint), hw.chip("ecp5-85f"), 8, "auto").program
     assert on_core(program, steps, program.chip).needs.axons == needs
     without = replace(program.chip, open_core=replace(program.chip.open_core, groups=0))
     with pytest.raises(

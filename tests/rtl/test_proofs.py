@@ -34,9 +34,9 @@ def planted() -> list:
     faults = {}
     for proof, rows in FAULTS.items():
         for at, row in enumerate(rows):
-            its = MUTANTS[row] if isinstance(row, str) else row
-            name = f"{proof}: {its['id']}"
-            given = (proof, its["file"], its["old"], its["new"])
+            fault = MUTANTS[row] if isinstance(row, str) else row
+            name = f"{proof}: {fault['id']}"
+            given = (proof, fault["file"], fault["old"], fault["new"])
             if at == 0 and proof not in SLOW:
                 params.append(pytest.param(*given, id=name))
             else:

@@ -20,7 +20,7 @@ def walked(core: CoreProgram) -> list[tuple[int, ...]]:
     """Return the synapses of lists of steps, as stepped.sv takes them apart: source, half, target, delay, exponent, mantissa."""
     lists = core.tables["axons"]
     words = core.tables["synapses"]
-    found = []
+    synapses = []
     for source, (start, length) in enumerate(zip(lists["start"], lists["length"], strict=True)):
         for half in (0, 1):
             place = lists["place"][source]
@@ -31,17 +31,17 @@ def walked(core: CoreProgram) -> list[tuple[int, ...]]:
                 )
                 place += step - 1 if step else mantissa >> 3
                 if step:
-                    found.append((source, half, place, delay, exponent, mantissa))
+                    synapses.append((source, half, place, delay, exponent, mantissa))
                 else:
                     exponent = mantissa & 7
-    return sorted(found)
+    return sorted(synapses)
 
 
 def told(core: CoreProgram) -> list[tuple[int, ...]]:
     """Return the same of lists whose targets are told in full."""
     lists = core.tables["axons"]
     words = core.tables["synapses"]
-    found = []
+    synapses = []
     for source, (start, length) in enumerate(zip(lists["start"], lists["length"], strict=True)):
         for half in (0, 1):
             for at in range(start, start + length):
@@ -50,8 +50,8 @@ def told(core: CoreProgram) -> list[tuple[int, ...]]:
                     for name in ("target", "delay", "exponent", "mantissa")
                 ]
                 if fields[2:] != [7, 0]:
-                    found.append((source, half, *fields))
-    return sorted(found)
+                    synapses.append((source, half, *fields))
+    return sorted(synapses)
 
 
 @pytest.mark.parametrize("bits", [1, 3, 8])
