@@ -7,7 +7,7 @@ with the number and the class of one recording per line.
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -257,30 +257,12 @@ def read_recordings(
     )
     binning_asked.check()
     check_known("split", f"{split!r} is not known", split, PARTS)
-    agreed = model.agreed(
-        step_seconds=binning_asked.step_seconds, threshold=binning_asked.threshold, steps=steps
-    )
-    agreed |= {"steps": steps}
+    binning = _binning_for(model, binning_asked, selection)
     if sensor is not None:
         _check_sensor(sensor, model, selection)
     elif selection == ChannelSelection():
         model.agreed(channels=channels)
     divided = division.divides(path)
-    # What is picked or merged later is not yet in the channels of the model.
-    read_for = model
-    if not selection.merges_polarities_at_most:
-        read_for = replace(model, channels=None, inputs=None)
-    binning = replace(
-        binning_asked,
-        **agreed,
-        channels=_channels_of_events(binning_asked, read_for, merge=merge),
-        most_steps=model.steps,
-        model_channels=read_for.channels,
-        model_inputs=read_for.inputs,
-        merge_polarities=merge,
-        usual_step_seconds=model.usual_step_seconds,
-        usual_times=model.event_times,
-    )
     recordings = _read(path, None if divided else split, binning, step_seconds)
     if class_names is not None:
         recordings = with_classes(recordings, class_names)
@@ -290,10 +272,7 @@ def read_recordings(
     if divided:
         recordings = division.part(recordings, path, split or "test")
     if recordings.threshold is None:
-        for name, value in counts.items():
-            if value is not None:
-                what = f"{recordings.source!r} holds bins, not single events to count"
-                raise InputError(name, what, fix="Leave it out.")
+        _refuse_options_of_events(recordings, counts)
     if trained is None or not _has_inputs_of(model, recordings):
         if channels is not None and (recordings.threshold is None or recordings.channels is None):
             recordings = described(recordings, sensor or _layout(binning_asked))
@@ -305,6 +284,41 @@ def read_recordings(
     model.check(recordings)
     recordings = join_channels(recordings, model)
     return recordings if steps is None else recordings.with_steps(steps)
+
+
+def _binning_for(model: Expected, asked: Binning, selection: ChannelSelection) -> Binning:
+    """Return how events are binned for a model: as asked, and as it expects where that is left open.
+
+    Raises ``InputError`` for what contradicts the model.
+    """
+    agreed = model.agreed(
+        step_seconds=asked.step_seconds, threshold=asked.threshold, steps=asked.steps
+    )
+    # What is picked or merged later is not yet in the channels of the model.
+    read_for = model
+    if not selection.merges_polarities_at_most:
+        read_for = replace(model, channels=None, inputs=None)
+    merge = selection.merge_polarities
+    return replace(
+        asked,
+        step_seconds=agreed["step_seconds"],
+        threshold=agreed["threshold"],
+        channels=_channels_of_events(asked, read_for, merge=merge),
+        most_steps=model.steps,
+        model_channels=read_for.channels,
+        model_inputs=read_for.inputs,
+        merge_polarities=merge,
+        usual_step_seconds=model.usual_step_seconds,
+        usual_times=model.event_times,
+    )
+
+
+def _refuse_options_of_events(recordings: Recordings, options: Mapping[str, object]) -> None:
+    """Refuse options, by name, that describe single events, as these recordings are bins already."""
+    for name, value in options.items():
+        if value is not None:
+            what = f"{recordings.source!r} holds bins, not single events to count"
+            raise InputError(name, what, fix="Leave it out.")
 
 
 def _as_trained(
