@@ -61,24 +61,24 @@ class TargetError(LocsnnError):
 
 
 def check_most(
-    found: float, limit: float, where: str, what: str, *, unit: str = "", fix: str
+    size: float, limit: float, where: str, what: str, *, unit: str = "", fix: str
 ) -> None:
-    """Refuse what was given where a number, ``found`` of a ``unit``, is above its limit."""
-    if found > limit:
-        number = f"{found} {unit}" if unit else f"{found}"
+    """Refuse what was given where a number, ``size`` in ``unit``, is above its limit."""
+    if size > limit:
+        number = f"{size} {unit}" if unit else f"{size}"
         raise InputError(where, what, measured=f"{number} against {limit}", fix=fix)
 
 
-def check_same(found: object, wanted: object, where: str, what: str, *, fix: str) -> None:
-    """Refuse what was given where something found is not what it should be."""
-    if found != wanted:
-        raise InputError(where, what, measured=f"{found} against {wanted}", fix=fix)
+def check_same(measured: object, expected: object, where: str, what: str, *, fix: str) -> None:
+    """Refuse what was given where something measured is not what it should be."""
+    if measured != expected:
+        raise InputError(where, what, measured=f"{measured} against {expected}", fix=fix)
 
 
-def check_range(found: float, low: float, high: float, where: str) -> None:
+def check_range(value: float, low: float, high: float, where: str) -> None:
     """Refuse a number that is not from ``low`` to ``high``."""
-    if not low <= found <= high:
-        measured = f"got {found} against {low}..{high}"
+    if not low <= value <= high:
+        measured = f"got {value} against {low}..{high}"
         raise InputError(where, "it is out of range", measured=measured, fix="Correct the number.")
 
 

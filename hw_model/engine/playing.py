@@ -42,16 +42,16 @@ def read_streams(
         raise InputError(
             "spikes", what, measured=names, fix="Give a mapping with one array for each."
         )
-    found = {
+    arrays = {
         name: _stream(name, spikes[name], channels, listed) for name, channels in expected.items()
     }
-    shape, *others = (array.shape[:-1] for array in found.values())
+    shape, *others = (array.shape[:-1] for array in arrays.values())
     if any(other != shape for other in others):
         raise InputError(
             "spikes", "the streams differ in batch or steps", fix="Give arrays of equal length."
         )
     batched = len(shape) == 2
-    return {name: array if batched else array[None] for name, array in found.items()}, batched
+    return {name: array if batched else array[None] for name, array in arrays.items()}, batched
 
 
 def _stream(name: str, given: ArrayLike, channels: int, listed: bool) -> ByteArray:

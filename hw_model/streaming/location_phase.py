@@ -455,15 +455,15 @@ def _pass_flips_on(node, low, high, tables, order, history):  # type: ignore[no-
     nodes = tables.nodes
     chunks = tables.chunks
     links = tables.links
-    found = _NONE
+    listed = _NONE
     base = nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
             first = chunks.first_column[k] - base
             flips = history.flips[row, k]
             spikes = history.masks[row, k]
-            found += list_flips(
-                history.event, found, history.row_of, found, row, first, flips, spikes
+            listed += list_flips(
+                history.event, listed, history.row_of, listed, row, first, flips, spikes
             )[0]
     for index in range(order.link_of[node], order.link_of[node + 1]):
-        _change(np.uint64(order.link[index]), found, links, history)
+        _change(np.uint64(order.link[index]), listed, links, history)

@@ -98,35 +98,35 @@ def child(work):
 
 
 def at_every_operation(mode, root):
-    found = {"killed": 0, "old": 0, "new": 0, "other": []}
+    outcomes = {"killed": 0, "old": 0, "new": 0, "other": []}
     while True:
         target, old, new = set_up(mode, root)
 
-        def work(target=target, point=found["killed"] + 1):
+        def work(target=target, point=outcomes["killed"] + 1):
             die_at(point)
             write_new(mode, target)
 
         _, status = os.waitpid(child(work), 0)
         if status == 0:
-            return found
+            return outcomes
         assert os.WTERMSIG(status) == signal.SIGKILL, status
-        found["killed"] += 1
+        outcomes["killed"] += 1
         if mode in ("no exchange", "journal"):
             folders.recover_folder(target)
         left = tree(target)
         kind = "old" if left == old else "new" if left == new else "other"
-        found[kind] = (
-            [*found["other"], [found["killed"], sorted(left)]]
+        outcomes[kind] = (
+            [*outcomes["other"], [outcomes["killed"], sorted(left)]]
             if kind == "other"
-            else found[kind] + 1
+            else outcomes[kind] + 1
         )
         write_new(mode, target)
         if tree(target) != new or everything(root) != everything_of(target, new):
-            found["other"].append([found["killed"], "leftovers", everything(root)])
+            outcomes["other"].append([outcomes["killed"], "leftovers", everything(root)])
 
 
 def at_random_times(root):
-    found = {"killed": 0, "old": 0, "new": 0, "other": []}
+    outcomes = {"killed": 0, "old": 0, "new": 0, "other": []}
     chance = random.Random(8)
     target, old, new = set_up("exchange", root)
 
@@ -140,20 +140,22 @@ def at_random_times(root):
     new |= {"vectors/gone.hex": b"new"}
     old |= {"report.json": b"old"}
     folders.replace_entries(target, OLD | {"report.json": b"old"})
-    while found["killed"] < RANDOM_KILLS:
+    while outcomes["killed"] < RANDOM_KILLS:
         contents.reverse()
         pid = child(work)
         time.sleep(chance.uniform(0.001, 0.03))
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
-        found["killed"] += 1
+        outcomes["killed"] += 1
         left = tree(target)
         kind = "old" if left == old else "new" if left == new else "other"
-        found[kind] = [*found["other"], sorted(left)] if kind == "other" else found[kind] + 1
+        outcomes[kind] = (
+            [*outcomes["other"], sorted(left)] if kind == "other" else outcomes[kind] + 1
+        )
     folders.replace_entries(target, NEW)
     if os.listdir(root) != [target.name]:
-        found["other"].append(os.listdir(root))
-    return found
+        outcomes["other"].append(os.listdir(root))
+    return outcomes
 
 
 def main(mode, root):

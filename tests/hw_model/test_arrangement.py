@@ -69,9 +69,11 @@ def test_never_more_hops_and_the_same_spikes(seed, size, links):
     assert arranged.slices == placed.slices
     plain, better = (assemble(route_axons(p)) for p in (placed, arranged))
     spikes = [[1], [0], [0], [1], [0]]
-    here, there = (hw.simulate(program, spikes) for program in (plain, better))
-    assert np.array_equal(here.spikes["n"], there.spikes["n"])
-    assert there.counts.hops == sum(dict(there.counts)[name] for name in ("hops_x", "hops_y"))
+    plain_result, better_result = (hw.simulate(program, spikes) for program in (plain, better))
+    assert np.array_equal(plain_result.spikes["n"], better_result.spikes["n"])
+    assert better_result.counts.hops == sum(
+        dict(better_result.counts)[name] for name in ("hops_x", "hops_y")
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))

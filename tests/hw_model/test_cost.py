@@ -209,11 +209,11 @@ def test_the_most_packets_in_a_step_are_those_of_one_recording():
         for many in (1, 2)
     )
     (_, usage), (_, together) = (
-        measure(worked.program, found.activity, profile) for found in (one, two)
+        measure(worked.program, of_phase.activity, profile) for of_phase in (one, two)
     )
-    for found in (together["time"], added(usage, usage)["time"]):
-        assert np.array_equal(found.link_packets, 2 * usage["time"].link_packets)
-        assert np.array_equal(found.link_most, usage["time"].link_most)
+    for of_phase in (together["time"], added(usage, usage)["time"]):
+        assert np.array_equal(of_phase.link_packets, 2 * usage["time"].link_packets)
+        assert np.array_equal(of_phase.link_most, usage["time"].link_most)
 
 
 def test_spikes_by_piece_are_those_of_its_compartments():

@@ -304,6 +304,10 @@ def test_no_future_changes_the_winner_of_a_real_recording(name):
     stops = hw.stop_when_proven(program, {"time": recordings, "location": recordings})
     assert stops.steps.mean() < stops.all_steps
     r = np.random.default_rng(0)
-    for recording, done, prediction in zip(recordings, stops.steps, stops.prediction, strict=True):
-        result = hw.simulate(program, possible_futures(program, recording, int(done), r, batch=16))
+    for recording, steps_done, prediction in zip(
+        recordings, stops.steps, stops.prediction, strict=True
+    ):
+        result = hw.simulate(
+            program, possible_futures(program, recording, int(steps_done), r, batch=16)
+        )
         assert (result.prediction == prediction).all()

@@ -40,12 +40,12 @@ def test_both_engines_give_the_same(seed, channels_per_step, silence, extra):
     )
     assert replace(fast.counts, skipped_steps=0) == slow.counts
     for kind in ("spikes", "u", "v", "potential"):
-        for name, wanted in getattr(slow, kind).items():
-            assert np.array_equal(getattr(fast, kind)[name], wanted), (kind, name)
+        for name, expected in getattr(slow, kind).items():
+            assert np.array_equal(getattr(fast, kind)[name], expected), (kind, name)
     for phase, items in slow.activity.items():
-        for found, wanted in zip(fast.activity[phase], items, strict=True):
-            assert np.array_equal(found.buffered, wanted.buffered)
-            assert np.array_equal(found.input_packets, wanted.input_packets)
+        for fast_activity, expected in zip(fast.activity[phase], items, strict=True):
+            assert np.array_equal(fast_activity.buffered, expected.buffered)
+            assert np.array_equal(fast_activity.input_packets, expected.input_packets)
     location = slow.counts_by_phase["location"]
     assert (location.transpose_events, location.events_dropped) == (
         batch[:, : len(recording)].sum(),
@@ -92,9 +92,9 @@ def saved(tmp_path):
 def test_only_visits_together_make_an_array_of_first_lines(saved, tmp_path_factory):
     apart = tmp_path_factory.mktemp("apart")
     random_hybrid(4)[0].save(apart)
-    for folder, held in ((saved, True), (apart, False)):
+    for folder, has_array in ((saved, True), (apart, False)):
         with np.load(folder / "program.npz") as arrays:
-            assert ("input1/first_lines" in arrays.files) == held
+            assert ("input1/first_lines" in arrays.files) == has_array
             assert "input1/positions" in arrays.files
 
 
@@ -138,8 +138,8 @@ CHANGES = [
     ("change", "message"), [row[1:] for row in CHANGES], ids=[row[0] for row in CHANGES]
 )
 def test_visits_that_no_program_has_are_refused(saved, change, message):
-    with np.load(saved / "program.npz") as held:
-        content = pack_arrays(change(dict(held)), compressed=False)
+    with np.load(saved / "program.npz") as arrays:
+        content = pack_arrays(change(dict(arrays)), compressed=False)
     (saved / "program.npz").write_bytes(content)
     text = (saved / "program.yaml").read_text()
     digest = hashlib.sha256(content).hexdigest()

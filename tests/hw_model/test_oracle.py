@@ -78,8 +78,8 @@ def test_the_seeds_meet_what_the_builder_allows():
         met["narrow voltages"] += any((group.vmax < usual).any() for group in groups)
         met["several cores"] += len(case.program.cores) > len(case.graph.phases)
         met["potentials read"] += bool(case.graph.readout.from_step)
-        for wanted in played_by_oracle(seed):
-            for counts in wanted.events.values():
+        for played in played_by_oracle(seed):
+            for counts in played.events.values():
                 met.update(counts)
     assert [name for name, count in met.items() if not count] == []
     assert set(oracle.EVENTS) <= met.keys()

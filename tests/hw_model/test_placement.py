@@ -112,11 +112,11 @@ def test_no_core_has_room_for_the_next_neuron(chip, seed):
         for one, compartments in both:
             axons = one.axons
             source = program.senders[one.number][axons.axon_of_synapse]
-            here = np.isin(axons.target, compartments)
-            sources |= set(source[here].tolist())
+            ends_on_core = np.isin(axons.target, compartments)
+            sources |= set(source[ends_on_core].tolist())
             lists.update(
                 (int(s), axons.formats[f])
-                for s, f in zip(source[here], axons.format_index[here], strict=True)
+                for s, f in zip(source[ends_on_core], axons.format_index[ends_on_core], strict=True)
             )
             profiles |= {one.profiles[i] for i in one.profile[compartments]}
             thresholds |= {one.thresholds[i] for i in one.threshold[compartments]}

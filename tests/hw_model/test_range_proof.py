@@ -77,20 +77,20 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
     result = hw.simulate(program, spikes, probe=("u", "potential"))
     for core, proven in zip(program.cores, prove_range(program), strict=True):
         for piece in core.slices:
-            here = slice(piece.offset, piece.offset + piece.size)
+            on_core = slice(piece.offset, piece.offset + piece.size)
             u = result.u[piece.group]
             v = result.potential[piece.group]
-            kept = proven.cannot_wrap[here]
-            assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
-            assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
-            assert (v.max(axis=(0, 1)) <= proven.v.high[here]).all()
-            assert (v.min(axis=(0, 1)) >= proven.v.low[here]).all()
+            kept = proven.cannot_wrap[on_core]
+            assert (u.max(axis=(0, 1))[kept] <= proven.u.high[on_core][kept]).all()
+            assert (u.min(axis=(0, 1))[kept] >= proven.u.low[on_core][kept]).all()
+            assert (v.max(axis=(0, 1)) <= proven.v.high[on_core]).all()
+            assert (v.min(axis=(0, 1)) >= proven.v.low[on_core]).all()
             events = result.events.get(
                 piece.group, {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0}
             )
             if kept.all():
                 assert events["charge_wraps"] == events["current_wraps"] == 0
-            if proven.cannot_clip[here].all():
+            if proven.cannot_clip[on_core].all():
                 assert events["voltage_clips"] == 0
 
 

@@ -291,9 +291,9 @@ def test_no_row_is_played_after_the_last_step():
     program = replace(program, phases=(replace(program.phases[0], steps=5),))
     session = hw.Session(program)
     for _ in range(2):
-        found = [
+        spikes_so_far = [
             session.push(np.ones((rows, 1), dtype=np.uint8)).spikes["y"][:, 0].tolist()
             for rows in (3, 4, 1, 2)
         ]
-        assert found == [[0, 1, 2], [3, 4, 4, 4], [4], [4, 4]]
+        assert spikes_so_far == [[0, 1, 2], [3, 4, 4, 4], [4], [4, 4]]
         session.reset()

@@ -36,7 +36,9 @@ def play(desk, tmp_path_factory):
 def expected(desk) -> tuple[list[str], list[str]]:
     result = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
     times = spike_numbers(
-        desk.core, desk.spikes[0], {name: its[0] for name, its in result.spikes.items()}
+        desk.core,
+        desk.spikes[0],
+        {name: spikes_of_group[0] for name, spikes_of_group in result.spikes.items()},
     )
     counts = [result.per_recording[0][name] for name in ANSWER[3:]]
     return list(map(str, [result.prediction[0], *counts, 0])), list(map(str, times))

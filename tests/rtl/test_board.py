@@ -80,7 +80,9 @@ def test_answers_equal_the_simulators(desk, loaded):
             of_simulation,
         )
     times = spike_numbers(
-        desk.core, desk.spikes[0], {name: its[0] for name, its in expected.spikes.items()}
+        desk.core,
+        desk.spikes[0],
+        {name: spikes_of_group[0] for name, spikes_of_group in expected.spikes.items()},
     )
     assert len(times) > 10
     assert (first.spikes, list(with_spikes.spikes), with_spikes.lost) == ((), times, 0)
@@ -207,7 +209,9 @@ def test_a_board_that_hears_events_on_arrival(desk):
     port.close()
     expected = hw.simulate(later.program, later.spikes, probe=("spikes",))
     times = spike_numbers(
-        later.core, later.spikes[0], {name: its[0] for name, its in expected.spikes.items()}
+        later.core,
+        later.spikes[0],
+        {name: spikes_of_group[0] for name, spikes_of_group in expected.spikes.items()},
     )
     counts = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
     assert (first.error, first.winner, first.counts) == (0, expected.prediction[0], counts)

@@ -100,9 +100,9 @@ def loaded(program: hw.ChipProgram) -> np.ndarray:
 @pytest.mark.parametrize("make", CASES, ids=lambda make: make.__name__)
 def test_it_is_named(make):
     program = make()
-    with pytest.raises(hw.TargetError) as told:
+    with pytest.raises(hw.TargetError) as caught:
         loaded(program)
     assert (
-        str(told.value)
+        str(caught.value)
         == f"program {program.name!r}: the open core has no {CASES[make]}. Simulate it instead."
     )

@@ -76,10 +76,10 @@ SIZES = replace(benches.SIZES, step=3, places=64, sums=8)
 
 def saving() -> dict[str, str]:
     """Return the SystemVerilog by file, as a chip has it."""
-    core, found = re.subn(
+    core, replaced = re.subn(
         r"(parameter integer (?:AT_ONCE|LAZY) = )0", r"\g<1>1", sources()["locsnn_core.sv"]
     )
-    assert found == 2
+    assert replaced == 2
     return {**sources(), "locsnn_core.sv": core, "clock_gate.sv": STOPPING_CLOCK_GATE}
 
 
