@@ -80,7 +80,7 @@ def compose_spinnaker(report: SpinnakerFigures) -> Report:
         costs=costs_verdict(
             report,
             answer="Energy not known",
-            sentence=f"Energy is not known, because {NO_TABLE}. In time, {REAL_TIME}.",
+            sentence=f"Energy is not known, because {NO_TABLE}.",
             first_facts=(Fact("real time", time(report.latency.per_sample_ns)),),
         ),
         fits=_fits(report),
