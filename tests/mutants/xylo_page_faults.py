@@ -80,10 +80,12 @@ def by_engine(recorded: Values) -> Values:
 
 def least_thresholds() -> Values:
     """Return a network whose neurons spike once for each unit of their potentials, and rest in between."""
-    ones, half = np.array([[1]]), np.array([1])
+    # A dash of 1 halves a state in every step.
+    of_each_synapse = np.array([[1]])
+    of_each_neuron = np.array([1])
     return {
-        **dict.fromkeys(("dash_syn", "dash_syn_out"), ones),
-        **dict.fromkeys(("dash_mem", "dash_mem_out", "threshold", "threshold_out"), half),
+        **dict.fromkeys(("dash_syn", "dash_syn_out"), of_each_synapse),
+        **dict.fromkeys(("dash_mem", "dash_mem_out", "threshold", "threshold_out"), of_each_neuron),
         "weights_in": np.array([[[8]]]),
         "weights_hidden": np.array([[[-1]]]),
         "weights_out": np.array([[4]]),

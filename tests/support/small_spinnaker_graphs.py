@@ -7,10 +7,14 @@ import numpy as np
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses
 
 LAST = (1 << 23) - 1
+"""The largest voltage of 23 bits: these compartments have no other limits."""
 
 
 def cells(size: int = 1, **changes: object) -> Compartments:
-    """Return leaky compartments that are read in phase ``time``."""
+    """Return leaky compartments that are read in phase ``time``.
+
+    Their decays, 379 and 401 of 4096, are the two that stand for a time constant of 10 steps where decays are fitted.
+    """
     usual = {
         "name": "cells",
         "phase": "time",

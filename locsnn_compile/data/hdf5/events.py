@@ -43,9 +43,10 @@ def _columns(root: Group) -> AnyArray:
     columns = {name: group.array(name) for name in _COLUMNS}
     if _OFFSET in root:
         columns["t"] = columns["t"] + root.array(_OFFSET).reshape(-1)[:1]
-    events = np.empty(len(columns["t"]), [(name, own.dtype) for name, own in columns.items()])
-    for name, own in columns.items():
+    fields = [(name, column.dtype) for name, column in columns.items()]
+    events = np.empty(len(columns["t"]), fields)
+    for name, column in columns.items():
         fix = "Give as many of t, x, y and p."
-        check_same(own.shape, events.shape, f"{where}, {name!r}", "its size is another", fix=fix)
-        events[name] = own
+        check_same(column.shape, events.shape, f"{where}, {name!r}", "its size is another", fix=fix)
+        events[name] = column
     return events

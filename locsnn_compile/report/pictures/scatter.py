@@ -21,11 +21,18 @@ _SHAPES = """\
 """
 """The shapes of marks: a circle, a square, a triangle and a diamond."""
 _SHAPE_COUNT = 4
-_LEGEND, _BELOW = 68, 88
-"""Pixels from the lower edge of the panels to the middle of the legend, and to the end of the picture."""
-_RADIUS, _RING = 4.5, 9
-_LETTER, _LINE = 6.2, 12
-"""Approximate pixels of a letter and of a line of a label, to keep labels apart."""
+_LEGEND = 68
+"""Pixels from the lower edge of the panels to the middle of the legend."""
+_BELOW = 88
+"""Pixels from the lower edge of the panels to the end of the picture."""
+_RADIUS = 4.5
+"""Pixels from the middle of a mark to its edge, as :data:`_SHAPES` draws it."""
+_RING = 9
+"""Radius of the ring around the recommended mark, in pixels."""
+_LETTER = 6.2
+"""Approximate width of a letter of a label in pixels, to keep labels apart."""
+_LINE = 12
+"""Height of a line of a label in pixels."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom."""
@@ -77,16 +84,16 @@ def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
     order = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front))
     drawn = "".join(_mark(marks[i], *places[i]) for i in order)
     sizes = [_RING if mark.taken else _RADIUS for mark in marks]
-    taken = [
+    occupied = [
         (x - size, y - size, x + size, y + size) for (x, y), size in zip(places, sizes, strict=True)
     ]
     for i in reversed(order):
         if not (marks[i].front or marks[i].taken):
             continue
         for anchor, box in _label_places(*places[i], marks[i].label):
-            if not any(_overlap(box, occupied) for occupied in taken):
+            if not any(_overlap(box, other) for other in occupied):
                 drawn += _label(marks[i].label, anchor, box)
-                taken.append(box)
+                occupied.append(box)
                 break
     return drawn
 
