@@ -24,9 +24,10 @@ class Routes(Frozen, eq=False):
     - Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core
       ``target[r]`` (indices of the phase's cores). Its length is ``hops[r]`` (east-west, north-south), and it takes the
       links ``over[r]`` (longest way,), filled up with -1.
-    - ``links[l]``: (column, row) of the tile that a link leaves, and of the one that it enters; ``along_y[l]`` tells
-      whether it goes north or south
-    - ``sent`` (3, entries): a column, a way, and how many packets of one spike of that column take it
+    - ``links[l]``: (column, row) of the tile that a link leaves, and of the one that it enters; ``along_y[l]`` is
+      1 if it goes north or south, 0 if east or west
+    - ``sent`` (3, entries): a column of the phase's spikes (:meth:`ChipProgram.columns_of_core`), a way, and how many
+      packets of one spike of that column take it
     """
 
     piece: IntArray
@@ -48,6 +49,7 @@ class Routes(Frozen, eq=False):
     def loads(self, packets: IntArray) -> IntArray:
         """Return the packets on each link, (..., links), given those on each way, (..., ways)."""
         loads = np.zeros((*packets.shape[:-1], len(self.links)), dtype=np.int64)
+        # The first links of all ways, then their second ones, and so on.
         for link_of_way in self.over.T:
             way = np.flatnonzero(link_of_way >= 0)
             np.add.at(loads.T, link_of_way[way], packets[..., way].T)
@@ -56,7 +58,7 @@ class Routes(Frozen, eq=False):
 
 @lru_cache(maxsize=8)
 def routes_of(program: ChipProgram, phase: str) -> Routes:
-    """Return the ways of a phase. Programs are hashed by identity."""
+    """Return the ways of a phase. Programs are hashed by identity, and never change."""
     cores = program.cores_of(phase)
     index_of = {core.number: index for index, core in enumerate(cores)}
     pieces = pieces_of(program, phase)
@@ -64,23 +66,26 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
     sent = []
     for index, core in enumerate(cores):
         column = program.columns_of_core(core)[core.axons.out_compartment]
-        piece = core.slice_of_compartment[core.axons.out_compartment]
-        targets = np.stack((piece, core.axons.out_core))
-        of_core, way_of_axon = np.unique(targets, axis=1, return_inverse=True)
+        piece_in_core = core.slice_of_compartment[core.axons.out_compartment]
+        # A way for each piece of this core and core that it sends to; they are added below, in this order.
+        ends = np.stack((piece_in_core, core.axons.out_core))
+        ends_of_way, way_of_axon = np.unique(ends, axis=1, return_inverse=True)
+        # numpy 2.0 alone gives the inverse a second axis.
         packets_of_spike = np.stack((column, len(ways) + way_of_axon.reshape(-1)))
         column_and_way, packets = np.unique(packets_of_spike, axis=1, return_counts=True)
         sent.append(np.concatenate((column_and_way, packets[None])))
-        for own_piece, target_number in of_core.T.tolist():
+        for piece_of_way, target_number in ends_of_way.T.tolist():
             target = cores[index_of[target_number]]
-            ways.piece.append(int(pieces.of_core[index]) + own_piece)
+            first_piece = int(pieces.of_core[index])
+            ways.piece.append(first_piece + piece_of_way)
             ways.target.append(index_of[target_number])
             ways.hops.append(program.chip.hops(core.slot, target.slot))
             ways.add_links(_links(program, core, target))
-    piece_of_way = np.array(ways.piece, dtype=np.int64)
+    all_pieces = np.array(ways.piece, dtype=np.int64)
     links = tuple(ways.number_of_link)
     return Routes(
-        piece=piece_of_way,
-        source=pieces.core[piece_of_way],
+        piece=all_pieces,
+        source=pieces.core[all_pieces],
         target=np.array(ways.target, dtype=np.int64),
         hops=np.array(ways.hops, dtype=np.int64).reshape(-1, 2),
         over=ways.over(),

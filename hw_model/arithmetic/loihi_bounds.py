@@ -12,7 +12,7 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.arithmetic.loihi import KEEPS_ALL, Value, keep_of
-from hw_model.arithmetic.loihi_inverse import gain_at_rest, share_kept
+from hw_model.arithmetic.loihi_inverse import settled_gain, share_kept
 from hw_model.values import BoolArray, FloatArray, IntArray
 
 
@@ -51,7 +51,7 @@ def settles_untruncated(drive: FloatArray, decays: IntArray) -> FloatArray:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         # A drive of 0 settles at 0 without decay too, where the product is 0 * inf.
-        settled: FloatArray = np.where(drive == 0, 0.0, drive * gain_at_rest(decays))
+        settled: FloatArray = np.where(drive == 0, 0.0, drive * settled_gain(decays))
     return settled
 
 

@@ -1,7 +1,7 @@
 """From numbers of a trained network to settings of :mod:`hw_model.arithmetic.loihi`.
 
-A trained neuron loses a share 0..1 of u and of v in each step, of which a decay counts 4096 parts.
-Functions say where they leave truncation out.
+A trained neuron loses a share 0..1 of u and of v in each step; a decay says this share in 4096ths. A *unit* is the
+least charge that a weight can be: 64 counts of a register. Functions say where they leave truncation out.
 """
 
 from typing import TYPE_CHECKING
@@ -27,7 +27,7 @@ def decay_of_share(lost: Value) -> Value:
 
 
 def nearest_decay(lost: FloatArray) -> IntArray:
-    """Return the decays nearest to the shares that a step loses, ties to even."""
+    """Return the decays nearest to the shares that a step loses, ties to even: 4096 for a share of 1."""
     decays: IntArray = np.rint(decay_of_share(lost)).astype(np.int64)
     return decays
 
@@ -42,18 +42,18 @@ def share_kept(decay: Value) -> Value:
     return keep_of(decay) / DECAY_ONE
 
 
-def gain_at_rest(decay: Value) -> Value:
+def settled_gain(decay: Value) -> Value:
     """Return what a steady input of 1 settles at, if nothing is truncated: each step loses what it gains."""
     return DECAY_ONE / decay
 
 
 def largest_bias(registers: "Registers") -> int:
-    """Return the largest bias, in the unit of registers, of which no negative one is larger."""
+    """Return the largest bias, in counts of a register, whose negative can be held as well."""
     return registers.bias_mantissa_max << registers.bias_exponent_max
 
 
 def deepest_minimum(depth: float, registers: "Registers") -> int:
-    """Return the lowest vmin that a core can hold which is not below ``-depth``."""
+    """Return the lowest vmin that a core can hold which is not below ``-depth`` (counts of v); 0 can always be."""
     return min(vmin for vmin in voltage_minima(registers) if vmin >= -depth)
 
 
@@ -63,10 +63,10 @@ def least_to_spike(mantissa: Value) -> Value:
 
 
 def bits_of_unit(exponent: int) -> int:
-    """Return as which power of two a register holds 2^exponent units."""
+    """Return the power of two of 2^exponent units in counts of a register."""
     return WEIGHT_SHIFT + exponent
 
 
 def exponent_of_bits(bits: int) -> int:
-    """Return the exponent of units that a register holds as 2^bits."""
+    """Return the power of two of 2^bits counts of a register in units."""
     return bits - WEIGHT_SHIFT

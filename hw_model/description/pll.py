@@ -7,8 +7,8 @@ from typing import Protocol, TypeVar
 from hw_model.errors import InputError
 from hw_model.values import Frozen
 
-EXACT_HZ = 1
-"""So far may a frequency be from that asked for, which a file gives in decimals of a MHz."""
+TOLERANCE_HZ = 1
+"""Largest difference from the frequency asked for: files, and our own advice, give MHz with six decimals."""
 
 
 class Range(Frozen):
@@ -32,9 +32,15 @@ class Range(Frozen):
 ECP5_DETECTOR = Range(10, 400)
 ECP5_OSCILLATOR = Range(400, 800)
 ECP5_OUTPUT = Range(4, 400)
+ECP5_DIVIDERS = range(1, 129)
+"""Values of CLKI_DIV, of CLKOP_DIV, which feeds back (CLKFB_DIV is 1), and of CLKOS_DIV, the output."""
 ICE40_DETECTOR = Range(10, 133)
 ICE40_OSCILLATOR = Range(533, 1066)
 ICE40_OUTPUT = Range(16, 275)
+ICE40_DIVR = range(16)
+ICE40_DIVF = range(128)
+ICE40_DIVQ = range(1, 7)
+"""Values of the parameters of these names; the output is divided by 2 to the power of DIVQ."""
 ICE40_FILTERS = ((17, 1), (26, 2), (44, 3), (66, 4), (101, 5), (133, 6))
 """The filter of the loop by the frequency at the phase detector: up to so many MHz, this one."""
 
@@ -100,13 +106,13 @@ P = TypeVar("P", bound=_Pll)
 
 
 def ecp5_pll(input_mhz: float, core_mhz: float, where: str) -> Ecp5Pll:
-    """Return the dividers for a frequency; one that no dividers give is an ``InputError``, which ``where`` begins."""
+    """Return the dividers for a frequency; ``InputError``, which begins with ``where``, if none give it."""
     dividers = _ecp5_dividers(_exact(input_mhz))
     return _best(dividers, core_mhz, input_mhz, ECP5_OSCILLATOR, where)
 
 
 def ice40_pll(input_mhz: float, core_mhz: float, where: str) -> Ice40Pll:
-    """Return the dividers for a frequency; one that no dividers give is an ``InputError``, which ``where`` begins."""
+    """Return the dividers for a frequency; ``InputError``, which begins with ``where``, if none give it."""
     dividers = _ice40_dividers(_exact(input_mhz))
     return _best(dividers, core_mhz, input_mhz, ICE40_OSCILLATOR, where)
 
@@ -117,25 +123,26 @@ def _exact(mhz: float) -> Fraction:
 
 
 def _ecp5_dividers(input_mhz: Fraction) -> Iterator[Ecp5Pll]:
-    # The oscillator has at most 80 times the frequency at the detector, so one divider of the feedback is enough.
-    for reference in range(1, 129):
+    # The oscillator has at most 800 MHz / 10 MHz = 80 times the frequency at the detector, which one divider of the
+    # feedback, of 128 at most, can make.
+    for reference in ECP5_DIVIDERS:
         if not ECP5_DETECTOR.holds(input_mhz / reference):
             continue
-        for feedback in range(1, 129):
+        for feedback in ECP5_DIVIDERS:
             if not ECP5_OSCILLATOR.holds(input_mhz / reference * feedback):
                 continue
-            for output in range(1, 129):
+            for output in ECP5_DIVIDERS:
                 pll = Ecp5Pll(input_mhz, reference, feedback, output)
                 if ECP5_OUTPUT.holds(pll.output_mhz):
                     yield pll
 
 
 def _ice40_dividers(input_mhz: Fraction) -> Iterator[Ice40Pll]:
-    for divr in range(16):
+    for divr in ICE40_DIVR:
         if not ICE40_DETECTOR.holds(input_mhz / (divr + 1)):
             continue
-        for divf in range(128):
-            for divq in range(1, 7):
+        for divf in ICE40_DIVF:
+            for divq in ICE40_DIVQ:
                 pll = Ice40Pll(input_mhz, divr, divf, divq)
                 if ICE40_OSCILLATOR.holds(pll.oscillator_mhz) and ICE40_OUTPUT.holds(
                     pll.output_mhz
@@ -160,7 +167,7 @@ def _best(
     if best is None:
         raise InputError(where, what, fix="Leave it out, to use the clock of the board.")
     off_hz = abs(best.output_mhz - target) * 1_000_000
-    if off_hz > EXACT_HZ:
+    if off_hz > TOLERANCE_HZ:
         nearest = f"{float(best.output_mhz):.6f}".rstrip("0").rstrip(".")
         measured = f"the nearest is {nearest} MHz"
         raise InputError(where, what, measured=measured, fix=f"Give {nearest}.")

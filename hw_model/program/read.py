@@ -1,6 +1,7 @@
 """Read a program from disk, as :mod:`hw_model.program.write` writes it.
 
-Nothing in the files is executed. A damaged, swapped or newer file is refused by name.
+Nothing in the files is executed. A file is refused by name if it is damaged, newer, or of another
+program than the other.
 """
 
 import math
@@ -19,7 +20,7 @@ from hw_model.mapping.recorded import recorded_of
 from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
-from hw_model.program.sealed import CHIP_PROGRAM, PROGRAM_YAML, SealedPair, read_pair
+from hw_model.program.sealed import CHIP_PROGRAM, PROGRAM_NPZ, PROGRAM_YAML, SealedPair, read_pair
 from hw_model.program.write import (
     AXON_ARRAYS,
     CHANNEL_ORDERS,
@@ -46,16 +47,18 @@ def chip_program_of(pair: SealedPair) -> ChipProgram:
     pair.check_arrays()
     with parsing(PROGRAM_YAML, "its entries do not make a program", fix="Compile again."):
         arrays = _vectors(pair)
+        # Taken before arrays are popped.
         stored = set(arrays)
         program = _program(pair.document, arrays)
         check_program(program)
     _check_names(stored, program)
+    # The last check: the others say what is wrong, this one only that something is.
     pair.check_seal()
     return program
 
 
 def _vectors(pair: SealedPair) -> dict[str, IntArray]:
-    """Return the arrays by name; any exception where one is not a vector."""
+    """Return the arrays by name. Raises ``ValueError``, which :func:`parsing` words, where one is not a vector."""
     arrays = pair.unpack()
     for name, array in arrays.items():
         if array.ndim != 1:
@@ -77,7 +80,7 @@ def _check_names(stored: set[str], program: ChipProgram) -> None:
     if unknown:
         measured = unknown[0] if len(unknown) == 1 else f"{unknown[0]} and {len(unknown) - 1} more"
         raise InputError(
-            "program.npz",
+            PROGRAM_NPZ,
             "it holds arrays without a meaning",
             measured=measured,
             fix="Compile again.",
@@ -97,7 +100,7 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
     readout = document["readout"]
     return ChipProgram(
         name=str(document["name"]),
-        chip=parse_chip(document["chip"], where="program.yaml: chip"),
+        chip=parse_chip(document["chip"], where=f"{PROGRAM_YAML}: chip"),
         phases=tuple(Phase(**phase) for phase in document["phases"]),
         inputs=tuple(inputs),
         input_routes=tuple(routes),
@@ -107,21 +110,21 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
         else _readout(
             readout,
             document.get("readout_potentials_from"),
-            _known(document, "readout_tie_class", int),
+            _optional_number(document, "readout_tie_class", int),
         ),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
-        **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
+        **{name: _optional_number(document, name, kind) for name, kind in RECORDINGS.items()},
         class_names=_names(document.get("class_names")),
         channel_order=_channel_order(document.get("channel_order")),
         start=_start(document.get("start")),
         time_unit=_time_unit(document.get("time_unit")),
-        recorded=recorded_of("program.yaml", document.get("recorded")),
+        recorded=recorded_of(PROGRAM_YAML, document.get("recorded")),
     )
 
 
-def _known(document: Mapping[str, Any], name: str, kind: type[int] | type[float]) -> Any:
-    """Return an entry that may be missing: a number of this kind from 0 up; seconds must be above 0."""
+def _optional_number(document: Mapping[str, Any], name: str, kind: type[int] | type[float]) -> Any:
+    """Return an entry that may be missing: a number of this kind from 0 up, ``step_seconds`` above 0."""
     value = document.get(name)
     if value is None:
         return None
@@ -167,13 +170,19 @@ def _names(names: Any) -> tuple[str, ...] | None:
     return tuple(names)
 
 
-def _readout(weights: dict[str, float], first: Any, tie_class: int | None) -> Readout:
-    """Return a readout; ``first`` is a step for all populations, or a step for each one that gives potentials."""
-    if isinstance(first, dict):
-        first = tuple(None if (step := first.get(name)) is None else int(step) for name in weights)
-    elif first is not None:
-        first = int(first)
-    return Readout(tuple(weights), tuple(map(float, weights.values())), first, tie_class)
+def _readout(weights: dict[str, float], potentials_from: Any, tie_class: int | None) -> Readout:
+    """Return a readout.
+
+    ``potentials_from`` is the step from which potentials count: one for all populations, or one for each that gives
+    potentials; None where spikes count.
+    """
+    first_step: int | tuple[int | None, ...] | None = None
+    if isinstance(potentials_from, dict):
+        steps = (potentials_from.get(name) for name in weights)
+        first_step = tuple(None if step is None else int(step) for step in steps)
+    elif potentials_from is not None:
+        first_step = int(potentials_from)
+    return Readout(tuple(weights), tuple(map(float, weights.values())), first_step, tie_class)
 
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
@@ -190,6 +199,7 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
             formats=tuple(SynapseFormat(**form) for form in core["synapse_formats"]),
             synapse_words=int(core["synapse_words"]),
             **{name: arrays[prefix + name] for name in AXON_ARRAYS if name not in OF_SYNAPSES},
+            # Popped, so that synapses, which are most of a program, are not in memory twice.
             **{name: held(arrays.pop(prefix + name)) for name in OF_SYNAPSES},
         ),
     )

@@ -25,7 +25,13 @@ def compare(
     sizes: Sizes = SIMULATED,
     patience: int = PATIENCE,
 ) -> dict[str, Any]:
-    """Return what was compared, and how often the two differ; ``spikes`` are a batch, (batch, steps, channels)."""
+    """Return what was compared, and how often the two differ; cycles are counted apart from values.
+
+    - ``spikes``: a batch, (batch, steps, channels)
+    - ``texts``: the SystemVerilog of the core, by the names of its files
+    - ``patience``: clock cycles without an answer after which the core is given up
+    - ``sizes``: of the core, if the chip is not an open core, which has sizes of its own
+    """
     expected = simulate(program, spikes, probe=KINDS)
     on_core, answers = play_on_core(program, spikes, None, KINDS, simulator, texts, sizes, patience)
     core_figures = dict(zip(ANSWER, answers.T, strict=True))
@@ -42,7 +48,9 @@ def compare(
     if expected.scores is not None:
         pairs.append((expected.scores, on_core.scores))
         pairs.append((expected.prediction, core_figures["class"]))
-    recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
+    streams, _ = read_streams(program, spikes)
+    # (batch, steps, channels) of all inputs, side by side.
+    recordings = np.concatenate(list(streams.values()), axis=2)
     core = CoreProgram(program, recordings.shape[1], None, program.chip.open_core or sizes)
     predicted = predicted_cycles(core, recordings, expected.spikes)
     cycles = core_figures["cycles"].tolist()

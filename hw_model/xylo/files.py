@@ -31,8 +31,9 @@ from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.program import NamedPart, XyloProgram
 
 VERSION = 1
-Shift = Annotated[int, between(0, 15)]
-_OF_RECORDINGS = (
+SHIFT_MAX = 15
+Shift = Annotated[int, between(0, SHIFT_MAX)]
+_ABOUT_RECORDINGS = (
     "steps",
     "step_seconds",
     "event_threshold",
@@ -50,7 +51,7 @@ _PARAMETERS = ("dash_syn", "dash_mem", "threshold")
 
 
 class XyloDocument(Frozen):
-    """The entries of ``program.yaml``; those that are not known are left out."""
+    """The entries of ``program.yaml``; one whose value is None is not written."""
 
     format: str
     version: int
@@ -95,7 +96,7 @@ def xylo_files(program: XyloProgram) -> dict[str, bytes]:
         "readout_tie_class": program.readout.tie_class,
         "aliases": network.aliases,
         "chip": None if is_shipped_xylo(program.chip) else asdict(program.chip),
-        **picked(program, *_OF_RECORDINGS),
+        **picked(program, *_ABOUT_RECORDINGS),
     }
     for name, value in optional.items():
         if value is not None:
@@ -144,6 +145,7 @@ def xylo_program_of(pair: SealedPair) -> XyloProgram:
         arrays = pair.unpack()
         program = _program(document, arrays)
     _check_names(arrays, program)
+    # The last check: the others say what is wrong, this one only that something is.
     pair.check_seal()
     return program
 
@@ -170,7 +172,7 @@ def _program(document: XyloDocument, arrays: Mapping[str, IntArray]) -> XyloProg
         hidden=document.hidden,
         readout=readout,
         provenance=document.provenance,
-        **picked(document, *_OF_RECORDINGS),
+        **picked(document, *_ABOUT_RECORDINGS),
     )
 
 

@@ -112,4 +112,5 @@ def _check_range(name: str, array: AnyArray, low: int, high: int) -> None:
     beyond = array[(array < low) | (array > high)]
     if beyond.size:
         measured = f"{beyond.flat[0]} against {low}..{high}"
-        raise InputError(name, "the chip cannot hold it", measured=measured, fix="Scale it down.")
+        fix = "Give a value in this range."
+        raise InputError(name, "the chip cannot hold it", measured=measured, fix=fix)

@@ -8,10 +8,11 @@ from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
 
 class Reach(Frozen, eq=False):
-    """The largest magnitudes that neurons (n,) can reach while no source sends twice in a row.
+    """The largest magnitudes that neurons (n,) can reach while each source sends at most one spike in each row.
 
-    ``current`` is that of any current as it collects; ``potential`` is upwards, as the threshold sees it. A potential
-    below 0 goes further down than is of use to know: nothing but its leak stops it.
+    Sources may send more: what then saturates is counted when the program is played. ``current`` is the largest of a
+    neuron's currents, before it decays; ``potential`` is upwards, as the threshold sees it. A potential below 0 goes
+    further down than is of use to know: nothing but its leak stops it.
     """
 
     current: FloatArray
@@ -33,6 +34,7 @@ def reach_of_hidden(network: XyloNetwork) -> Reach:
 
 def reach_of_outputs(network: XyloNetwork) -> Reach:
     """Return how far the registers of outputs can get."""
+    # Outputs have one current: the last axis is that of currents.
     spikes = xylo.charge_of(network.weights_out[:, :, None], network.shift_out)
     return _reach(network.outputs, spikes)
 
@@ -44,7 +46,7 @@ def _reach(population: XyloPopulation, charges: IntArray) -> Reach:
     highest = _largest_currents(upwards, population.dash_syn)
     lowest = _largest_currents(downwards, population.dash_syn)
     bias = 0 if population.bias is None else np.maximum(population.bias, 0)
-    # What is left after spikes lies below the threshold, and one row of currents is added to it.
+    # What is left after spikes lies below the threshold, and a row adds each current once.
     potential = population.threshold + highest.sum(axis=1) + bias
     return Reach(np.maximum(highest, lowest).max(axis=1), potential.astype(np.float64))
 

@@ -1,7 +1,7 @@
 """Weights: matrices (n_target, n_source), dense or scipy CSR, and the projections that hold them, in float or integers.
 
-The *values* of a dense matrix are its array; those of a sparse matrix are its stored entries, (entries,) row by row. An
-entry that is not stored is not a connection.
+The *values* of a dense matrix are its array; those of a sparse matrix are its stored entries, (entries,) row by row. A
+value of 0 is not a connection, stored or not.
 """
 
 from functools import cached_property
@@ -30,7 +30,8 @@ Matrix: TypeAlias = Any
 
 
 Signs = Literal["apart", "mixed"]
-"""``apart``: separate formats for positive and negative weights, all bits for the magnitude; ``mixed``: both in one."""
+"""``apart``: separate formats for positive and negative weights, all bits for the magnitude. ``mixed``: both in one,
+with one bit fewer for the magnitude."""
 
 
 class Connection(Frozen, eq=False):
@@ -66,7 +67,9 @@ class Projection(Shown, Connection):
     delay: int | IntArray = 0
 
     on_grid: ClassVar[bool] = False
+    """Whether the weights are the chip's integers already."""
     dendrite: ClassVar[int] = 0
+    """So that both kinds read alike: float weights always reach the first dendrite."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", held_matrix(self.weights, self.where))
@@ -116,8 +119,13 @@ def matrix(weights: Any, dtype: npt.DTypeLike) -> Matrix:
 
 def held_matrix(weights: Any, where: str) -> Matrix:
     """Return weights as a read-only matrix of float64: themselves, if they are that already, or a copy."""
-    values = weights.data if sparse.issparse(weights) else weights
-    if isinstance(values, np.ndarray) and values.dtype == np.float64 and not values.flags.writeable:
+    is_sparse = sparse.issparse(weights)
+    values = weights.data if is_sparse else weights
+    is_canonical = not is_sparse or (weights.format == "csr" and weights.has_canonical_format)
+    is_read_only = (
+        isinstance(values, np.ndarray) and values.dtype == np.float64 and not values.flags.writeable
+    )
+    if is_read_only and is_canonical:
         return weights
     try:
         return matrix(weights, np.float64)

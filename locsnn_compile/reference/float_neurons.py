@@ -13,8 +13,9 @@ from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha, alpha_recur
 class SrmSteps:
     """SRM neurons (batch, n), with both kernels in recursive form, full or cut.
 
-    c * k * a^(k-1) is the response of two first-order filters with decay a in a row to a spike one step earlier, times
-    c = e * a / tau.
+    Two first-order filters with decay a, one behind the other, answer a spike with k * a^(k-1), k steps
+    later; a kernel is c = e * a / tau times that. ``registers`` is not used: all kinds of neurons are made
+    alike, those of the chip too.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ def _cut_after(taps: float, a: float) -> "KernelCut | None":
 
 
 class KernelCut:
-    """Ends a kernel ``k a^(k-1)`` after its first K values, counting lag 0, by changing the input of its filter.
+    """Ends a kernel ``k a^(k-1)`` after its first K = ``taps`` values (with lag 0), by changing its filter's input.
 
     From lag K on, the kernel equals K a^(K-1) times itself K - 1 steps later, minus (K - 1) a^K times itself K steps
     later. Both are subtracted.
@@ -97,6 +98,7 @@ class CubaSteps:
         potential = (1.0 - n.decay_v) * self._voltage + self._current + n.bias
         if n.floor is not None:
             potential = np.maximum(potential, n.floor)
+        # A blocked neuron is at rest, whatever its floor is.
         potential = np.where(is_blocked, 0.0, potential)
         if n.rule == ">":
             reaches = potential > n.threshold
@@ -105,12 +107,13 @@ class CubaSteps:
         fired: BoolArray = reaches & ~is_blocked
         self._voltage = np.where(fired, 0.0, potential)
         one_less = np.maximum(self._blocked_steps - 1, 0)
+        # The step of the spike is the first of them.
         self._blocked_steps = np.where(fired, n.refractory - 1, one_less)
         return fired, potential
 
 
 class SoftCubaSteps:
-    """Leaky integrate-and-fire neurons (batch, n) with a current, from which a spike takes its drop."""
+    """Leaky integrate-and-fire neurons (batch, n) with a current; a spike lowers the next voltage by ``drop``."""
 
     def __init__(
         self, neuron: SoftCuba, batch: int, size: int, registers: Registers | None = None

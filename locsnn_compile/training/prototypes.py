@@ -31,10 +31,18 @@ STATED_FROM = 1.0
 
 
 class Size(Frozen):
-    """The size of a solution from so many ``copies`` of recordings (rows) and ``hidden`` neurons (columns)."""
+    """The size of a solution from so many ``copies`` of recordings (rows) and ``hidden`` neurons (columns).
+
+    A copy is a recording as it was drawn in one epoch.
+    """
 
     copies: int
     hidden: int
+
+    @property
+    def is_by_hidden(self) -> bool:
+        """Whether the system has a row for each hidden neuron, as it has if these are fewer than the copies."""
+        return self.hidden < self.copies
 
     @property
     def unknowns(self) -> int:
@@ -49,7 +57,7 @@ class Size(Frozen):
     @property
     def words(self) -> str:
         """The sentence that states it."""
-        by = "hidden neurons" if self.hidden <= self.copies else "recordings"
+        by = "hidden neurons" if self.is_by_hidden else "recordings"
         of_all = f"{self.copies:,} copies of recordings and {self.hidden:,} hidden neurons"
         return (
             f"Prototypes of {of_all} are solved by {by}, and take about {self.gibibytes:.1f} GiB."
@@ -57,7 +65,7 @@ class Size(Frozen):
 
 
 def repeats(config: TrainingConfig) -> int:
-    """Return of how many epochs copies are used: of one if nothing is drawn, because all copies are the same."""
+    """Return the number of epochs whose copies are used: 1 if nothing is drawn, because all copies are the same."""
     drawn = (
         config.event_dropout,
         config.channel_dropout,
@@ -115,6 +123,7 @@ def set_prototypes(
     _check_classes(of_class)
     means = member.T @ hidden / of_class[:, None]
     output = _solved(hidden - means[labels], means, smoothing)
+    # The network weighs hidden spikes less the usual ones: the bias gives back what these are worth.
     bias = -0.5 * (output * means).sum(dim=1) + output @ windows.usual
     scores = (hidden - windows.usual) @ output.T + bias
     scale = 1.0 / scores.std(dim=1).mean().clamp(min=torch.finfo(torch.float32).tiny)
@@ -144,14 +153,16 @@ def _check_classes(of_class: Tensor) -> None:
 def _solved(apart: Tensor, means: Tensor, smoothing: float) -> Tensor:
     """Return a multiple of S m_k, (classes, hidden), for the rows ``apart`` of A and the means (classes, hidden)."""
     copies, hidden = apart.shape
-    if hidden < copies:
+    # Never 0, so that the system can be solved where every recording is its prototype.
+    least_ridge = torch.finfo(torch.float32).tiny
+    if Size(copies, hidden).is_by_hidden:
         products = (apart.T @ apart).double()
-        ridge = smoothing * products.trace() / copies + torch.finfo(torch.float32).tiny
+        ridge = smoothing * products.trace() / copies + least_ridge
         products.diagonal().add_(ridge)
         whitened: Tensor = torch.linalg.solve(products, means.T.double())
         return ridge.to(apart) * whitened.T.to(apart)
     products = (apart @ apart.T).double()
-    ridge = smoothing * products.trace() / copies + torch.finfo(torch.float32).tiny
+    ridge = smoothing * products.trace() / copies + least_ridge
     products.diagonal().add_(ridge)
     solved: Tensor = torch.linalg.solve(products, (apart @ means.T).double())
     return means - solved.T.to(apart) @ apart

@@ -29,7 +29,7 @@ def compare_xylo(
     recordings: Recordings,
     progress: Progress | None = None,
 ) -> XyloMatch:
-    """Play recordings of the network's own steps and channels to both sides."""
+    """Return how far both sides agree on recordings, which have as many steps and channels as the network."""
     network = quantized.parts.network
     compare_batch = partial(_compare_batch, quantized, program)
     sums = sum_of_batches(network, recordings, compare_batch, progress)
@@ -46,21 +46,25 @@ def _compare_batch(
 
 
 def _play(
-    quantized: QuantizedXylo, program: XyloProgram, recordings: ByteArray
+    quantized: QuantizedXylo, program: XyloProgram, spikes: ByteArray
 ) -> ProgramRun[XyloCounts]:
-    played = play_program(program, recordings)
+    """Play spikes (recordings, steps, channels) to the program."""
+    played = play_program(program, spikes)
 
     def potential_at(place: SpikePlace) -> float:
         potential = played.potential[place.population][place.recording, place.step, place.neuron]
-        return float(potential / quantized.scales_of(place.population)[place.neuron])
+        # How many units of the chip a potential of 1 of the float network became.
+        scale = quantized.scales_of(place.population)[place.neuron]
+        return float(potential / scale)
 
     # A Xylo plays a recording once: its network has one phase.
     (phase,) = quantized.parts.network.phases
+    counts_of_all: XyloCounts = sum(played.counts, start=XyloCounts())
     return ProgramRun(
         spikes=played.spikes,
         scores=played.scores,
         score_scale=1.0,  # scores are numbers of spikes on both sides
-        counts=played.counts,
-        counts_by_phase={phase.name: sum(played.counts, start=XyloCounts())},
+        counts=played.counts,  # one for each recording
+        counts_by_phase={phase.name: counts_of_all},
         potential_at=potential_at,
     )

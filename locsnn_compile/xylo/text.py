@@ -10,7 +10,7 @@ def program_text(program: XyloProgram) -> str:
     network = program.network
     lines = program_heading(program.name, program.chip.name, program.provenance)
     lines.append(f"  inputs: {program.inputs}")
-    # The chip has one hidden population, in which those of the network lie one after another.
+    # The chip has one hidden population, in which the hidden populations of the network lie one after another.
     for name, place in program.places.items():
         lines.append(f"  hidden {name}: neurons {place.start}..{place.stop - 1}")
     lines.append(f"    {_population_text(network.hidden)}")
@@ -33,6 +33,7 @@ def _population_text(population: XyloPopulation) -> str:
         "dash_mem": population.dash_mem,
         "threshold": population.threshold,
     }
+    # Biases of a chip can be off.
     if population.bias is not None:
         parameters["bias"] = population.bias
     return ", ".join(f"{name} {array_text(values)}" for name, values in parameters.items())

@@ -204,13 +204,14 @@ def test_contradictions_are_refused(model: Expected, given: Channels, message: s
         ((2, 34, 34), Channels(34, 34, 2, "pyx")),
         ((1, 2, 34, 34), Channels(34, 34, 2, "pyx")),
         ((3, 2, 5), Channels(5, 2, 3, "pyx")),
+        # 156 taxels in a row, with axes of 1 around them.
         ((156,), None),
         ((1, 156), None),
         ((156, 1, 1), None),
     ],
     ids=str,
 )
-def test_an_input_of_three_axes_is_an_image(
+def test_an_input_of_rows_and_columns_is_an_image(
     shape: tuple[int, ...], channels: Channels | None
 ) -> None:
     assert image_channels(shape) == channels

@@ -10,7 +10,8 @@ import tomllib
 import pytest
 
 from hw_model.io.extras import PACKAGES_OF_EXTRA
-from tests.support.fences import PAGES, ROOT, name
+from tests.support.fences import PAGES, ROOT
+from tests.support.fences import name as page_name
 
 NAMES = {
     "pyyaml": {"yaml"},
@@ -19,7 +20,7 @@ NAMES = {
     "lazy-loader": {"lazy_loader"},
     "pyvcd": {"vcd"},
 }
-"""Modules of a distribution, where they are not called as it is."""
+"""Modules that are imported of a distribution, where their names differ from its own."""
 OURS = {"hw_model", "locsnn_compile"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
@@ -30,7 +31,7 @@ def modules(requirements):
 
 
 def imported():
-    """Return the roots of all modules that the packages import anywhere."""
+    """Return the roots of all modules that the packages import; ``needed("x")`` imports x of an extra."""
     found = set()
     for package in OURS:
         for path in (ROOT / package).rglob("*.py"):
@@ -47,6 +48,7 @@ def imported():
 @pytest.mark.slow
 def test_what_is_imported_is_declared():
     extras = PROJECT["optional-dependencies"]
+    # tonic only makes objects that users pass; tools of yowasp are run, not imported.
     assert imported() == modules(PROJECT["dependencies"]) | modules(
         extras["dask"]
         + extras["train"]
@@ -64,21 +66,23 @@ def test_hints_install_what_the_extra_declares(extra):
     declared = {
         requirement.partition(">=")[0] for requirement in PROJECT["optional-dependencies"][extra]
     }
+    # What has brackets is quoted for the shell.
     assert {word.strip("'") for word in PACKAGES_OF_EXTRA[extra]} == declared - NO_COMMAND_RUNS
 
 
 @pytest.mark.parametrize("folder", sorted(OURS))
 def test_no_message_installs_a_release_of_this_project(folder):
+    """There is none yet: it is installed from a checkout."""
     named = re.compile(rb"pip install [^\n]*locsnn")
     assert not [path for path in (ROOT / folder).rglob("*.py") if named.search(path.read_bytes())]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name)
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_no_page_installs_a_release_of_this_project(page):
     assert not re.search(r"pip install [^\n`]*locsnn-compile", page.read_text("utf-8"))
 
 
-def test_the_page_says_what_each_is_for():
+def test_the_install_page_has_a_row_for_each():
     page = (ROOT / "docs/start/install.md").read_text("utf-8")
     extras = PROJECT["optional-dependencies"]
     rows = re.findall(r"^\| `([\w-]+)` \|", page, flags=re.MULTILINE)

@@ -19,6 +19,7 @@ USUAL_ROUNDING = ["--weight-bits", "8", "--split-weights", "0"]
 
 
 def slayer(folder: Path, channels: int) -> list[str]:
+    # Means above 0, so that neurons spike.
     weights = {"fc1": RNG.normal(1, 2, (6, channels)), "fc2": RNG.normal(1, 2, (3, 6))}
     checkpoint, config = write(folder, weights)
     return [str(checkpoint), "--config", str(config)]

@@ -17,20 +17,21 @@ CLASSES = 20
 TRAIN_OF_CLASS = 12
 TEST_OF_CLASS = 3
 CHANNELS = 10
+"""Bits of the number of a recording, which is 300 at most."""
 
 
 @pytest.fixture(autouse=True)
-def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def study_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let tests import ``five_splits``, a program that lies next to its page."""
     monkeypatch.syspath_prepend(str(STUDY))
 
 
-def numbered(numbers: range, of_class: int, source: str) -> Recordings:
+def numbered(numbers: range, recordings_of_class: int, source: str) -> Recordings:
     """Return recordings of one step whose spikes are their numbers in binary."""
     bits = np.arange(CHANNELS)
-    spikes = np.array(numbers)[:, None, None] >> bits & 1
-    return Recordings(
-        spikes, np.repeat(np.arange(CLASSES), of_class), step_seconds=0.02, source=source
-    )
+    spikes = (np.array(numbers)[:, None, None] >> bits) & 1
+    labels = np.repeat(np.arange(CLASSES), recordings_of_class)
+    return Recordings(spikes, labels, step_seconds=0.02, source=source)
 
 
 def numbers_of(recordings: Recordings) -> list[int]:
@@ -55,7 +56,7 @@ class Rounds:
         self.seeds: list[int] = []
         self.trained: list[list[int]] = []
         self.tested: list[list[int]] = []
-        self.of_class: list[list[int]] = []
+        self.tested_of_class: list[list[int]] = []
 
     def __call__(
         self, path: Path, config: TrainingConfig, train: Recordings, test: Recordings
@@ -66,7 +67,7 @@ class Rounds:
         self.seeds.append(config.seed)
         self.trained.append(numbers_of(train))
         self.tested.append(numbers_of(test))
-        self.of_class.append(np.bincount(test.labels).tolist())
+        self.tested_of_class.append(np.bincount(test.labels).tolist())
 
 
 @pytest.fixture
@@ -76,6 +77,7 @@ def rounds(monkeypatch: pytest.MonkeyPatch) -> Rounds:
     rounds = Rounds()
     monkeypatch.setattr(five_splits, "parts", both_parts)
     monkeypatch.setattr(five_splits, "train_network", rounds)
+    # Network k of five has an accuracy of k/8.
     monkeypatch.setattr(
         five_splits,
         "read_checkpoint",
@@ -102,7 +104,7 @@ def test_five_rounds_test_on_each_recording_of_both_parts_once(
     assert sorted(number for tested in rounds.tested for number in tested) == every
     for trained, tested in zip(rounds.trained, rounds.tested, strict=True):
         assert sorted(trained + tested) == every
-    assert rounds.of_class == [[3] * CLASSES] * 5
+    assert rounds.tested_of_class == [[(TRAIN_OF_CLASS + TEST_OF_CLASS) // 5] * CLASSES] * 5
     assert rounds.seeds == [0, 1, 2, 3, 4]
 
 
@@ -116,6 +118,7 @@ def test_networks_that_are_there_are_not_trained_again(rounds: Rounds, tmp_path:
 def test_table_of_splits_keeps_rows_whose_networks_are_not_there(
     rounds: Rounds, tmp_path: Path
 ) -> None:
+    # k/8 of the networks of all five rounds: see `rounds`.
     of_rounds = ["0.1250", "0.2500", "0.3750", "0.5000", "0.6250"]
     table = run(tmp_path)
     assert table[0] == ["network", *(f"split {number}" for number in range(1, 6))]

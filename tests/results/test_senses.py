@@ -117,8 +117,20 @@ def test_training_options_are_those_of_the_task_and_the_set() -> None:
     }
 
 
+def training_of(**results: float) -> Training:
+    """Return a training on 36 of 48 recordings and measured on the other 12, on one core."""
+    return Training(task=TASK, learned_from=36, measured_on=12, cores=1, **results)
+
+
 def test_a_row_says_which_task_it_was(tmp_path: Path) -> None:
-    training = Training(TASK, 36, 12, 0.5, 0.25, 0.1, 0.2, 3.5, 1, 0.7)
+    training = training_of(
+        float_accuracy=0.5,
+        chip_accuracy=0.25,
+        counts=0.1,
+        counts_in_bins=0.2,
+        energy_nj=3.5,
+        seconds=0.7,
+    )
     table = tmp_path / "trainings.csv"
     write_rows(table, [training.row()])
     (row,) = read_rows(table)
@@ -200,8 +212,22 @@ def test_a_view_measures_recordings_that_it_did_not_learn_from(data: Path) -> No
 
 
 def test_a_line_of_the_summary_is_over_rounds_folds_and_seeds() -> None:
-    first = Training(TASK, 36, 12, 0.5, 0.25, 0.1, 0.2, 3.5, 1, 0.7).row()
-    second = Training(TASK, 36, 12, 0.7, 0.35, 0.3, 0.4, 4.5, 1, 0.9).row() | {"seed": 4}
+    first = training_of(
+        float_accuracy=0.5,
+        chip_accuracy=0.25,
+        counts=0.1,
+        counts_in_bins=0.2,
+        energy_nj=3.5,
+        seconds=0.7,
+    ).row()
+    second = training_of(
+        float_accuracy=0.7,
+        chip_accuracy=0.35,
+        counts=0.3,
+        counts_in_bins=0.4,
+        energy_nj=4.5,
+        seconds=0.9,
+    ).row() | {"seed": 4}
     other = first | {"hidden": 8}
     rows = [{name: str(value) for name, value in row.items()} for row in (first, second, other)]
     both, alone = summary(rows)
@@ -277,7 +303,14 @@ def test_the_test_figures_of_the_page_are_those_of_the_table() -> None:
 
 
 def test_a_row_of_test_figures_says_what_the_network_is() -> None:
-    training = Training(TASK, 36, 12, 0.5, 0.25, 0.1, 0.2, 3.5, 1, 0.7).row()
+    training = training_of(
+        float_accuracy=0.5,
+        chip_accuracy=0.25,
+        counts=0.1,
+        counts_in_bins=0.2,
+        energy_nj=3.5,
+        seconds=0.7,
+    ).row()
     reported = training | {"sense": "fsdd", "purpose": "report"}
     lines = summary([{name: str(value) for name, value in reported.items()}])
     row = reported_table(lines).splitlines()[2]

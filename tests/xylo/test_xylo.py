@@ -239,17 +239,17 @@ def with_hidden(**changes: object) -> dict[str, object]:
     [
         pytest.param(
             {"weights_in": np.array([[[128]]])},
-            "weights_in: the chip cannot hold it (128 against -128..127). Scale it down.",
+            "weights_in: the chip cannot hold it (128 against -128..127). Give a value in this range.",
             id="weight",
         ),
         pytest.param(
             with_hidden(threshold=np.array([0])),
-            "hidden.threshold: the chip cannot hold it (0 against 1..32767). Scale it down.",
+            "hidden.threshold: the chip cannot hold it (0 against 1..32767). Give a value in this range.",
             id="threshold",
         ),
         pytest.param(
             with_hidden(dash_mem=np.array([16])),
-            "hidden.dash_mem: the chip cannot hold it (16 against 0..15). Scale it down.",
+            "hidden.dash_mem: the chip cannot hold it (16 against 0..15). Give a value in this range.",
             id="dash",
         ),
         pytest.param(

@@ -166,7 +166,7 @@ DAMAGE = {
     ),
     "weights of 9 bits": (
         lambda folder: replace_array(folder, "weights_out", np.full((7, 1), 128)),
-        "weights_out: the chip cannot hold it (128 against -128..127). Scale it down.",
+        "weights_out: the chip cannot hold it (128 against -128..127). Give a value in this range.",
     ),
 }
 

@@ -9,7 +9,7 @@ from hw_model.arithmetic import loihi
 from locsnn_compile.backends.exchange.floats import HELD, may_spike
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer
-from locsnn_compile.frontends.lava_dl.to_network import SILENT
+from locsnn_compile.frontends.lava_dl.to_network import NEVER_SPIKES
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of
@@ -22,7 +22,10 @@ _OTHER = "Emit another kind."
 def net_bytes(quantized: QuantizedNetwork) -> bytes:
     """Return the file; ``InputError`` for a network that is not a chain of dense layers in lava-dl's integers."""
     origin = quantized.network.origin
-    return file_bytes(origin if isinstance(origin, NetFile) else net_file(quantized))
+    if isinstance(origin, NetFile):
+        # Its integers were the chip's already, so that nothing was quantised.
+        return file_bytes(origin)
+    return file_bytes(net_file(quantized))
 
 
 def file_bytes(file: NetFile) -> bytes:
@@ -65,11 +68,13 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
             raise InputError(
                 f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER
             )
+        # Two projections of one source: their exponents differ.
         if len(sources) < len(onto):
             raise InputError(
                 f"{_WHERE}, population {name!r}", "its weights have several formats", fix=_OTHER
             )
-        layers.append(_layer(number, q, onto, name in network.readout.from_step))
+        by_potential = name in network.readout.from_step
+        layers.append(_layer(number, q, onto, by_potential))
         before = name
     _check_readout(network)
     return NetFile(tuple(layers), {})
@@ -83,6 +88,7 @@ def _check_readout(network: Network) -> None:
         raise InputError(
             f"{_WHERE}, readout", "lava-dl reads out the last layer", measured=measured, fix=HELD
         )
+    # Readers of .net files count potentials from the step in which the first event arrives: one step a layer.
     for first in readout.from_step.values():
         if first != layers:
             what, measured = (
@@ -92,7 +98,10 @@ def _check_readout(network: Network) -> None:
             raise InputError(f"{_WHERE}, readout", what, measured=measured, fix=HELD)
 
 
-def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read: bool) -> NetLayer:
+def _layer(
+    number: int, q: QuantizedPopulation, onto: list[ChipProjection], by_potential: bool
+) -> NetLayer:
+    """Return a layer; one that is read ``by_potential`` gets the threshold by which lava-dl tells it."""
     name, neuron = q.population.name, q.neuron
     where = f"{_WHERE}, population {name!r}"
     if not isinstance(neuron, ChipCuba) or (neuron.refractory > 1).any():
@@ -101,7 +110,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
             "lava-dl only runs neurons of one compartment without a refractory period",
             fix=_OTHER,
         )
-    if read and may_spike(neuron, onto):
+    if by_potential and may_spike(neuron, onto):
         raise InputError(
             where, "neurons that lava-dl reads by potential never spike, and these may", fix=HELD
         )
@@ -115,13 +124,14 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
             measured=f"{bias[between_units][0]}",
             fix=_OTHER,
         )
+    threshold = np.full_like(neuron.threshold, NEVER_SPIKES) if by_potential else neuron.threshold
     values: dict[str, Array | str] = {
         "shape": np.array([q.population.size]),
         "outFeatures": np.array(q.population.size),
         "neuron/type": "CUBA",
         "neuron/iDecay": neuron.decay_u,
         "neuron/vDecay": neuron.decay_v,
-        "neuron/vThMant": np.full_like(neuron.threshold, SILENT) if read else neuron.threshold,
+        "neuron/vThMant": threshold,
         "neuron/refDelay": np.array(1),
         "neuron/gradedSpike": np.array(0),
     }
@@ -131,6 +141,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
         weights = _weights(projection, where)
         values["weight_rec" if projection.source == name else "weight"] = weights.astype(np.float32)
         if np.any(projection.delay):
+            # The one delay of a layer would hold back its recurrent spikes too.
             if projection.source == name or np.size(projection.delay) > 1:
                 raise InputError(
                     where, "one layer cannot have several delays in lava-dl", fix=_OTHER

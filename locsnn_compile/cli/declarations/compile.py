@@ -124,13 +124,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-energy-nj",
         metavar="X",
-        type=number("--max-energy-nj", float),
+        type=number("--max-energy-nj", float, low=0),
         help="exit 3 if a recording takes more than X nanojoules on average",
     )
     parser.add_argument(
         "--max-latency-us",
         metavar="X",
-        type=number("--max-latency-us", float),
+        type=number("--max-latency-us", float, low=0),
         help="exit 3 if a recording takes more than X microseconds on average",
     )
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""Options of ``locsnn completion``, in the order of its help."""
+"""The one argument of ``locsnn completion``: the shell."""
 
 import argparse
 
@@ -6,7 +6,7 @@ from locsnn_compile.cli.declarations.kinds import choice
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``locsnn completion``."""
+    """Add the argument of ``locsnn completion``."""
     parser.add_argument(
         "shell",
         metavar="SHELL",

@@ -62,7 +62,7 @@ THRESHOLD_MAX = 2**17 - 1
 """Largest threshold mantissa: times 64, it is 2^23 - 64 units, just below the end of the voltage register."""
 BIAS_EXPONENT = 6
 """Biases of a file are in units of weights, 2^6 of the register."""
-SILENT = 2**18 - 1
+NEVER_SPIKES = 2**18 - 1
 """The threshold mantissa that lava-dl writes for neurons that must not spike: more than its register holds."""
 MAX_STATED_STEPS = 10_000
 """Steps of a recording that a file may state; made-up recordings that are longer take too long to play."""
@@ -177,7 +177,7 @@ def _potentials_from(file: NetFile, built: _Built) -> int | None:
     if not _has_neurons(last):
         return len(built.populations)
     threshold = last.values["neuron/vThMant"]
-    silent = not isinstance(threshold, str) and bool((threshold >= SILENT).all())
+    silent = not isinstance(threshold, str) and bool((threshold >= NEVER_SPIKES).all())
     return len(built.populations) if silent else None
 
 

@@ -17,7 +17,11 @@ CANDIDATES = 256
 
 
 class Metric(Frozen, eq=False):
-    """The ``order`` in which the columns of a Gram matrix (n, n) are rounded, and the ``factor`` of its inverse."""
+    """What is needed of a Gram matrix G (n, n) of n inputs.
+
+    - ``order`` (n,): in which its columns are rounded
+    - ``factor`` (n, n): upper triangular; the inverse of G in this order is ``factor.T @ factor``
+    """
 
     order: IntArray
     factor: FloatArray
@@ -27,15 +31,18 @@ class Metric(Frozen, eq=False):
         """Return the metric of a positive definite matrix."""
         order = np.argsort(-np.diag(gram), kind="stable")
         inverse = np.linalg.inv(gram[np.ix_(order, order)])
-        return cls(order, np.linalg.cholesky((inverse + inverse.T) / 2).T.astype(np.float64))
+        # Rounding leaves the inverse not quite symmetric.
+        symmetric = (inverse + inverse.T) / 2
+        return cls(order, np.linalg.cholesky(symmetric).T.astype(np.float64))
 
 
 def round_together(
     metric: Metric, ideal: FloatArray, step: IntArray, most: IntArray, beam: int
 ) -> IntArray:
-    """Return whole multiples of ``step`` (m, n), at most ``most`` in magnitude, near ``ideal`` (m, n) in the metric G.
+    """Return weights of m neurons with n inputs, (m, n), near ``ideal`` in the metric G.
 
-    Where ``step`` is 0, the weight is 0. ``beam`` candidates per neuron are continued.
+    They are whole multiples of ``step`` (m, n), at most ``most`` (m, n) in magnitude, which is such a multiple itself.
+    A step of 0 marks an input without a synapse, whose weight is 0. ``beam`` candidates per neuron are continued.
     """
     rounded = np.empty(ideal.shape, dtype=np.int64)
     neurons_at_once = max(1, CANDIDATES // beam)
@@ -56,6 +63,7 @@ class _Search:
 
     - ``targets`` (m, candidates, columns left): what the columns that are left are rounded near to
     - ``cost`` (m, candidates): the squared error so far
+    - ``neuron`` (m,): the numbers 0 to m - 1, which pick something for each neuron from arrays
     - ``values`` and ``came_from``: by column, the value that each candidate took, and the number of
       the candidate that it continues
     """
@@ -96,7 +104,7 @@ class _Search:
         self.cost = flat_cost[neuron, best]
         self.came_from.append(continued)
         self.values.append(values.reshape(neurons, -1)[neuron, best])
-        # What this column is off, those that are left make up for.
+        # The columns that are left make up for what this one is off.
         off = error.reshape(neurons, -1)[neuron, best]
         self.targets = self.targets[neuron, continued, 1:]
         self.targets -= off[:, :, None] * self.factor[column, column + 1 :]

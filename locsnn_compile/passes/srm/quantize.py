@@ -13,7 +13,7 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import WeightGrid
 from hw_model.arithmetic.loihi import in_units
-from hw_model.arithmetic.loihi_inverse import gain_at_rest, least_to_spike
+from hw_model.arithmetic.loihi_inverse import least_to_spike, settled_gain
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
@@ -189,7 +189,7 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
 
         nu takes       sum over k >= 1 of scale_ref * (k / tau_ref) * exp(1 - k / tau_ref)
                        = scale_ref * e / tau_ref * a / (1 - a)^2
-        a reset takes  gain_at_rest(decay): one threshold, which would otherwise fade by ``decay``
+        a reset takes  settled_gain(decay): one threshold, which would otherwise fade by ``decay``
 
     Each blocked step takes one more threshold. At the published time constants, the reset by itself takes twice what nu
     takes, and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept
@@ -198,7 +198,7 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     a = math.exp(-1.0 / neuron.tau_ref)
     one_minus_a = -math.expm1(-1.0 / neuron.tau_ref)
     taken_by_nu = neuron.scale_ref * math.e / neuron.tau_ref * a / one_minus_a**2
-    taken_by_reset: float = gain_at_rest(decay)
+    taken_by_reset: float = settled_gain(decay)
     blocked_steps = max(0, math.ceil(taken_by_nu - taken_by_reset))
     # A count of 1 blocks no step.
     return 1 + blocked_steps
