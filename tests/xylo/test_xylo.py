@@ -1,4 +1,8 @@
-"""Xylo against what xylosim was seen to do, against numbers worked out by hand, and against its limits."""
+"""Xylo against what xylosim was seen to do, against numbers worked out by hand, and against its limits.
+
+A *witness* is what xylosim did with a network; the *oracle* is a second implementation, in plain Python; the *engine* is
+``play_xylo``.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ from tests.support import xylo_oracle
 from tests.support.random_xylo import random_xylo
 from tests.support.witness_files import RECORDED, REGISTERS, network_of, read
 
-WITNESS = read(RECORDED)
+WITNESSES = read(RECORDED)
 
 
 def differing_values(witness: dict[str, np.ndarray]) -> int:
@@ -26,17 +30,17 @@ def differing_values(witness: dict[str, np.ndarray]) -> int:
     return sum(int((getattr(result, name) != witness[name]).sum()) for name in REGISTERS)
 
 
-@pytest.mark.parametrize("number", range(len(WITNESS)))
+@pytest.mark.parametrize("number", range(len(WITNESSES)))
 def test_every_register_of_every_row_is_that_of_the_witness(number):
-    assert differing_values(WITNESS[number]) == 0
+    assert differing_values(WITNESSES[number]) == 0
 
 
-@pytest.mark.parametrize("number", range(len(WITNESS)))
+@pytest.mark.parametrize("number", range(len(WITNESSES)))
 def test_the_oracle_agrees_with_the_witness_and_counts_the_events_of_the_engine(number):
-    network, events = network_of(WITNESS[number]), WITNESS[number]["events"]
+    network, events = network_of(WITNESSES[number]), WITNESSES[number]["events"]
     arrays, counted = xylo_oracle.play(network, events)
     assert [
-        name for name in REGISTERS if not np.array_equal(arrays[name], WITNESS[number][name])
+        name for name in REGISTERS if not np.array_equal(arrays[name], WITNESSES[number][name])
     ] == []
     assert {name: counted[name] for name in xylo.EVENTS} == play_xylo(network, events).events
 
@@ -55,14 +59,18 @@ def test_random_networks_play_as_by_the_oracle(first_seed):
 
 def test_the_recorded_networks_meet_all_that_the_arithmetic_distinguishes():
     met = dict.fromkeys(xylo.EVENTS, 0)
-    for witness in WITNESS:
+    for witness in WITNESSES:
         for name, count in play_xylo(network_of(witness), witness["events"]).events.items():
             met[name] += count
     assert all(met.values())
-    assert max(int(witness["spikes"].max()) for witness in WITNESS) == 31
-    assert {witness["dash_syn"].shape[1] for witness in WITNESS} == {1, 2}
-    assert {"bias" in witness for witness in WITNESS} == {True, False}
-    assert {str(witness["aliases"]) == "[]" for witness in WITNESS} == {True, False}
+    assert max(int(witness["spikes"].max()) for witness in WITNESSES) == xylo.HIDDEN_SPIKES_MAX
+    assert {witness["dash_syn"].shape[1] for witness in WITNESSES} == {1, 2}
+    assert {"bias" in witness for witness in WITNESSES} == {True, False}
+    # Aliases are kept as text: for each hidden neuron, those that spike along with it.
+    assert {str(witness["aliases"]) == "[]" for witness in WITNESSES} == {True, False}
+
+
+# Faulty versions of functions of the page, with their arguments; the counts that they return are not compared.
 
 
 def _sum_first(i, spikes, charges):
@@ -110,7 +118,7 @@ FAULTS = {
     "a charge saturates": ("charge_of", lambda weight, shift: xylo.saturate(weight << shift)),
     "aliases are silent": (
         "fire_with_aliases",
-        lambda v, threshold, _: xylo.fire(v, threshold, 31),
+        lambda v, threshold, _: xylo.fire(v, threshold, xylo.HIDDEN_SPIKES_MAX),
     ),
 }
 
@@ -119,7 +127,7 @@ FAULTS = {
 def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
     name, faulty = FAULTS[fault]
     monkeypatch.setattr(xylo, name, faulty)
-    assert sum(map(differing_values, WITNESS)) > 0
+    assert sum(map(differing_values, WITNESSES)) > 0
 
 
 def one_neuron(**changes: object) -> XyloNetwork:
@@ -141,11 +149,11 @@ def one_neuron(**changes: object) -> XyloNetwork:
 def test_a_neuron_by_hand():
     """21 arrives twice: 42 halves to 21, two thresholds of 10 fit and 1 is left; two spikes reach the output a row on."""
     result = play_xylo(one_neuron(), np.array([[2], [0], [0]]))
-    # i: 42 - 21; 21 - 10; 11 - 5. v: 21 - 20 = 1; 1 - 1 + 11 = 11, less 10; 1 - 1 + 6.
+    # i: 42 - 21; 21 - 10; 11 - 5. v: 21 - 20 = 1; 1 - 1 + 11 = 11, less 10; 1 - 1 + 6. A decay takes 1 at least.
     assert result.i[:, 0, 0].tolist() == [21, 11, 6]
     assert result.spikes[:, 0].tolist() == [2, 1, 0]
     assert result.v[:, 0].tolist() == [1, 1, 6]
-    # i: 0; 16 - 8; 16 - 8. v: 8 - 3 after one spike only; 5 - 1 + 8 = 12, less 3.
+    # i: 0; 2 * 8 - 8; 8 + 8 - 8. v: 8 - 3 after one spike only; 5 - 1 + 8 = 12, less 3.
     assert result.output_i[:, 0].tolist() == [0, 8, 8]
     assert result.output_spikes[:, 0].tolist() == [0, 1, 1]
     assert result.output_v[:, 0].tolist() == [0, 5, 9]
