@@ -1,5 +1,6 @@
 """Leaky integrate-and-fire neurons: reference against the equations, and what quantising and lowering makes of them."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -149,6 +150,34 @@ def test_sparse_weights_make_the_same_program_as_dense_ones():
         assert np.array_equal(getattr(dense_core.axons, name), getattr(sparse_core.axons, name))
     # A dense matrix has its zeros pruned, which a sparse one does not hold.
     assert of_dense.synapses_pruned - of_sparse.synapses_pruned == (weights == 0).sum()
+
+
+def columns_first(weights):
+    return sparse.csc_array(weights)
+
+
+def coordinates(weights):
+    return sparse.coo_array(weights)
+
+
+def entries_of_a_row_in_any_order(weights):
+    backwards = sparse.csr_array(weights)
+    for first, last in itertools.pairwise(backwards.indptr):
+        backwards.indices[first:last] = backwards.indices[first:last][::-1].copy()
+        backwards.data[first:last] = backwards.data[first:last][::-1].copy()
+    return sparse.csr_array((backwards.data, backwards.indices, backwards.indptr))
+
+
+@pytest.mark.parametrize("stored", [columns_first, coordinates, entries_of_a_row_in_any_order])
+def test_weights_that_cannot_be_written_to_are_held_row_by_row(stored):
+    """Only what is read-only and in canonical order already is held as it is."""
+    weights = np.array([[0.0, 2.0, 5.0], [3.0, 0.0, 0.0]])
+    given = stored(weights)
+    given.data.setflags(write=False)
+    held = Projection("x", "n", given).weights
+    assert held.format == "csr"
+    assert held.data.tolist() == [2.0, 5.0, 3.0]
+    assert held.indices.tolist() == [1, 2, 0]
 
 
 def test_delays_of_sparse_weights_go_with_their_entries():
