@@ -141,7 +141,7 @@ class _Playback(NamedTuple):
         return _longest_phase(self.program, self.rows, self.steps)
 
 
-def play_recordings(
+def play_recordings(  # noqa: PLR0913 - public: each is an option of its own
     program: ChipProgram,
     spikes: Spikes,
     steps: int | None,

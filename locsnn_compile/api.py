@@ -83,7 +83,7 @@ def compile(
 
 
 @checked
-def compile(
+def compile(  # noqa: PLR0913 - public: each is an option of its own
     network: Network | Checkpoint | Sequence[Network | Checkpoint],
     target: str | Path | AnyChip = "loihi-sim",
     strategy: str = AUTO,

@@ -15,7 +15,7 @@ Numbers = tuple[Lanes, ...]
 
 
 @of_numbers("u, v, charge, keep, last, half_charge, half_current", returns=2 + len(EVENTS))
-def dendrite(
+def dendrite(  # noqa: PLR0913 - registers and parameters of a step, by name
     u: Lanes,
     v: Lanes,
     charge: Lanes,
@@ -47,7 +47,7 @@ def sum_of_joined(
     "u, v, blocked, charge, keep, threshold, refractory, last, half_charge, half_current",
     returns=6 + len(EVENTS),
 )
-def compartment(
+def compartment(  # noqa: PLR0913 - registers and parameters of a step, by name
     u: Lanes, v: Lanes, blocked: Lanes, charge: Lanes, keep: Lanes, threshold: Lanes, refractory: Lanes,
     last: Lanes, half_charge: Lanes, half_current: Lanes,
 ) -> Numbers:  # fmt: skip

@@ -222,7 +222,7 @@ def advance(c: Place, charge: Place, widths: LlvmValue) -> LlvmValues:
     "flips, m, n, numbers, o, spikes, many, widths",
     returns=0,
 )
-def advance_pair(
+def advance_pair(  # noqa: PLR0913 - registers and parameters of a step, by name
     c: Place, before: Place, after: Place, charge: Place, other_charge: Place, echo: Place, other_echo: Place,
     masks: Place, flips: Place, numbers: Place, spikes: LlvmValue, many: LlvmValue, widths: LlvmValue,
 ) -> None:  # fmt: skip

@@ -185,7 +185,7 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow(link, at, first, last, state, links, words):  # type: ignore[no-untyped-def]
+def _follow(link, at, first, last, state, links, words):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
     charge = state.charge
     touched = state.touched
@@ -217,7 +217,7 @@ def _follow(link, at, first, last, state, links, words):  # type: ignore[no-unty
 
 
 @inner
-def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[no-untyped-def]
+def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
     event = listed.event
     base = listed.base

@@ -131,7 +131,7 @@ def list_into(events, channels, first, channel):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _transpose(  # type: ignore[no-untyped-def]
+def _transpose(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     starts, channel, visit_of, first_lines, begins, rows, first, line, place
 ):
     """Sort the events of every recording by visit, in the order of time within one, and return how many there are.

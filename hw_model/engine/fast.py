@@ -174,7 +174,7 @@ def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
 
 
 @compiled
-def _run(low, high, tile_at, recordings, tables, memory, skip, written):  # type: ignore[no-untyped-def]
+def _run(low, high, tile_at, recordings, tables, memory, skip, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Run recordings ``low..high`` one after the other, each tile by tile."""
     first, line, start, stop = recordings
     state = memory.state
@@ -212,7 +212,7 @@ def _run(low, high, tile_at, recordings, tables, memory, skip, written):  # type
 
 
 @inner
-def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]
+def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Add up what :func:`hw_model.engine.trace.added_up` does, of one recording: its ``totals``, in their order.
 
     Synaptic operations are counted from what is sent, by delay: what would act after the last step is left out.

@@ -67,7 +67,7 @@ def _blocks(nodes: Numbering, pairs: Iterable[NodePair]) -> Blocks:
     return [[first + i for i in block] for block in order]
 
 
-def _chunks(
+def _chunks(  # noqa: PLR0913 - what earlier steps made, each used once
     program: ChipProgram,
     phase: str,
     nodes: Numbering,

@@ -82,7 +82,7 @@ def _deliver_into(block, rows, arriving, tables, memory):  # type: ignore[no-unt
 
 
 @absorbed
-def _deliver_within(block, low, high, fired, tables, memory, written):  # type: ignore[no-untyped-def]
+def _deliver_within(block, low, high, fired, tables, memory, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """List the spikes of a block in rows ``low..high``, and deliver those that stay within it."""
     chunks = tables.chunks
     links = tables.links
@@ -97,7 +97,7 @@ def _deliver_within(block, low, high, fired, tables, memory, written):  # type: 
 
 
 @absorbed
-def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
+def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Update whole bundles, members ``start..stop``, in row r; return the spikes of all of them as bits."""
     state = memory.state
     work = memory.work
@@ -199,7 +199,7 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]
+def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
     nodes = tables.nodes
     chunks = tables.chunks
@@ -243,7 +243,7 @@ def _count(event, first, last, source, sent):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _keep(registers, at, k, chunks, step, recording, kept):  # type: ignore[no-untyped-def]
+def _keep(registers, at, k, chunks, step, recording, kept):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Copy the lanes of chunk k that are to be kept, if this step is."""
     row = step - kept.start
     first_column = chunks.first_column[k]

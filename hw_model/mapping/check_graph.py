@@ -194,6 +194,13 @@ def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
 
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
     where = f"synapses {synapses.source!r} -> {synapses.target!r}"
+    _check_ends(graph, synapses, where)
+    _check_weights(synapses, chip, where)
+    _check_delays(synapses, chip, where)
+
+
+def _check_ends(graph: CompartmentGraph, synapses: Synapses, where: str) -> None:
+    """Refuse synapses whose ends do not exist, lie in different phases, or are not one for each synapse."""
     sizes = {node.name: node.size for node in graph.nodes}
     if synapses.target in {item.name for item in graph.inputs}:
         raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
@@ -214,6 +221,10 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         raise InputError(
             where, "the synapse arrays differ in length", fix="Give one row per synapse."
         )
+
+
+def _check_weights(synapses: Synapses, chip: Chip, where: str) -> None:
+    """Refuse weights that no synapse of the chip can hold."""
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
     if synapses.weight_bits not in chip.registers.weight_bits:
         measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
@@ -241,6 +252,10 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
             measured=measured,
             fix="Rescale the weights.",
         )
+
+
+def _check_delays(synapses: Synapses, chip: Chip, where: str) -> None:
+    """Refuse delays that no synapse of the chip can hold; say how many compartments would relay the longest."""
     delays = synapses.delay
     domain = loihi.domains(chip.registers)["delay"]
     longest_delay = domain.high

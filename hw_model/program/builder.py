@@ -69,7 +69,7 @@ class ProgramBuilder:
         return node
 
     @checked
-    def add_compartments(
+    def add_compartments(  # noqa: PLR0913 - public: each is an option of its own
         self,
         name: str,
         size: int,
@@ -119,7 +119,7 @@ class ProgramBuilder:
         return node
 
     @checked
-    def connect(
+    def connect(  # noqa: PLR0913 - public: each is an option of its own
         self,
         source: Node,
         target: Node,

@@ -63,7 +63,7 @@ def cosimulate(
     return play_on_core(program, spikes, steps, probe, simulator, sources())[0]
 
 
-def play_on_core(
+def play_on_core(  # noqa: PLR0913 - public: each is an option of its own
     program: ChipProgram,
     spikes: Spikes,
     steps: int | None,

@@ -80,7 +80,7 @@ def _plays_as_it_arrives(program: ChipProgram, phase: Phase) -> bool:
     return phase.align_events is None and all(item.positions is None for item in inputs)
 
 
-def _core_phase(
+def _core_phase(  # noqa: PLR0913 - what earlier steps made, each used once
     program: ChipProgram,
     phase: Phase,
     *,

@@ -246,7 +246,7 @@ def _order(layout: FastLayout, read_columns: Read) -> Order:
 
 
 @compiled
-def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]
+def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]  # noqa: C901 - a compiled loop, whose calls cost
     """Add rows from row ``before`` on, and note what every column gives after each in ``counts``."""
     visits = phase.visits
     read = phase.read

@@ -161,7 +161,7 @@ def _room(layout: FastLayout, potential: IntArray) -> Room:
 
 
 @compiled
-def _run(  # type: ignore[no-untyped-def]
+def _run(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     before,
     end,
     tile_at,

@@ -205,7 +205,7 @@ def _keep(registers, recorded, t):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _play(rows, hidden, outputs, charges, at_rest, recorded, counted):  # type: ignore[no-untyped-def]
+def _play(rows, hidden, outputs, charges, at_rest, recorded, counted):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Play all rows; ``at_rest`` are the registers of hidden neurons and of outputs."""
     of_hidden, of_outputs = at_rest
     for t in range(len(rows)):

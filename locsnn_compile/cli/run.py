@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     return run_on_mesh(args, program)
 
 
-def run_on_mesh(args: argparse.Namespace, program: hw.ChipProgram) -> int:
+def run_on_mesh(args: argparse.Namespace, program: hw.ChipProgram) -> int:  # noqa: C901 - asks each option of the command once
     """Play every recording to a program for a mesh of cores or the open core."""
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))

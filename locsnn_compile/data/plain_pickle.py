@@ -56,7 +56,7 @@ class Budget:
         )
 
 
-def read_pickle(
+def read_pickle(  # noqa: C901 - a case for each kind of opcode
     stream: IO[bytes],
     named: Callable[[str], object],
     stored: Callable[[object], object],

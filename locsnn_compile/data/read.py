@@ -170,7 +170,7 @@ def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
 
 
 @checked
-def read_recordings(
+def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its own, checked alone
     path: Path | str,
     *,
     split: str | None = None,

@@ -29,7 +29,7 @@ REACH_MM = 7.0
 """How far a stroke reaches from the middle of its line."""
 
 
-def synthetic_touches(
+def synthetic_touches(  # noqa: PLR0913 - public: each is an option of its own
     samples: int,
     *,
     steps: int,

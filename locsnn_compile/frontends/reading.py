@@ -15,7 +15,7 @@ from locsnn_compile.network.network import Network
 
 
 @checked
-def load(
+def load(  # noqa: PLR0913 - public: each is an option of its own
     model: str | Path | Checkpoint,
     config: str | Path | None = None,
     dt: float | None = None,

@@ -47,7 +47,7 @@ def register_ends(registers: RegisterWidths) -> Ends:
 
 
 @compiled_with_arrays
-def scan(  # type: ignore[no-untyped-def]
+def scan(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     charge, keep, threshold, pull, refractory, taps, ends, potential, spikes, live, events
 ):
     """Take all steps of a population, with whatever follows from its own spikes; what is None is not compiled.

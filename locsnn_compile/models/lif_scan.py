@@ -98,7 +98,7 @@ def _add_active(row, active, weight, total):  # type: ignore[no-untyped-def]  # 
 
 
 @compiled_with_arrays
-def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover
+def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover  # noqa: PLR0913 - a compiled loop takes arrays
     """Fill ``potential`` and ``spikes`` for x (batch * steps, inputs), as listed, and ``weight`` (inputs, n)."""
     batch, steps, size = potential.shape
     voltage = np.empty(size, potential.dtype)
@@ -114,7 +114,7 @@ def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type:
 
 
 @compiled_with_arrays
-def scan_active_back(  # type: ignore[no-untyped-def]
+def scan_active_back(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     gradient, potential, constants, x, ends, inputs, by_weight, by_drive
 ):  # pragma: no cover - compiled
     """Add the gradient by weights to ``by_weight`` (inputs, n), for that by spikes, and fill ``by_drive``.

@@ -6,7 +6,7 @@ from hw_model.engine.compiled import compiled_with_arrays
 
 
 @compiled_with_arrays
-def scan_back(of_spikes, slope, kept_i, kept_v, recurrent, one, charges):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def scan_back(of_spikes, slope, kept_i, kept_v, recurrent, one, charges):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled  # noqa: PLR0913 - a compiled loop takes arrays
     """Fill ``charges`` (batch, steps, n), the gradients of charges, from the last step to the first.
 
     ``of_spikes`` are gradients of spikes, and ``slope`` is ds / dv, both of that shape. Weights ``recurrent`` (n, n)

@@ -7,7 +7,7 @@ are chosen for what the float network does on calibration recordings. The steps 
 
 from collections.abc import Mapping
 from functools import singledispatch
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -115,6 +115,15 @@ def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
     ]
 
 
+class _Within(NamedTuple):
+    """A projection between populations that are stepped together; ``entrance`` (batch, steps, n) is what it adds to."""
+
+    source: str
+    entrance: Potentials
+    delay: int
+    weights: Matrix
+
+
 def _evaluate_together(
     network: Network,
     together: tuple[Population, ...],
@@ -130,32 +139,19 @@ def _evaluate_together(
     )
     names = {population.name for population in together}
     arriving: dict[str, Potentials] = {}
-    inner: list[tuple[str, Potentials, int, Matrix]] = []
+    within: list[_Within] = []
     for population in together:
         dtype = np.int64 if population.on_grid else np.float64
         entrances = population.neuron.dendrites * population.size
         arriving[population.name] = np.zeros((batch, steps, entrances), dtype=dtype)
-        for projection in network.into(population.name):
-            first = population.size * projection.dendrite
-            entrance = arriving[population.name][:, :, first : first + population.size]
-            whole = (
-                effective_weights(projection)
-                if isinstance(projection, ChipProjection)
-                else projection.weights
-            )
-            for delay, weights in by_delay(whole, projection.delay):
-                if projection.source in names:
-                    inner.append((projection.source, entrance, delay, weights))
-                elif delay + 1 < steps:
-                    sent = charge(spikes[projection.source], weights)
-                    entrance[:, delay + 1 :] += sent[:, : steps - delay - 1]
+        within += _take_charges(network, population, names, spikes, arriving[population.name])
     state = {p.name: steps_of(p.neuron, batch, p.size, registers) for p in together}
     for p in together:
         spikes[p.name] = np.zeros((batch, steps, p.size), dtype=np.uint8)
         if p.name in wanted:
             potential[p.name] = np.empty((batch, steps, p.size), dtype=arriving[p.name].dtype)
     for step in range(steps):
-        for source, entrance, delay, weights in inner:
+        for source, entrance, delay, weights in within:
             if step > delay:
                 entrance[:, step] += charge(spikes[source][:, step - 1 - delay], weights)
         for name in arriving:
@@ -163,6 +159,34 @@ def _evaluate_together(
             spikes[name][:, step] = fired
             if name in wanted:
                 potential[name][:, step] = seen
+
+
+def _take_charges(
+    network: Network,
+    population: Population,
+    together: set[str],
+    spikes: Mapping[str, ByteArray],
+    arriving: Potentials,
+) -> list[_Within]:
+    """Add what known spikes send to a population to ``arriving`` (batch, steps, dendrites * n), and return the rest.
+
+    Projections of populations that are stepped ``together`` with it are left: their spikes are not known yet.
+    """
+    steps = arriving.shape[1]
+    within = []
+    for projection in network.into(population.name):
+        first = population.size * projection.dendrite
+        entrance = arriving[:, :, first : first + population.size]
+        whole = projection.held
+        if isinstance(projection, ChipProjection):
+            whole = effective_weights(projection)
+        for delay, weights in by_delay(whole, projection.delay):
+            if projection.source in together:
+                within.append(_Within(projection.source, entrance, delay, weights))
+            elif delay + 1 < steps:
+                sent = charge(spikes[projection.source], weights)
+                entrance[:, delay + 1 :] += sent[:, : steps - delay - 1]
+    return within
 
 
 def score_spread(network: Network, recordings: Recordings) -> float:

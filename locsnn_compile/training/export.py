@@ -141,7 +141,7 @@ def spread_rows(available: int, wanted: int) -> IntArray:
     return np.arange(count, dtype=np.int64) * available // max(count, 1)
 
 
-def export_checkpoint(
+def export_checkpoint(  # noqa: PLR0913 - what earlier steps made, each used once
     path: Path,
     result: TrainingResult,
     config: TrainingConfig,

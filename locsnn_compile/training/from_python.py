@@ -153,7 +153,7 @@ _log = logging.getLogger("locsnn")
 
 
 @checked
-def train(
+def train(  # noqa: PLR0913 - public: each is an option of its own
     recordings: str | Path | Recordings | ArrayLike,
     config: TrainingConfig | Mapping[str, Any] | str | Path | None = None,
     *,

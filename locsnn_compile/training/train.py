@@ -85,7 +85,7 @@ class TrainingResult(Frozen, eq=False):
     learned: bool = True
 
 
-def train(
+def train(  # noqa: PLR0913 - public: each is an option of its own
     recordings: Recordings,
     config: TrainingConfig,
     *,

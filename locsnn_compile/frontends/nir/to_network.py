@@ -53,7 +53,7 @@ After its first spike, a current of -8 that never decays outweighs the bias of 2
 """
 
 
-def load_nir(
+def load_nir(  # noqa: PLR0913 - what the options of a NIR file say
     path: Path,
     dt: float | None = None,
     reset: str | None = None,
@@ -161,7 +161,7 @@ def _pairs(arriving: Mapping[str, Signal]) -> Iterator[tuple[str, str]]:
             yield term.source, target
 
 
-def _add_node(
+def _add_node(  # noqa: PLR0913 - what earlier steps made, each used once
     parts: Parts,
     flat: FlatGraph,
     name: str,

@@ -104,18 +104,7 @@ def load_slayer(
             "config was given, but a checkpoint contains this itself",
             fix="Leave config out.",
         )
-    description = read_config(config)
-    tails: tuple[str, ...] = ()
-    if kernels == "cut":
-        description = replace(
-            description,
-            neuron=cut(description.neuron),
-            location_neuron=cut(description.location_neuron),
-        )
-    elif kernels is None and isinstance(description.neuron, SrmAlpha):
-        tails = (
-            "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",
-        )
+    description, tails = _with_kernels(read_config(config), kernels)
     tensors = state_tensors(content, where)
     check_kernels(tensors, description, where)
     weights = _layer_weights(tensors, where)
@@ -138,16 +127,7 @@ def load_slayer(
         if axis == "location":
             walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
         parts.views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
-        source = VIEW_NAMES[axis]
-        delays = None
-        for layer in chain:
-            population, projection = _parts_of(layer, axis, source, delays, description, where)
-            parts.populations.append(population)
-            parts.projections.append(projection)
-            # Delays are those of what a layer sends.
-            source = layer.name
-            delays = layer.delays
-        parts.outputs[source] = None
+        _add_chain(parts, axis, chain, description, where)
     assert channels is not None  # one chain or the other says it
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
@@ -222,6 +202,36 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
             raise InputError(where, what, measured=counted(count, "channel"), fix="Use loop.")
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
+
+
+def _with_kernels(
+    config: SlayerConfig, kernels: str | None
+) -> tuple[SlayerConfig, tuple[str, ...]]:
+    """Return the description with kernels ``full`` or ``cut``, and what is assumed where nobody says which."""
+    if kernels == "cut":
+        neuron = cut(config.neuron)
+        location_neuron = cut(config.location_neuron)
+        return replace(config, neuron=neuron, location_neuron=location_neuron), ()
+    if kernels is None and isinstance(config.neuron, SrmAlpha):
+        tails = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
+        return config, (tails,)
+    return config, ()
+
+
+def _add_chain(
+    parts: Parts, axis: Axis, chain: list[_Layer], config: SlayerConfig, where: str
+) -> None:
+    """Add the layers of a branch, each behind the one before it; the last one is an output."""
+    source = VIEW_NAMES[axis]
+    delays = None
+    for layer in chain:
+        population, projection = _parts_of(layer, axis, source, delays, config, where)
+        parts.populations.append(population)
+        parts.projections.append(projection)
+        # Delays are those of what a layer sends.
+        source = layer.name
+        delays = layer.delays
+    parts.outputs[source] = None
 
 
 def _parts_of(

@@ -255,7 +255,7 @@ def _balanced() -> tuple[FloatArray, ByteArray]:
     return weights, np.tile(pattern, (BLOCK // pattern_steps, 1))
 
 
-def _run(
+def _run(  # noqa: PLR0913 - what earlier steps made, each used once
     name: str,
     strategy: str,
     neuron: Neuron,

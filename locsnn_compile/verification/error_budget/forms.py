@@ -138,7 +138,7 @@ def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Nu
     return whole, Numbers((GroupNumbers(exact, chip),), tuple(inputs))
 
 
-def _srm(
+def _srm(  # noqa: PLR0913 - what earlier steps made, each used once
     levels: Levels,
     q: QuantizedPopulation,
     neuron: SrmAlpha,
