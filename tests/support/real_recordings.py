@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-REAL = Path(__file__).parents[2] / "shared/data/neutouch"
+REAL = Path(__file__).parents[3] / "shared/data/neutouch"
 REQUIRED = os.environ.get("LOCSNN_REQUIRE_DATA") == "1"
 
 on_real_recordings = pytest.mark.skipif(
