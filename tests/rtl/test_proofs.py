@@ -116,7 +116,7 @@ def test_the_step_of_a_core_without_joins_is_proved(tmp_path):
     ("old", "new"),
     [
         ("6'b0}) < sum7;", "6'b0}) <= sum7;"),
-        ("beyond7 = !sum7[SUM-1] &&", "beyond7 = 1'b1 &&"),
+        ("beyond7 = !sum7[V_SUM-1] &&", "beyond7 = 1'b1 &&"),
         ("assign joined4 = {JOINED{1'b0}};", "assign joined4 = 1;"),
     ],
     ids=[
