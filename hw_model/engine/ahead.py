@@ -23,6 +23,8 @@ class _Helper:
             self.process = _started(self._name)
 
 
+TILE_FILES = "__pycache__/tiles.run_tile-*.nbi"
+"""Files in which numba keeps the compiled tile, which takes longest."""
 _helpers: dict[str, _Helper] = {}
 """By the name of their module: they are started as soon as a loop turns out not to be compiled."""
 
@@ -41,6 +43,18 @@ def start_ahead() -> None:
     """Start all helpers, because a loop that is needed, or soon will be, is not compiled."""
     for helper in _helpers.values():
         helper.start()
+
+
+def start_ahead_where_nothing_is_compiled() -> None:
+    """Start all helpers where no tile was ever compiled next to this copy of the package.
+
+    numba, which knows better, takes a third of a second to import. Where it keeps code elsewhere, because nothing can
+    be written here, nothing is started yet.
+    """
+    folder = Path(__file__).parent
+    is_kept_here = "NUMBA_CACHE_DIR" not in os.environ and os.access(folder, os.W_OK)
+    if is_kept_here and not any(folder.glob(TILE_FILES)):
+        start_ahead()
 
 
 def compiled_ahead(module: str) -> bool:

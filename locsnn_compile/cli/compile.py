@@ -15,6 +15,9 @@ from collections.abc import Sequence
 
 from locsnn_compile.cli.shell import Parser, check_limits, declared, guarded, texts_of
 
+DEFAULT_TARGET = "loihi-sim"
+"""Its loops are compiled ahead; what others need is known once they are read."""
+
 
 def parser() -> Parser:
     """Return the argument parser of ``locsnn-compile``."""
@@ -29,6 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
     check_limits("compile")
+    if args.target == DEFAULT_TARGET:
+        from locsnn_compile.mesh.ahead import compile_loops_at_once
+
+        compile_loops_at_once()
     from locsnn_compile.cli.build import build  # the help does not wait for it
 
     return build(args)

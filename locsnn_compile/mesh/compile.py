@@ -5,12 +5,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import hw_model as hw
-from hw_model.engine.ahead import compile_ahead
 from hw_model.simulation import start_compiling
 from hw_model.targets import target_of
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
+from locsnn_compile.mesh.ahead import compile_loops_ahead
 from locsnn_compile.mesh.compiled import CompiledModel
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
@@ -34,16 +34,6 @@ from locsnn_compile.verification.wide_registers import (
     overflowing_recordings,
 )
 
-AHEAD_OF_TILES = (
-    "hw_model.engine.ahead_of_tiles",
-    ("hw_model.engine.tiles", "hw_model.engine.fast"),
-)
-AHEAD_OF_SESSIONS = (
-    "hw_model.streaming.ahead",
-    ("hw_model.streaming.time_phase", "hw_model.streaming.location_phase"),
-)
-"""Modules that compile loops in a process of their own, and the modules of these loops. Nothing here imports them."""
-
 
 def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     """Compile a network as requested, and check it against the float reference.
@@ -61,9 +51,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     _check_bounded(fitted.spikes.shape[2], chip, check)
     calibration = calibration_for(network, recordings, request.setting.calibration)
     fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
-    compile_ahead(*AHEAD_OF_TILES)
-    if check.diagnosis:
-        compile_ahead(*AHEAD_OF_SESSIONS)
+    compile_loops_ahead(sessions=check.diagnosis)
     start_compiling()
     with spread_over(check.scheduler) as spread:
         lowered = _lower(network, chip, request.setting, fitted_calibration, spread)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import hw_model.engine.compiled
+from hw_model.engine import ahead as engine_ahead
 from hw_model.streaming import ahead
 from tests.support.marks import first_quick
 
@@ -277,6 +278,41 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
 
     assert asked() == said
     assert asked() == "5 6"
+
+
+@pytest.mark.parametrize(
+    ("kept", "cache", "starts"),
+    [
+        pytest.param([], None, True, id="nothing compiled"),
+        pytest.param(["events.list_into-113.py311.nbi"], None, True, id="the tile is missing"),
+        pytest.param(["tiles.run_tile-30.py311.nbi"], None, False, id="compiled before"),
+        pytest.param([], "elsewhere", False, id="kept elsewhere"),
+    ],
+)
+def test_helpers_start_at_once_where_nothing_is_compiled(
+    kept, cache, starts, tmp_path, monkeypatch
+):
+    (tmp_path / "__pycache__").mkdir()
+    for name in kept:
+        (tmp_path / "__pycache__" / name).touch()
+    started = []
+    monkeypatch.setattr(engine_ahead, "__file__", str(tmp_path / "ahead.py"))
+    monkeypatch.setattr(engine_ahead, "start_ahead", lambda: started.append("helpers"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    if cache is not None:
+        monkeypatch.setenv("NUMBA_CACHE_DIR", cache)
+    engine_ahead.start_ahead_where_nothing_is_compiled()
+    assert started == (["helpers"] if starts else [])
+
+
+@pytest.mark.slow
+def test_numba_keeps_the_tile_where_helpers_look_for_it(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {name: os.environ[name] for name in os.environ if name != "NUMBA_CACHE_DIR"}
+    command = [sys.executable, "-P", "-m", "hw_model.engine.ahead_of_tiles"]
+    environment["PYTHONPATH"] = str(tmp_path)
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, timeout=300)
+    assert list((tmp_path / "hw_model/engine").glob(engine_ahead.TILE_FILES))
 
 
 @pytest.mark.minutes
