@@ -28,8 +28,9 @@ from locsnn_compile.models.graph_and_windows import (
     require_rising,
 )
 
-#: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
+#: Largest layer accepted anywhere: a few times what any published tactile network has.
 MAX_UNITS = 4_096
+#: Most events of a bin that a threshold may ask for.
 MAX_THRESHOLD = 20_000_000
 #: The longest delay of a synapse, in steps, that any chip file allows.
 MAX_DELAY = 65_534
@@ -74,10 +75,10 @@ class NeuronParameters(Checked):
 
 
 class LifParameters(Checked):
-    """The constants of one leaky integrate-and-fire neuron, TLIF or LLIF.
+    """The constants of one leaky integrate-and-fire neuron, over time (TLIF) or over locations (LLIF).
 
-    u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window`` shapes the surrogate
-    gradient only. Defaults: Gu et al. 2020, Kang et al. 2023.
+    u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window``, in units of u, is
+    half the width of the rectangle that stands for the derivative of a spike in training. Defaults: Gu et al. 2020, Kang et al. 2023.
     """
 
     decay: Annotated[float, between(0, 1)] = 0.2
@@ -144,7 +145,8 @@ Neuron = NeuronParameters | LifParameters | XyloParameters
 class NetworkDescription(Frozen):
     """A network without its weights.
 
-    - ``neuron`` and ``graph``: those of the architecture; None stands for the published neuron, or none, and no graph
+    - ``neuron``: its constants; None stands for the published ones, if the architecture has neurons
+    - ``graph``: None for no graph
     - ``location_order`` is the name of the walk, and ``location_taxels`` the walk itself, as 1-based taxel numbers of
       one fingertip; both are None for a network without a location branch
     - ``delays``: every channel has one synapse of each of these delays, in steps, onto each neuron of ``time_hidden``;
@@ -187,12 +189,14 @@ class NetworkDescription(Frozen):
         require_count("classes", self.classes, MAX_UNITS)
         require_count("hidden", self.hidden, MAX_UNITS)
         if self.align_events is not None:
+            # A step has at most one event of each channel.
             require_count("align_events", self.align_events, self.input.channels)
             if not self.branches:
                 raise self._refused(
                     "its recordings start at their first step", fix="Leave align_events out."
                 )
         if self.class_names is not None:
+            # Raises for names that are empty or repeated.
             clean_class_names("classes", self.class_names, self.classes)
             require_count("classes", len(self.class_names), self.classes)
         if "location" not in self.branches:
@@ -233,6 +237,7 @@ class NetworkDescription(Frozen):
                 nodes, _, features = self.graph.size(branch, self.input.sensor, self.input.steps)
                 require_count(f"neurons of {branch}_graph", nodes * features, MAX_UNITS)
         if self.architecture == "cnn-3d":
+            # Raises for a sensor without frames.
             frame_size(self.input.sensor)
 
     def _check_delays(self) -> None:
@@ -250,6 +255,7 @@ class NetworkDescription(Frozen):
                 "whole numbers of steps",
                 "Give, for example, 0 20 40 60.",
             )
+            # Windows hear all steps at once, and a Xylo has no delays.
             dense = (
                 branch in self.branches
                 and not self.structure.graph

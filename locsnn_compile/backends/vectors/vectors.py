@@ -21,7 +21,7 @@ from locsnn_compile.errors import check_most
 FORMAT, VERSION = "locsnn-vectors", 1
 FOLDER = "vectors"
 MAX_BYTES = 1 << 30
-"""Most bytes of all files: every register of a large program in every step may fill a disk."""
+"""Most bytes of the files of registers, which may fill a disk, and of memory while words are packed."""
 
 
 class _Image(Frozen, eq=False):
@@ -111,6 +111,7 @@ def _images(core: Core, played: Played) -> Iterator[_Image]:
     yield _Image(
         "output_axons", "output axon", layouts["output_axon"].pack(outputs), layout="output_axon"
     )
+    # Those that come from outside, then all that arrive, from other cores too.
     yield _Image("input_spikes", "step", played.input_axons(core), bit="input axon")
     yield _Image("axon_spikes", "step", played.axons(core), bit="input axon")
     yield _Image("spikes", "step", played.spikes(core), bit="compartment")
@@ -127,14 +128,17 @@ def _layouts(chip: Chip) -> dict[str, Layout]:
     return {
         **synapse_layouts(chip),
         "profile": Layout.of(
-            decay_u=decay, decay_v=decay, refractory=bits_for(registers.refractory_max), joined=1
+            decay_u=decay,
+            decay_v=decay,
+            refractory=bits_for(registers.refractory_max),
+            joined=1,  # 1 for a compartment that is joined to a parent, and never spikes
         ),
         "threshold": Layout.of(mantissa=registers.threshold_mantissa_bits),
         "compartment": Layout.of(
             "bias_mantissa",
             profile=bits_for(limits.compartment_profiles_per_core - 1),
             threshold=bits_for(limits.threshold_profiles_per_core - 1),
-            bias_mantissa=registers.bias_mantissa_bits + 1,
+            bias_mantissa=registers.bias_mantissa_bits + 1,  # and its sign
             bias_exponent=bits_for(registers.bias_exponent_max),
             has_parent=1,
             parent=compartment,
@@ -187,6 +191,7 @@ def _check_size(played: Played) -> None:
     """Refuse what would fill a disk: u and v are most of it, unless the words of the memory are very wide."""
     chip, cores = played.program.chip, played.program.cores
     values = sum(2 * core.compartments * played.steps(core.phase) for core in cores)
+    # Hexadecimal digits, rounded up, and the end of a line.
     line = -(-_layouts(chip)["register"].width // 4) + 1
     # Packing takes a byte per bit of memory.
     bits = sum(core.axons.synapse_words for core in cores) * chip.synapse_memory.word_bits
