@@ -78,7 +78,8 @@ class LifParameters(Checked):
     """The constants of one leaky integrate-and-fire neuron, over time (TLIF) or over locations (LLIF).
 
     u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window``, in units of u, is
-    half the width of the rectangle that stands for the derivative of a spike in training. Defaults: Gu et al. 2020, Kang et al. 2023.
+    half the width of the rectangle that stands for the derivative of a spike in training. Defaults: Gu et
+    al. 2020, Kang et al. 2023.
     """
 
     decay: Annotated[float, between(0, 1)] = 0.2
@@ -196,7 +197,7 @@ class NetworkDescription(Frozen):
                     "its recordings start at their first step", fix="Leave align_events out."
                 )
         if self.class_names is not None:
-            # Raises for names that are empty or repeated.
+            # Raises for names that do not print, that are repeated, or too few.
             clean_class_names("classes", self.class_names, self.classes)
             require_count("classes", len(self.class_names), self.classes)
         if "location" not in self.branches:
