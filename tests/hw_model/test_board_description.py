@@ -86,8 +86,9 @@ def test_a_board_of_ones_own_takes_the_core_of_its_size(tmp_path: Path) -> None:
 
 
 def test_the_board_of_the_manual_is_a_board() -> None:
-    page = Path(__file__).parents[2] / "docs/how-to/use-your-own-board.md"
-    text = page.read_text("utf-8").split("```text\n")[1].split("```")[0]
+    page = Path(__file__).parents[2] / "docs/how-to/put-a-model-on-a-board.md"
+    own_board = page.read_text("utf-8").partition("## A board of your own\n")[2]
+    text = own_board.split("```text\n")[1].split("```")[0]
     described = parse_board(text, "page")
     assert (described.name, described.clock.core, list(described.lights)) == (
         "my-board",
