@@ -1,4 +1,8 @@
-"""The rules of the first level; the first broken rule is an ``InputError`` that names the place."""
+"""The rules that a :class:`Network` must keep, whoever made it: a frontend or a user in Python.
+
+:func:`check_network` raises ``InputError`` for the first broken rule, and names the place. Later passes rely on these
+rules and do not check again.
+"""
 
 from collections.abc import Mapping
 
@@ -14,13 +18,19 @@ from locsnn_compile.network.neurons import TAPS, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
 _Ends = dict[str, tuple[str, int]]
+"""Phase and size of every view and population, between which projections run, by name."""
 
-_LEAST, _MOST = 1e-100, 1e100
-"""Magnitudes that floats may have, so that products of three stay in float64; the lower limit is for divisors."""
+_LEAST = 1e-100
+"""Smallest magnitude of a float that something is divided by, so that products of three quotients stay in float64."""
+_MOST = 1e100
+"""Largest magnitude of a float, so that products of three of them stay in float64."""
 
 
 def check_network(network: Network) -> None:
-    """Check the whole level."""
+    """Raise ``InputError`` for the first rule that a network breaks.
+
+    The types and ranges of all fields come first, so that later checks can compute with them.
+    """
     check_fields(network)
     neurons_of_all = (population.neuron for population in network.populations)
     for part in (
@@ -40,19 +50,7 @@ def check_network(network: Network) -> None:
     _check_axes(network)
     for view in network.views:
         _check_view(view, network)
-    for phase in dict.fromkeys(p.phase for p in network.populations if p.axis == "location"):
-        walks = [
-            view.steps for view in network.views if view.phase == phase and view.walk is not None
-        ]
-        if len(set(walks)) != 1:
-            what, measured = (
-                f"its inputs do not give the {phase} axis one number of steps",
-                ", ".join(map(str, walks)),
-            )
-            fix = "Give inputs of that axis that take equal steps."
-            raise InputError(
-                f"model {network.name!r}", what, measured=f"steps {measured or 'of none'}", fix=fix
-            )
+    _check_walks(network)
     _check_readout(network)
     if not network.projections:
         raise InputError(
@@ -64,7 +62,25 @@ def check_network(network: Network) -> None:
         _check_values(projection, (ends[projection.target][1], ends[projection.source][1]))
 
 
+def _check_walks(network: Network) -> None:
+    """Refuse a location phase whose inputs take different numbers of steps, or that has no input."""
+    location_phases = dict.fromkeys(p.phase for p in network.populations if p.axis == "location")
+    for phase in location_phases:
+        walk_steps = [
+            view.steps for view in network.views if view.phase == phase and view.walk is not None
+        ]
+        if len(set(walk_steps)) != 1:
+            steps = ", ".join(map(str, walk_steps)) or "of none"
+            raise InputError(
+                f"model {network.name!r}",
+                f"its inputs do not give the {phase} axis one number of steps",
+                measured=f"steps {steps}",
+                fix="Give inputs of that axis that take equal steps.",
+            )
+
+
 def _check_readout(network: Network) -> None:
+    """Check that the populations that are read have one size, and a weight and a step each that make sense."""
     readout = network.readout
     sizes = [
         p.size
@@ -82,9 +98,9 @@ def _check_readout(network: Network) -> None:
             "readout", "its populations or weights do not fit together", measured=measured, fix=fix
         )
     potentials_from = readout.potentials_from
-    steps = (
-        potentials_from if isinstance(potentials_from, tuple) else (potentials_from,) * len(sizes)
-    )
+    steps = potentials_from
+    if not isinstance(steps, tuple):
+        steps = (steps,) * len(sizes)
     if len(steps) != len(sizes) or not all(map(_is_step_or_none, steps)):
         fix = "Give a step from 0 up, or one or None for each population."
         raise InputError(
@@ -110,11 +126,12 @@ def _check_readout(network: Network) -> None:
 
 
 def _is_step_or_none(step: object) -> bool:
+    # type() rather than isinstance(): True and False are no steps.
     return step is None or (type(step) is int and 0 <= step <= MOST)
 
 
 def _check_axes(network: Network) -> None:
-    """A phase steps along one axis."""
+    """Check that all views and populations of a phase step along one axis."""
     axes: dict[str, Axis] = {}
     parts: tuple[InputView | Population, ...] = (*network.views, *network.populations)
     for part in parts:
@@ -128,21 +145,25 @@ def _check_axes(network: Network) -> None:
 
 
 def _check_start(view: InputView, network: Network) -> None:
-    """Views of a phase must start together, and nothing may act before the touch: the chip does not run then."""
+    """Check that the views of a phase start together, and that nothing acts before the first touch.
+
+    Before the first touch, the chip does not step a time phase, but the float network would add its biases.
+    """
     where, events = view.where, view.align_events
     if any(other.align_events != events for other in network.views if other.phase == view.phase):
-        what, fix = (
-            f"other inputs of the {view.phase} phase start elsewhere",
-            "Give them the same align_events.",
-        )
-        raise InputError(where, what, fix=fix)
-    for p in network.populations if events is not None else ():
-        if view.axis == "time" and p.phase == view.phase and p.neuron.biased.any():
-            what = f"it starts at the first touch, but population {p.name!r} has biases, which act before"
+        what = f"other inputs of the {view.phase} phase start elsewhere"
+        raise InputError(where, what, fix="Give them the same align_events.")
+    if events is None or view.axis != "time":
+        return
+    for population in network.populations:
+        if population.phase == view.phase and population.neuron.biased.any():
+            name = population.name
+            what = f"it starts at the first touch, but population {name!r} has biases, which act before"
             raise InputError(where, what, fix="Train without biases, or do not align.")
 
 
 def _check_view(view: InputView, network: Network) -> None:
+    """Check where a view starts, and that the walk of a location view visits every channel once on lines of its own."""
     where = view.where
     _check_start(view, network)
     if view.axis == "time":
@@ -167,6 +188,7 @@ def _check_view(view: InputView, network: Network) -> None:
 
 
 def _check_neuron(population: Population) -> None:
+    """Check the shapes of a population's parameters, and that each number is one that its model allows."""
     where, neuron = population.where, population.neuron
     parameters = neuron.parameters(population.size)
     for key, values, shape, _ in parameters:
@@ -188,32 +210,40 @@ def _check_neuron(population: Population) -> None:
     for key, values, _, must in parameters:
         if must is None:
             continue
-        values = np.atleast_1d(values.astype(np.float64) if values.dtype == object else values)
-        values = values[values != np.inf] if must is TAPS else values
+        if values.dtype == object:  # integers beyond 64 bits
+            values = values.astype(np.float64)
+        values = np.atleast_1d(values)
+        if must is TAPS:  # infinite taps stand for a whole kernel
+            values = values[values != np.inf]
         bad = values[~(np.isfinite(values) & must.holds(values))]
         if bad.size:
             raise InputError(
                 where, f"{key} must be {must.words}", measured=f"{bad.flat[0]}", fix="Correct it."
             )
+        # Parameters that must be above 0 are those that something is divided by.
         _check_magnitude(where, key, values, _LEAST if must is POSITIVE else 0.0)
 
 
 def _check_magnitude(where: str, key: str, values: AnyArray, least: float) -> None:
-    """Refuse numbers for which the float network itself overflows."""
+    """Refuse magnitudes outside ``least`` to :data:`_MOST`, with which the float network itself would overflow."""
     size = np.abs(values)
     bad = values[(size < least) | (size > _MOST)]
     if bad.size:
-        what = (
-            f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with"
+        first = bad.flat[0]
+        small_or_large = "small" if abs(first) < 1 else "large"
+        allowed = f"{least:g} to {_MOST:g}" if least else f"{_MOST:g}"
+        raise InputError(
+            where,
+            f"{key} is too {small_or_large} a number to compute with",
+            measured=f"{first:g} against {allowed}",
+            fix="Give it in other units.",
         )
-        measured = f"{bad.flat[0]:g} against {f'{least:g} to ' if least else ''}{_MOST:g}"
-        raise InputError(where, what, measured=measured, fix="Give it in other units.")
 
 
 def _check_joint(
     projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]
 ) -> None:
-    """Check that both ends of a projection exist, that they go together, and that the target takes such weights."""
+    """Check that source and target of a projection exist, share a phase, and that the target takes such weights."""
     where = projection.where
     if projection.target in ends and projection.target not in neurons:
         raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
@@ -246,6 +276,7 @@ def _check_joint(
 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
+    """Check the weights (target size, source size) of a projection, and its delays."""
     where, weights = projection.where, projection.held
     fix = "Give one row per target and one column per source."
     check_same(weights.shape, shape, where, "the weights have the wrong shape", fix=fix)

@@ -2,7 +2,8 @@
 
 ``quantize`` makes them from float neurons. A network trained on the chip's own arithmetic has them from the start, and
 keeps them as they are. Their compartments take the step of :mod:`hw_model.arithmetic.loihi`; in the equations below,
-``rz(x, d)`` is what a decay of d leaves of x. Every parameter of a neuron is an int64 array (n,).
+``rz(x, d)`` is what a decay of d leaves of x: ``x (4096 - d) / 4096``, truncated toward zero. Every parameter of a
+neuron is an int64 array (n,).
 """
 
 from collections.abc import Mapping
@@ -37,12 +38,12 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
     @property
     def strategy(self) -> str:
-        """The strategy that lays this neuron out; ``native`` for a single compartment."""
+        """The name of the layout in compartments; ``native`` for a single compartment."""
         return "native"
 
     @property
     def registers(self) -> dict[str, IntArray]:
-        """Settings of its soma other than decays and threshold, by the names of ``Compartments``."""
+        """Parameters of its soma other than decays and threshold, by the names of ``Compartments``."""
         return {}
 
     @property
@@ -58,12 +59,15 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
-        """Both decays of each kind of dendrite next to a memoryless soma; inputs reach the first kind."""
+        """The kinds of dendrites that a neuron has, each with its decays of u and v; inputs reach the first kind.
+
+        Dendrites are compartments that pass their voltage to the soma. Without dendrites, inputs reach the soma.
+        """
         return {}
 
     @property
     def own(self) -> "dict[str, Refractory]":
-        """Synapses of a neuron to itself, by the kind of dendrite that they reach."""
+        """The self-synapses of a neuron, by the kind of dendrite that they reach."""
         return {}
 
 
@@ -83,14 +87,18 @@ class ChipCuba(Shown, ChipNeuron):
     def with_biases(self, mantissas: IntArray, exponent: int) -> "ChipCuba":
         """Return these neurons with biases of ``mantissas * 2^exponent`` units.
 
-        ``mantissas`` (n,) have 8 bits, as weights have.
+        ``mantissas`` (n,) have 8 bits, as weights have. The bias register counts in 1/64 of a unit, so the mantissas
+        are shifted by ``bits_of_unit(exponent)`` places. As many places as fit go into the bias mantissa, which has
+        :data:`BIAS_PLACES` more bits than a weight, and the others into the bias exponent, which cannot be negative.
         """
         places = loihi_inverse.bits_of_unit(exponent)
-        fine = min(places, BIAS_PLACES)
-        mantissa = np.left_shift(mantissas, fine) if fine >= 0 else np.right_shift(mantissas, -fine)
-        return replace(
-            self, bias_mantissa=mantissa, bias_exponent=integers(places - fine, len(mantissas))
-        )
+        mantissa_places = min(places, BIAS_PLACES)
+        if mantissa_places >= 0:
+            bias_mantissa = np.left_shift(mantissas, mantissa_places)
+        else:
+            bias_mantissa = np.right_shift(mantissas, -mantissa_places)
+        bias_exponent = integers(places - mantissa_places, len(mantissas))
+        return replace(self, bias_mantissa=bias_mantissa, bias_exponent=bias_exponent)
 
     @property
     def biased(self) -> BoolArray:
@@ -104,16 +112,19 @@ class ChipCuba(Shown, ChipNeuron):
 
 
 class HostCuba(ChipCuba):
-    """Such neurons on the host, on numbers: their charge comes in float, in the unit of the registers.
+    """Neurons of :class:`ChipCuba` that the host computes: their charge comes in float, in the unit of the registers.
 
-    It is truncated toward zero, as lava-dl does before each step of integers.
+    The charge is truncated toward zero, as lava-dl does before each step of integers. The weights onto them are floats,
+    so they do not count as on the grid.
     """
 
     on_grid = False
 
 
 class Refractory(Frozen, eq=False):
-    """How own spikes come back through self-synapses (taps), to the alpha dendrite or to a refractory one.
+    """The self-synapses (*taps*) by which a neuron's own spikes inhibit it, as a refractory kernel does in float.
+
+    Taps reach the alpha dendrite, or a refractory dendrite of the neuron.
 
     Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
     -255..255, negative if a spike inhibits. Weights of equal delay add up. With a ``decay`` (n,) the taps drive a
@@ -135,11 +146,12 @@ class Refractory(Frozen, eq=False):
         refractory_decay: ArrayLike | None = None,
     ) -> "Refractory":
         """Make the taps of ``size`` neurons: one tap, or several (taps,), with mantissas (taps,) or (taps, size)."""
-        delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
+        delays = np.atleast_1d(delay)
+        per_tap = np.atleast_1d(mantissa)
+        if per_tap.ndim == 1:  # one mantissa for all neurons
+            per_tap = per_tap[:, None]
         taps = len(delays)
-        mantissas = matrix(
-            np.broadcast_to(each[:, None] if each.ndim == 1 else each, (taps, size)), np.int64
-        )
+        mantissas = matrix(np.broadcast_to(per_tap, (taps, size)), np.int64)
         decay = None if refractory_decay is None else integers(refractory_decay, size)
         return cls(integers(delays, taps), mantissas, integers(exponent, taps), decay)
 
@@ -162,10 +174,11 @@ class ChipSrm(Shown, ChipNeuron):
         v(t) = rz(v(t - 1), decay_v) + u(t)
         potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
 
-    It spikes where its potential exceeds the threshold, as on the page of ``loihi``; nothing is reset. Without a
-    refractory dendrite, own spikes are part of ``q``. A neuron may have ``dendrites`` of both kinds, with the
-    same decays, each with inputs of its own and own spikes of the refractory weight: the potential is the sum
-    of all, and may be as many times as large. A ``vmin`` is that of :class:`ChipCuba`, in every compartment.
+    It spikes where its potential exceeds the threshold, as in :mod:`hw_model.arithmetic.loihi`; nothing is reset.
+    Without a refractory dendrite, own spikes are part of ``q``. With ``dendrites`` above 1, there are as many of each
+    kind, with the same decays. Each alpha dendrite has its own inputs, and each refractory one gets the own spikes, all
+    with the same weight. The potential is the sum over all dendrites, so it can be as many times larger than one
+    register. A ``vmin`` works as in :class:`ChipCuba`, in every compartment.
     """
 
     refractory: Refractory
@@ -195,13 +208,17 @@ class ChipSrm(Shown, ChipNeuron):
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
         """The alpha dendrite, and the refractory dendrite if there is one."""
-        own, alpha = self.refractory.decay, {"dendrite": (self.decay_u, self.decay_v)}
-        return alpha if own is None else alpha | {"refractory": (own, own)}
+        kinds = {"dendrite": (self.decay_u, self.decay_v)}
+        decay = self.refractory.decay
+        if decay is not None:
+            kinds["refractory"] = (decay, decay)
+        return kinds
 
     @property
     def own(self) -> dict[str, Refractory]:
-        """Self-synapses onto the alpha dendrite, or onto the refractory one."""
-        return {"dendrite" if self.refractory.decay is None else "refractory": self.refractory}
+        """The self-synapses, onto the refractory dendrite if there is one, else onto the alpha dendrite."""
+        kind = "dendrite" if self.refractory.decay is None else "refractory"
+        return {kind: self.refractory}
 
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays, those of the refractory part included."""
@@ -209,5 +226,5 @@ class ChipSrm(Shown, ChipNeuron):
 
 
 def integers(value: ArrayLike, size: int) -> IntArray:
-    """Return a read-only int64 array (size,), given one integer or ``size`` of them."""
+    """Return one integer, or ``size`` integers, as a read-only int64 array (size,)."""
     return spread(value, size, np.int64)

@@ -1,4 +1,8 @@
-"""Several networks with the same input as one network, whose class scores are the weighted sums of theirs."""
+"""Join several networks with the same input into one, whose class scores are the weighted sums of theirs.
+
+The joined network is a *committee*, and its networks are the *members*. It is compiled like any other network, so all
+members run on one chip side by side.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
@@ -28,13 +32,13 @@ _SHARED = (
     "event_times",
     "recorded",
 )
-"""What members must agree on, unless it is None."""
+"""Fields of ``Network`` on which members must agree; a member that has None there agrees with all."""
 MOST_APART = 1_000_000
-"""Largest ratio of two weights: sums of scores stay whole numbers that a float64 holds."""
+"""Largest ratio of two weights; with larger ones, sums of scores could be too large for exact float64 integers."""
 
 
 def committee(networks: Sequence[Network], weights: Sequence[float], name: str = "") -> Network:
-    """Join networks; populations become ``member/population``. Equal inputs and equal phases are shared.
+    """Join networks; populations become ``member/population``. Members share equal inputs and equal phases.
 
     Phases are equal if name, axis, steps and start are equal. Raises ``InputError`` for members that disagree, and
     unless there is one weight above 0 per network.
@@ -42,7 +46,7 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
     _check_networks(networks)
     _check_weights(weights, networks)
     agreed = {key: _shared(key, networks) for key in _SHARED}
-    _shared("classes", networks)
+    _shared("classes", networks)  # not a field of the committee, but members must agree on it
     joined = _Joined()
     for network, weight in zip(networks, weights, strict=True):
         joined.add(network, float(weight))
@@ -67,13 +71,13 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
 
 
 def _check_networks(networks: Sequence[Network]) -> None:
-    """Refuse what is not a network, and networks with layers on the host."""
+    """Refuse objects that are not networks, and networks with layers on the host."""
     if not networks or not all(isinstance(network, Network) for network in networks):
-        given = ", ".join(type(network).__name__ for network in networks) or "none"
+        types = ", ".join(type(network).__name__ for network in networks) or "none"
         raise InputError(
             "networks",
             "they are not networks",
-            measured=f"got {given}",
+            measured=f"got {types}",
             fix="Read each with lc.load.",
         )
     for network in networks:
@@ -83,9 +87,9 @@ def _check_networks(networks: Sequence[Network]) -> None:
 
 
 def _check_weights(weights: Sequence[float], networks: Sequence[Network]) -> None:
-    """Refuse other than one weight above 0 for each network, and weights too far apart."""
-    fits = len(weights) == len(networks)
-    if not fits or not all(0 < weight <= MOST_APART * min(weights) for weight in weights):
+    """Refuse weights unless there is one above 0 per network, and weights that are too far apart."""
+    has_one_each = len(weights) == len(networks)
+    if not has_one_each or not all(0 < weight <= MOST_APART * min(weights) for weight in weights):
         shown = ", ".join(f"{weight:g}" for weight in weights)
         raise InputError(
             "weights",
@@ -96,7 +100,11 @@ def _check_weights(weights: Sequence[float], networks: Sequence[Network]) -> Non
 
 
 class _Term(NamedTuple):
-    """A population that is read: its weight, and the step from which its potentials count, or None for spikes."""
+    """A population that the readout reads.
+
+    ``weight`` is that of its class scores. With ``from_step``, its largest potentials from that step on are read,
+    otherwise its spikes.
+    """
 
     population: str
     weight: float
@@ -104,7 +112,7 @@ class _Term(NamedTuple):
 
 
 class _Joined:
-    """The parts of the networks so far, under the names that they have in the committee."""
+    """Collects the parts of one network after the other, under the names that they have in the committee."""
 
     def __init__(self) -> None:
         self.members: list[Member] = []
@@ -115,7 +123,7 @@ class _Joined:
         self._phase_names: dict[Phase, str] = {}
 
     def add(self, network: Network, weight: float) -> None:
-        """Add the parts of a network whose class scores have a weight."""
+        """Add the parts of a network; ``weight`` is that of its class scores."""
         member = self._add_member(network, weight)
         phase_names = self._shared_phases(network)
         new_names = {p.name: f"{member}/{p.name}" for p in network.populations}
@@ -133,7 +141,7 @@ class _Joined:
             self.terms.append(term)
 
     def _add_member(self, network: Network, weight: float) -> str:
-        """Add a member, and return its name; slashes divide the names of populations."""
+        """Add a member, and return its name, without slashes: a slash ends it in the names of populations."""
         taken = [member.name for member in self.members]
         name = _free(network.name.replace("/", "_"), taken)
         self.members.append(Member(name, network.sha256, weight))
@@ -152,7 +160,8 @@ class _Joined:
         """Return the names of a network's inputs in the committee, which equal inputs share."""
         names = {}
         for view in network.views:
-            if view.phase in phase_names:  # no population runs in another one
+            # A view in a phase without populations feeds nothing.
+            if view.phase in phase_names:
                 in_phase = replace(view, own_phase=phase_names[view.phase])
                 names[view.name] = _input(self.views, in_phase)
         return names
@@ -165,25 +174,28 @@ def _first_recordings(networks: Sequence[Network]) -> Recordings | None:
 
 
 def _common_psi(networks: Sequence[Network]) -> float | None:
-    """Return the psi of all networks; None where they differ."""
+    """Return the psi that all networks have; None if they differ, since a committee has one psi."""
     values = {network.psi for network in networks}
     return values.pop() if len(values) == 1 else None
 
 
 def _readout(terms: Sequence[_Term], networks: Sequence[Network]) -> Readout:
-    """Return the readout that adds terms."""
+    """Return the readout that adds the class scores of all terms."""
     names, weights, from_steps = zip(*terms, strict=True)
     return Readout(names, weights, from_steps, _tie_class(networks))
 
 
 def _tie_class(networks: Sequence[Network]) -> int | None:
-    """Return the class that all members name for ties; None if they differ, as the sum then ties by other means."""
+    """Return the class that all members predict on a tie of all scores; None if members name different ones."""
     named = {network.readout.tie_class for network in networks}
     return named.pop() if len(named) == 1 else None
 
 
 def _shared(key: str, networks: Sequence[Network]) -> Any:
-    """Return the value that the networks agree on, None if none has one; refuse values that differ."""
+    """Return the value of a field on which the networks agree, None if no network has a value.
+
+    Raises ``InputError`` for values that differ.
+    """
     values = [(network.name, getattr(network, key)) for network in networks]
     known = [(name, value) for name, value in values if value is not None]
     for (earlier, expected), (name, value) in pairwise(known):
@@ -203,7 +215,7 @@ def _short(value: Any) -> str:
 
 
 def _free(name: str, taken: Collection[str]) -> str:
-    """Return the name, with a number if it is taken."""
+    """Return a name that is not taken: the name itself, or with the first free number from 2 up."""
     free = name
     number = 1
     while free in taken:
@@ -213,7 +225,7 @@ def _free(name: str, taken: Collection[str]) -> str:
 
 
 def _input(views: list[InputView], view: InputView) -> str:
-    """Return the name of the view that plays the same; add this one if there is none."""
+    """Return the name of the view that plays the same spikes in the same phase; add this view if there is none."""
     what_it_plays = [field.name for field in fields(view) if field.name != "name"]
     for known in views:
         if all(np.array_equal(getattr(view, key), getattr(known, key)) for key in what_it_plays):

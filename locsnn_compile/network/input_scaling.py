@@ -1,33 +1,37 @@
-"""How the host scales numbers before its first layer."""
+"""How the host scales and rounds numbers before its first layer, as the input layer of lava-dl's slayer does."""
 
 import numpy as np
 
 from hw_model.values import FloatArray, Frozen
 
 STEP = 1 / 32
-"""slayer's weights of 8 bits are even, and 64 of their units are 1."""
+"""slayer quantises inputs as it does weights of 8 bits: to even numbers, of which 64 stand for 1."""
 LEAST = -4.0
+"""The least number that slayer's 8 bits hold: -256 / 64."""
 MOST = 127 / 32
+"""The largest number that slayer's 8 bits hold: 254 / 64."""
 
 
 class InputScaling(Frozen):
     """An input layer of lava-dl: numbers are rounded to 8 bits, multiplied by ``weight``, and ``bias`` is added.
 
-    As slayer computes it (``block.cuba.Input``); netx leaves the scaling to those who send the numbers.
+    slayer computes this in training (``block.cuba.Input``). lava-dl's netx, which loads the trained file, leaves the
+    scaling to whoever sends the numbers.
     """
 
     weight: float
     bias: float
 
     def scaled(self, values: FloatArray) -> FloatArray:
-        """Return what reaches the neurons, in float64; its multiples of 1/1024 are exact."""
-        # Both ends are multiples themselves: numbers may be cut before slayer's float32, which ends sooner.
+        """Return the scaled numbers that reach the neurons, in float64."""
+        # Clip first: both ends are multiples of the step, so the result is the same as clipping last, and float32, in
+        # which slayer computes, cannot overflow.
         within_range = np.clip(values, LEAST, MOST).astype(np.float32)
         rounded: FloatArray = np.rint(within_range / STEP).astype(np.float64) * STEP
         return rounded * self.weight + self.bias
 
     def cut_sentences(self, values: FloatArray) -> tuple[str, ...]:
-        """Return a sentence on the numbers that are outside the range, if any are."""
+        """Return a sentence about the numbers outside the range, for the assumptions of a report, if there are any."""
         cut = int(((values < LEAST) | (values > MOST)).sum())
         if not cut:
             return ()
@@ -38,7 +42,7 @@ class InputScaling(Frozen):
 
     @property
     def sentence(self) -> str:
-        """What is lost of the numbers, for the assumptions of a report."""
+        """A sentence about the rounding, for the assumptions of a report."""
         return (
             f"The host rounds numbers to multiples of 1/32 from {LEAST:g} to {MOST:g}, as slayer's "
             "input layer does."

@@ -1,7 +1,13 @@
-"""The first level: a trained network as its author thinks of it, in float or already in the chip's integers.
+"""The first level of the compiler: a trained network as its author thinks of it.
+
+Frontends make a :class:`Network` from a file, and each pass turns one level into the next:
 
 Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
+
+A network consists of *views*, which feed recordings to input lines, *populations* of neurons, *projections* (weights)
+between them, and a readout. Neurons and weights are in float, or already in the chip's integers (*on the grid*).
+Time neurons step over time, location neurons over the channels of a recording; a *phase* is one run over such an axis.
 """
 
 import math
@@ -31,14 +37,17 @@ MOST = min(MAX_LINES, MAX_STEPS)
 
 
 class InputView(Shown):
-    """``lines`` input lines of one axis, taken from the recording (steps, channels).
+    """``lines`` input lines of one axis, which play a recording (steps, channels) as spikes.
 
-    On the time axis, line c spikes at step t if channel c does. On the location axis, channel ``walk[i]`` is visited at
-    step ``i // together``: its event at time step t spikes on line ``(i % together) * (lines // together) + t`` in that
-    step. ``silence`` steps without events follow the walk, in which the last events pass through the layers.
+    On the time axis, line c spikes at step t if channel c does. On the location axis, time and channels swap roles:
+    neurons step over channels in the order of the ``walk``, ``together`` channels per step, and each time step has its
+    own line. Channel ``walk[i]`` is visited at step ``i // together``, and in that step its event at time step t spikes
+    on line ``(i % together) * (lines // together) + t``. ``silence`` steps without events follow the walk, so that the
+    last events can pass through all layers.
 
-    With ``align_events``, a recording starts at its first step with at least that many events; if there is none,
-    nothing is played. On the time axis, the neurons step from there on; on the location axis, that step is time step 0.
+    With ``align_events``, a recording starts at its first step with at least that many events; if there is no such
+    step, nothing is played. On the time axis, the neurons step from there on; on the location axis, that step is time
+    step 0.
     """
 
     name: str
@@ -71,34 +80,39 @@ class InputView(Shown):
     @property
     def positions(self) -> IntArray | None:
         """The inverse of the walk: the step at which each channel is visited, (channels,)."""
-        return (
-            None if self.walk is None else np.argsort(self.walk).astype(np.int64) // self.together
-        )
+        if self.walk is None:
+            return None
+        # The argsort of a permutation is its inverse.
+        place_in_walk = np.argsort(self.walk).astype(np.int64)
+        return place_in_walk // self.together
 
     @property
     def first_lines(self) -> IntArray | None:
         """The line of time step 0 of each channel, (channels,); None if one channel is visited at a time."""
         if self.walk is None or self.together == 1:
             return None
-        return (
-            np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
-        )
+        place_in_walk = np.argsort(self.walk).astype(np.int64)
+        lines_per_channel = self.lines // self.together
+        return place_in_walk % self.together * lines_per_channel
 
     def play(self, recordings: ByteArray) -> ByteArray:
-        """Return the spikes of the lines, (batch, steps of the axis, lines), of recordings (batch, steps, channels)."""
+        """Return the spikes of the lines, (batch, steps, lines), for recordings (batch, time steps, channels)."""
         if self.align_events is not None:
             recordings = from_first_touch(
                 recordings, self.align_events, moved=self.walk is not None
             )
         if self.walk is None:
             return recordings
-        rows = self.lines // self.together
-        visits = recordings[:, :rows, self.walk].transpose(0, 2, 1)
+        time_steps = self.lines // self.together
+        # Transpose to (batch, channels in walk order, time steps).
+        visits = recordings[:, :time_steps, self.walk].transpose(0, 2, 1)
         if visits.shape[1:] == (self.steps, self.lines):
             return visits
-        played = np.zeros((len(visits), self.steps * self.together, rows), dtype=np.uint8)
-        played[:, : visits.shape[1], : visits.shape[2]] = visits
-        return played.reshape(len(visits), self.steps, self.lines)
+        # Short recordings, the last step of the walk, and the silence after it are padded with zeros.
+        batch, channels, recorded_steps = visits.shape
+        played = np.zeros((batch, self.steps * self.together, time_steps), dtype=np.uint8)
+        played[:, :channels, :recorded_steps] = visits
+        return played.reshape(batch, self.steps, self.lines)
 
 
 class Population(Shown):
@@ -145,7 +159,7 @@ class Member(Frozen):
 class Network(Shown):
     """A trained network: views of one recording, populations, projections and a readout.
 
-    :func:`load` reads one from a file. To make one by hand, give its parts, with numpy arrays for weights.
+    :func:`load` reads a network from a file. To make one by hand, give its parts, with numpy arrays for weights.
     """
 
     name: str
@@ -161,11 +175,11 @@ class Network(Shown):
     sensor: SensorLayout | None = None
     """The layout of its channels, if its file has one."""
     sha256: str = ""
-    """Of the file that it was read from; empty if it was made by hand."""
+    """The hash of the file that the network was read from; empty if it was made by hand."""
     recordings: Recordings | None = None
     """A few recordings that the file carries for checks."""
     origin: object | None = None
-    """The content of its file, if it can be written again in that format."""
+    """The content of its file, kept so that an emitter can write the file again; None if no emitter needs it."""
     any_length: bool = False
     """Whether recordings of any length are played as they are; ``steps`` is then only the usual number."""
     assumptions: tuple[str, ...] = ()
@@ -173,21 +187,24 @@ class Network(Shown):
     event_threshold: Annotated[int | None, NOT_NEGATIVE] = None
     """The number of events that a bin has to exceed to become 1; None if unknown."""
     class_names: tuple[str, ...] | None = None
-    """Of its classes, if they have names."""
+    """The names of its classes, if they have names."""
     psi: Annotated[float | None, NOT_NEGATIVE] = None
-    """How late its time-weighted prediction turns to the location branch; None if unknown."""
+    """How late its time-weighted prediction turns to the location branch; None if unknown.
+
+    The location branch has the share ``1 / (1 + exp(-psi * (t / T - 1)))`` of the class scores after step t of T."""
     trained_on: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Of training in integers: bits of the charge, current and voltage registers, by the name of the chip."""
+    """For a network trained in integers: the bits of the charge, current and voltage registers that it was trained
+    with, by the name of the chip."""
     usual_step_seconds: Annotated[float | None, STEP_SECONDS] = None
     """Seconds per time step as its file states them, if neither recordings nor the user say otherwise."""
     members: tuple[Member, ...] = ()
     """The networks of a committee, whose populations begin with ``name/``."""
     inputs: Channels | None = None
-    """The pixels that its channels are, if its file says so otherwise than by a sensor."""
+    """The pixels that its channels stand for, if its file gives them by other means than a ``sensor``."""
     channel_order: Numbering | None = None
-    """How its channels are numbered, if its user says so of a file that does not."""
+    """How its channels are numbered, if the user states it because the file does not."""
     event_times: EventTimes | None = None
-    """How the events that it was trained on were timed, if its file says so."""
+    """How the events that it was trained on were timed, if its file states it."""
     recorded: RecordedChannels | None = None
     """The sensor that it was trained on, where its channels are some of the sensor's, or merged."""
     host: "HostLayers | None" = None
@@ -204,12 +221,12 @@ class Network(Shown):
 
     @property
     def by_strategy(self) -> bool:
-        """Whether there are neurons that a strategy lays out."""
+        """Whether there are neurons (spike response neurons) that a strategy turns into compartments."""
         return any(population.neuron.by_strategy for population in self.populations)
 
     @property
     def cuts_kernels(self) -> bool:
-        """Whether it has kernels that end before their tails, which the chip keeps."""
+        """Whether it has kernels that are cut off before their tails fade; the chip keeps the tails."""
         kernels = (p.neuron for p in self.populations if isinstance(p.neuron, SrmAlpha))
         return any(min(kernel.eps_taps, kernel.nu_taps) < math.inf for kernel in kernels)
 
@@ -220,12 +237,12 @@ class Network(Shown):
 
     @property
     def has_both_axes(self) -> bool:
-        """Whether there are a time and a location branch, which predictions can weigh by time."""
-        return len({population.axis for population in self.populations}) == 2
+        """Whether there are a time and a location branch, which time-weighted predictions need."""
+        return len({population.axis for population in self.populations}) == len(AXES)
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """One phase for each step axis and each way to play the recording along it; those over time come first."""
+        """One phase for each axis and each way to play the recording along it; time phases come first."""
         axis_of = {population.phase: population.axis for population in self.populations}
         starts = {view.phase: view.align_events for view in self.views}
         rows = sorted(axis_of.items(), key=lambda row: AXES.index(row[1]))
@@ -235,24 +252,30 @@ class Network(Shown):
 
     @property
     def expected(self) -> Expected:
-        """What it expects of recordings."""
-        steps = None if self.any_length else self.steps
-        own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
-        usual = self.usual_step_seconds
-        inputs = self.known_inputs, self.numbering
-        expected = Expected(f"model {self.name!r}", *own, *inputs, usual_step_seconds=usual)
-        times = self.event_times or EventTimes()
-        return replace(expected, event_times=times, recorded=self.recorded)
+        """What the network expects of recordings."""
+        return Expected(
+            whose=f"model {self.name!r}",
+            step_seconds=self.step_seconds,
+            threshold=self.event_threshold,
+            steps=None if self.any_length else self.steps,
+            channels=self.channels,
+            class_names=self.class_names,
+            inputs=self.known_inputs,
+            numbering=self.numbering,
+            usual_step_seconds=self.usual_step_seconds,
+            event_times=self.event_times or EventTimes(),
+            recorded=self.recorded,
+        )
 
     @property
     def stated_step_seconds(self) -> float | None:
-        """Seconds per time step, where no recordings say them."""
+        """Seconds per time step, for when no recordings state them."""
         return self.usual_step_seconds if self.step_seconds is None else self.step_seconds
 
     def with_steps_of(self, recordings: Recordings) -> "Network":
-        """Return the network as its program plays recordings: with their steps, where it leaves them open.
+        """Return the network with the steps of these recordings, where it leaves the steps open.
 
-        Its file may only state a usual length of a step, or take recordings of any number of steps.
+        Its file may state only a usual length of a step, or take recordings of any number of steps.
         """
         network = self
         if self.step_seconds is None and self.usual_step_seconds is not None:
@@ -264,31 +287,34 @@ class Network(Shown):
 
     @property
     def known_inputs(self) -> Channels | None:
-        """The pixels that its channels are, as its sensor or its file says."""
+        """The pixels that its channels stand for, from its file or its sensor; None if unknown."""
         if self.inputs is None and self.sensor is not None:
             return self.sensor.inputs
         return self.inputs
 
     @property
     def numbering(self) -> Numbering | None:
-        """How its channels are numbered; None if neither its file nor its user says so."""
+        """How its channels are numbered; None if neither its file nor its user states it."""
         if self.known_inputs is not None:
             return self.known_inputs.numbering
+        # Sensor layouts number the polarities of a taxel next to each other: channel = polarities * taxel + polarity.
         return "yxp" if self.sensor is not None else self.channel_order
 
     @property
     def numbering_entries(self) -> dict[str, Any]:
-        """What a program keeps of its channels: polarities and columns, and how they are numbered."""
+        """The entries of a program that describe its channels: numbering, polarities and columns."""
         entries: dict[str, Any] = {"channel_order": self.numbering}
-        if (known := self.known_inputs) is not None:
-            entries["polarities"] = known.polarities
-            entries["columns"] = known.columns if known.is_grid else None
+        inputs = self.known_inputs
+        if inputs is not None:
+            entries["polarities"] = inputs.polarities
+            entries["columns"] = inputs.columns if inputs.is_grid else None
         if self.recorded is not None:
             entries["recorded"] = self.recorded
         return entries
 
     def steps_of(self, phase: str) -> int:
         """Return the steps of a phase: time steps, or the steps of its walks over the channels."""
+        # All walks of a phase have equal steps: network.check refuses others.
         walks = (view.steps for view in self.views if view.phase == phase and view.walk is not None)
         return next(walks, self.steps)
 
@@ -298,18 +324,18 @@ class Network(Shown):
 
     @property
     def classes(self) -> int:
-        """Classes of the readout."""
+        """The number of classes: each neuron of a population that is read out stands for one."""
         return next(p.size for p in self.populations if p.name == self.readout.populations[0])
 
     def fitted(self, recordings: Recordings) -> Recordings:
-        """Return recordings of its own steps, as :meth:`fit` does."""
+        """Return recordings padded to the network's steps by :meth:`fit`; the same object if none is padded."""
         spikes = self.fit(recordings.spikes, recordings.source)
         return recordings if spikes is recordings.spikes else replace(recordings, spikes=spikes)
 
     def fit(self, recordings: ByteArray, source: str) -> ByteArray:
-        """Check channels and steps: shorter recordings are padded with silence, longer ones are refused.
+        """Check channels and steps; pad shorter recordings with silence, and refuse longer ones.
 
-        A network that takes any length gets recordings as they are.
+        For a network of ``any_length``, recordings are returned unpadded.
         """
         where = f"events {source!r}"
         if recordings.ndim != 3 or recordings.shape[2] != self.channels:
@@ -318,28 +344,28 @@ class Network(Shown):
             raise InputError(
                 where, "the channel count differs from the model's", measured=measured, fix=fix
             )
-        cut = f"Cut them to {counted(self.steps, 'step')}."
-        rows = self.steps if self.any_length else recordings.shape[1]
+        if self.any_length:
+            return recordings
+        recorded_steps = recordings.shape[1]
         check_most(
-            rows,
+            recorded_steps,
             self.steps,
             where,
             "the recordings are longer than the model's",
             unit="steps",
-            fix=cut,
+            fix=f"Cut them to {counted(self.steps, 'step')}.",
         )
-        return (
-            np.pad(recordings, ((0, 0), (0, self.steps - rows), (0, 0)))
-            if rows < self.steps
-            else recordings
-        )
+        if recorded_steps == self.steps:
+            return recordings
+        return np.pad(recordings, ((0, 0), (0, self.steps - recorded_steps), (0, 0)))
 
 
 class HostOutput(Frozen):
-    """Spikes that the host sends: of a population, ``depth`` steps earlier than it fires.
+    """A population on the host whose spikes the host sends to the chip, ``depth`` steps earlier than it fires.
 
-    That is 0 where each layer takes a step in its framework too, and else puts spikes into the step of
-    the numbers that cause them.
+    In our reference, each layer fires one step after its input. If that is so in the network's own framework as well,
+    ``depth`` is 0. Otherwise it is the number of layers to make up for, so that spikes are sent in the step of the
+    numbers that cause them.
     """
 
     population: str
@@ -350,9 +376,9 @@ class HostLayers(Shown):
     """The first layers of a network, which run on the host and send spikes to the chip.
 
     - ``network``: the layers; its input takes numbers in place of spikes
-    - ``sends``: what it sends, in the order of the chip's input lines
-    - ``input_shape``: of the numbers of a step, such as (channels, height, width)
-    - ``scaling``: what happens to the numbers before the first layer, if anything does
+    - ``sends``: the populations whose spikes are sent, in the order of the chip's input lines
+    - ``input_shape``: the shape of the numbers of one step, such as (channels, height, width)
+    - ``scaling``: how the numbers are scaled before the first layer; None if they are not
     """
 
     network: Network
@@ -362,17 +388,18 @@ class HostLayers(Shown):
 
     @property
     def lines(self) -> int:
-        """Lines that it sends."""
+        """The number of input lines of the chip that the host feeds."""
         return sum(self.network.population(sent.population).size for sent in self.sends)
 
     @property
     def depth(self) -> int:
-        """By how many steps the spikes of its last layer are sent earlier than they fire."""
+        """The largest number of steps by which spikes are sent earlier than they fire."""
         return max(sent.depth for sent in self.sends)
 
     @property
     def multiplications(self) -> dict[str, int]:
-        """Multiplications by weights in a step, by population; biases are additions."""
+        """The number of multiplications by weights per step, by population; biases are additions."""
+        # Biases can be the weights of helper neurons, which spike in every step.
         helpers = {population.name for population in self.network.populations if population.helper}
         products = {population.name: 0 for population in self.network.own_populations}
         for projection in self.network.projections:
@@ -382,7 +409,7 @@ class HostLayers(Shown):
 
     @property
     def arithmetic(self) -> str:
-        """What it computes in: neurons in the chip's integers take numbers in float."""
+        """The kinds of numbers it computes with, as words of a report; integer neurons take input in float."""
         neurons = [population.neuron for population in self.network.populations]
         has_integers = any(isinstance(neuron, ChipNeuron) for neuron in neurons)
         return "float and integers" if has_integers else "float"

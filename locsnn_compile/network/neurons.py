@@ -1,9 +1,9 @@
 """The base of all neuron models, and the models in float, as their authors think of them.
 
 A model is a frozen dataclass that derives from :class:`Neuron`; it may come from outside this package. The class has
-the facts about the model. What the model does is registered with the function that needs it, each in its own room: its
-steps with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.integers_of``, and its text with
-``network.text.neuron_text``.
+the facts about the model. What the model does is registered with the function that needs it (``singledispatch``), each
+in its own package: its steps with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.integers_of``,
+and its text with ``network.text.neuron_text``.
 """
 
 import math
@@ -34,21 +34,25 @@ from hw_model.values import (
 
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
+"""How a potential is compared with the threshold."""
 
 SMALLEST = 0.01
 """slayerPytorch ends a kernel at the first lag beyond tau whose magnitude is below this."""
 MAX_TAPS = 100_000
+"""Largest number of values of a kernel, chosen by hand to bound memory."""
 MAX_NEURONS = 10_000_000
+"""Largest size of a population, as for programs (``MAX_LINES``)."""
 _ARRAYS: dict[Any, Any] = {
     FloatArray: np.float64,
     FloatArray | None: np.float64,
     IntArray: np.int64,
     IntArray | None: np.int64,
 }
-"""Annotation of a parameter that is an array -> the type of its numbers."""
+"""The type of the numbers of a parameter that is an array, by its annotation."""
 
 
 Musts = Mapping[str, Must]
+"""The rule that the numbers of a parameter must keep, by the name of the parameter."""
 FRACTION = Must(lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
 TAPS = between(1, MAX_TAPS)
 FINITE = Must(np.isfinite, "a finite number")
@@ -56,7 +60,10 @@ NOT_ABOVE_RESET = Must(lambda v: v <= 0, "0, to which a spike resets, or below")
 
 
 class Parameter(NamedTuple):
-    """A parameter of some neurons: its numbers, their shape with one number per neuron, and what they must be."""
+    """A parameter of some neurons, for checks and text.
+
+    ``values`` have the ``shape`` or are one number for all. ``must`` is the rule of each number, if it has one.
+    """
 
     name: str
     values: AnyArray
@@ -72,14 +79,15 @@ class Neuron(ABC):
     by_strategy: ClassVar[bool] = False
     """Whether there are several ways to lay it out on a chip."""
     musts: ClassVar[Musts] = {}
-    """What its parameters must be; for integers, the target chip decides."""
+    """The rules of its parameters; those of integers depend on the target chip, which is checked later."""
     needs: ClassVar[str] = ""
-    """What a chip needs to hold it; by default, the model itself."""
+    """What a chip must have for this model, as words of an error; empty: neurons of the model's own name."""
     way_out: ClassVar[str] = "Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba."
-    """What to do if a chip lacks what it needs."""
+    """The advice of that error."""
     usual: ClassVar[Mapping[str, float]] = {}
     """Default values of parameters in :meth:`of`."""
     dendrites: int = 1
+    """Dendrites of a kind that each neuron has; projections name the dendrite that they reach."""
 
     @classmethod
     @checked
@@ -90,36 +98,41 @@ class Neuron(ABC):
         """
         check_range(size, 1, MAX_NEURONS, "size")
         hints = get_type_hints(cls)
-        kinds = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
-        unless_given = {item.name: None for item in fields(cls) if item.default is None}  # type: ignore[arg-type]
-        values = {**unless_given, **cls.usual, **given}
+        # The numpy type of each parameter, None if it is not an array.
+        dtypes = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
+        optional = {item.name: None for item in fields(cls) if item.default is None}  # type: ignore[arg-type]
+        values = {**optional, **cls.usual, **given}
         where = f"{cls.__name__}.of"
-        missing = [name for name in kinds if kinds[name] and name not in values]
+        missing = [name for name in dtypes if dtypes[name] and name not in values]
+        # Unknown names come first: a misspelled parameter is also a missing one.
         for name in values:
-            check_known(where, f"there is no parameter {name!r}", name, kinds)
+            check_known(where, f"there is no parameter {name!r}", name, dtypes)
         if missing:
             raise InputError(
                 where, f"parameter {missing[0]!r} is missing", fix="Give it by its name."
             )
         parameters: dict[str, Any] = {}
         for name, value in values.items():
-            kind = kinds[name]
-            plain = kind is None or (value is None and name in unless_given)
-            parameters[name] = value if plain else spread(value, size, kind)  # type: ignore[arg-type]
+            dtype = dtypes[name]
+            is_left_out = value is None and name in optional
+            if dtype is None or is_left_out:
+                parameters[name] = value
+            else:
+                parameters[name] = spread(value, size, dtype)
         return cls(**parameters)
 
     def whole(self) -> "Neuron":
-        """Return it with full kernels, if it has kernels."""
+        """Return the neurons with whole kernels, if they have kernels."""
         return self
 
     def cut(self) -> "Neuron":
-        """Return it with its kernels cut like slayerPytorch's, if it has kernels."""
+        """Return the neurons with kernels cut like slayerPytorch's, if they have kernels."""
         return self
 
     @property
     @abstractmethod
     def spikes_at(self) -> ArrayLike:
-        """The threshold in the unit of its potential, at rest: one for all, or (n,)."""
+        """The threshold of a neuron at rest, in the unit of its potential: one for all, or (n,)."""
 
     @property
     def biased(self) -> BoolArray:
@@ -132,7 +145,7 @@ class Neuron(ABC):
         return False
 
     def parameters(self, size: int) -> list[Parameter]:
-        """Return its arrays, and the numbers that have rules."""
+        """Return the parameters that are arrays, and the single numbers that have rules."""
         return [
             Parameter(name, np.asarray(values), (size,), self.musts.get(name))
             for name, values in vars(self).items()
@@ -149,7 +162,7 @@ class SrmAlpha(Neuron, Frozen):
 
     It spikes where ``u(t) >= theta``; there is no reset. Source: Kang et al., IJCNN 2022, after SLAYER's SRMALPHA. Only
     the first ``eps_taps`` values of eps and ``nu_taps`` values of nu exist, counting k = 0: slayerPytorch ends its
-    kernels where they become small. Lowering keeps the tails.
+    kernels where they become small. The chip's filters cannot end a kernel, so lowering keeps the tails.
     """
 
     theta: float
@@ -173,11 +186,11 @@ class SrmAlpha(Neuron, Frozen):
         return self.theta
 
     def whole(self) -> "SrmAlpha":
-        """Return it with full kernels."""
+        """Return the neurons with whole kernels."""
         return replace(self, eps_taps=math.inf, nu_taps=math.inf)
 
     def cut(self) -> "SrmAlpha":
-        """Return it with its kernels cut like slayerPytorch's."""
+        """Return the neurons with kernels cut like slayerPytorch's."""
         eps = alpha_taps(self.tau_sr, 1.0)
         nu = alpha_taps(self.tau_ref, -self.scale_ref * self.theta)
         return replace(self, eps_taps=len(eps), nu_taps=len(nu))
@@ -199,7 +212,7 @@ class Leaky(Neuron, Frozen, eq=False):
 
     @property
     def has_floor(self) -> bool:
-        """Whether there is a ``floor``, which not all models can have."""
+        """Whether there is a ``floor``; models outside this package need not have such a field."""
         return getattr(self, "floor", None) is not None
 
 
@@ -209,7 +222,7 @@ class Cuba(Shown, Leaky):
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
         v(t) = (1 - decay_v) * v(t - 1) + i(t) + bias
 
-    It spikes where ``v(t) > threshold``, or ``>=``, as ``rule`` says. Then v = 0, and it stays 0 without a spike for
+    It spikes where ``v(t) > threshold``, or ``>=``, by its ``rule``. Then v = 0, and it stays 0 without a spike for
     ``refractory - 1`` steps, while the current continues. With ``decay_u`` 1, nothing of the current is kept: plain
     leaky integrate-and-fire (TLIF, LLIF). With ``decay_v`` 0 as well, it is integrate-and-fire.
 
@@ -241,8 +254,9 @@ class SoftCuba(Shown, Leaky):
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
         v(t) = (1 - decay_v) * v(t - 1) + i(t) - drop * (1 where it spiked at t - 1)
 
-    It spikes where ``v(t) > threshold``. A reset by subtraction of the threshold, at once, is a drop of
-    ``(1 - decay_v) * threshold``. Every parameter is an array (n,). A ``floor`` is that of :class:`Cuba`.
+    It spikes where ``v(t) > threshold``. Frameworks that subtract the threshold in the step of the spike itself let
+    what they subtract decay once until the next step; that is a drop of ``(1 - decay_v) * threshold``. Every parameter
+    is an array (n,). A ``floor`` works as in :class:`Cuba`.
     """
 
     drop: FloatArray
@@ -252,7 +266,10 @@ class SoftCuba(Shown, Leaky):
 
 
 def alpha_recursion(tau: float, factor: float = 1.0) -> tuple[float, float]:
-    """Return ``a`` and ``c`` of the kernel ``factor * (k / tau) * exp(1 - k / tau) = c * k * a^(k - 1)``."""
+    """Return ``a`` and ``c`` of the kernel ``factor * (k / tau) * exp(1 - k / tau) = c * k * a^(k - 1)``.
+
+    In this form, two first-order filters in a row compute the kernel.
+    """
     a = math.exp(-1.0 / tau)
     return a, factor * math.e * a / tau
 
@@ -267,7 +284,7 @@ def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
 
 
 def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
-    """Return a read-only array (size,), given one number or ``size`` numbers; integers must be whole."""
+    """Return one number, or ``size`` numbers, as a read-only array (size,); integers must be whole."""
     array = as_array("neurons, a parameter", value)
     if array.dtype.kind not in "biuf":
         raise InputError(

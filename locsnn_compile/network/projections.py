@@ -1,7 +1,7 @@
 """Weights: matrices (n_target, n_source), dense or scipy CSR, and the projections that hold them, in float or integers.
 
-The *values* of a dense matrix are its array; those of a sparse matrix are its stored entries, (entries,) row by row. A
-value of 0 is not a connection, stored or not.
+Passes treat both kinds of matrix alike, through the *values* of a matrix: for a dense matrix the array itself, for a
+sparse one its stored entries, (entries,) row by row. A value of 0 is not a connection, stored or not.
 """
 
 from functools import cached_property
@@ -42,7 +42,7 @@ class Connection(Frozen, eq=False):
 
     @property
     def held(self) -> Matrix:
-        """The matrix that it holds."""
+        """The matrix: weights in float, or mantissas."""
         raise NotImplementedError
 
     @property
@@ -69,22 +69,24 @@ class Projection(Shown, Connection):
     on_grid: ClassVar[bool] = False
     """Whether the weights are the chip's integers already."""
     dendrite: ClassVar[int] = 0
-    """So that both kinds read alike: float weights always reach the first dendrite."""
+    """Float weights always reach the first dendrite; ``ChipProjection`` has a field of this name."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", held_matrix(self.weights, self.where))
 
     @property
     def held(self) -> Matrix:
-        """What it holds: its weights."""
+        """The weights."""
         return self.weights
 
 
 class ChipProjection(Shown, Connection):
-    """Mantissas (n_target, n_source), int64, dense or CSR; charges are those of :mod:`hw_model.arithmetic.loihi`.
+    """Weights in the chip's integers: mantissas (n_target, n_source), int64, dense or CSR, with one exponent.
 
-    ``delay`` is in steps: one for all, or an array like the values of the matrix. ``dendrite`` is the number of the
-    target's alpha dendrite that the charge reaches. Several projections may join the same ends; their weights add up.
+    The charge of a spike is ``64 floor(mantissa 2^exponent)``, as in :mod:`hw_model.arithmetic.loihi`.
+    ``weight_bits`` and ``signs`` choose the grid of mantissas. ``delay`` is in steps: one for all, or an array like the
+    values of the matrix. ``dendrite`` is the number of the target's alpha dendrite, from 0, that the charge reaches.
+    Several projections may connect the same source and target; their weights add up.
     """
 
     mantissa: Matrix
@@ -98,14 +100,14 @@ class ChipProjection(Shown, Connection):
 
     @property
     def held(self) -> Matrix:
-        """What it holds: its mantissas."""
+        """The mantissas."""
         return self.mantissa
 
 
 def matrix(weights: Any, dtype: npt.DTypeLike) -> Matrix:
-    """Return a read-only copy: of a sparse matrix as CSR with sorted entries and sums for duplicates, else an array.
+    """Return a read-only copy: CSR with sorted entries and summed duplicates for a sparse matrix, or else an array.
 
-    Integers must be whole.
+    Numbers to be converted to integers must be whole.
     """
     if sparse.issparse(weights):
         csr = sparse.csr_array(weights, copy=True)
@@ -118,7 +120,7 @@ def matrix(weights: Any, dtype: npt.DTypeLike) -> Matrix:
 
 
 def held_matrix(weights: Any, where: str) -> Matrix:
-    """Return weights as a read-only matrix of float64: themselves, if they are that already, or a copy."""
+    """Return weights as a read-only float64 matrix; a copy, unless they are one already."""
     is_sparse = sparse.issparse(weights)
     values = weights.data if is_sparse else weights
     is_canonical = not is_sparse or (weights.format == "csr" and weights.has_canonical_format)
@@ -135,7 +137,7 @@ def held_matrix(weights: Any, where: str) -> Matrix:
 
 
 def _of_type(numbers: ArrayLike, dtype: npt.DTypeLike) -> Values:
-    """Return a copy as another type; ``TypeError`` for complex numbers."""
+    """Return a copy as another type; raise ``TypeError`` for complex numbers, which numpy would cut with a warning."""
     if np.iscomplexobj(numbers):
         raise TypeError
     if np.issubdtype(dtype, np.integer):
@@ -144,7 +146,7 @@ def _of_type(numbers: ArrayLike, dtype: npt.DTypeLike) -> Values:
 
 
 def values_of(m: Matrix) -> Values:
-    """Return the values: an array (n_target, n_source), or (entries,) of a sparse matrix."""
+    """Return the values of a matrix: an array (n_target, n_source), or (entries,) if it is sparse."""
     values: Values = m.data if sparse.issparse(m) else m
     return values
 
@@ -158,29 +160,41 @@ def with_values(m: Matrix, values: Values) -> Matrix:
 
 
 def of_target(m: Matrix, each: ArrayLike) -> Values:
-    """Spread one number per target, (n_target,), so that it can be multiplied with the values."""
+    """Broadcast one number per target, (n_target,), to a shape that multiplies with the values of ``m``."""
     column = np.asarray(each)
-    return np.repeat(column, np.diff(m.indptr)) if sparse.issparse(m) else column[:, None]
+    if not sparse.issparse(m):
+        return column[:, None]
+    entries_of_row = np.diff(m.indptr)
+    return np.repeat(column, entries_of_row)
 
 
 def of_source(m: Matrix, each: AnyArray) -> Values:
-    """Spread one number per source, (n_source,), in the same way; a sparse matrix must be in canonical order."""
+    """Broadcast one number per source, (n_source,), in the same way; a sparse matrix must be in canonical order."""
     return each[m.indices] if sparse.issparse(m) else each
 
 
 def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
-    """Divide a matrix into parts (delay, matrix), given one delay for all or an array like the values."""
+    """Split a matrix into one of equal shape per delay, (delay, matrix).
+
+    ``delay``: one for all weights, or an array like the values. Weights of other delays are 0 in each matrix.
+    """
     delays = np.asarray(delay)
     if delays.ndim == 0:
         return [(int(delays), m)]
-    return [
-        (int(d), with_values(m, np.where(delays == d, values_of(m), 0))) for d in np.unique(delays)
-    ]
+    matrices = []
+    for d in np.unique(delays):
+        weights_of_delay = np.where(delays == d, values_of(m), 0)
+        matrices.append((int(d), with_values(m, weights_of_delay)))
+    return matrices
 
 
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
-    """Return (target, source, index into the flat values) of all values except 0, ordered by source, then target."""
+    """Return (target, source, index into the flat values) of all values except 0, ordered by source, then target.
+
+    By source, because the chip stores the synapses of a source together.
+    """
     target, source = (indices.astype(np.int64) for indices in m.nonzero())
+    # Both nonzero() and flatnonzero() go row by row, so their entries correspond.
     index = np.flatnonzero(values_of(m))
     order = np.lexsort((target, source))
     return target[order], source[order], index[order]
@@ -188,7 +202,8 @@ def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
 
 def fan_out(m: Matrix) -> IntArray:
     """Return how many targets every source reaches with a weight other than 0, (n_source,)."""
-    return np.bincount(m.nonzero()[1], minlength=m.shape[1]).astype(np.int64)
+    _, source = m.nonzero()
+    return np.bincount(source, minlength=m.shape[1]).astype(np.int64)
 
 
 def row_maxima(m: Matrix) -> FloatArray:
@@ -200,7 +215,10 @@ def row_maxima(m: Matrix) -> FloatArray:
 
 
 def row_sums(m: Matrix) -> FloatArray:
-    """Return the larger of the sums of each target's positive and negative weights, without its sign, (n_target,)."""
+    """Return the larger of two sums for each target, (n_target,): of its positive weights, and of its negative ones.
+
+    The sum of the negative weights is taken without its sign. It bounds the charge of one step, whatever spikes.
+    """
     target, _, index = connections(m)
     weights = values_of(m).ravel()[index].astype(np.float64)
     rows = m.shape[0]
@@ -210,26 +228,29 @@ def row_sums(m: Matrix) -> FloatArray:
 
 
 def charge(spikes: ByteArray, m: Matrix) -> Values:
-    """Return the sum of the weights of all spikes (..., n_source), (..., n_target), in the type of the weights.
+    """Return the charges (..., n_target) that spikes (..., n_source) cause: the sum of their weights.
 
-    Integers stay integers: they are added spike by spike, without a float in between.
+    The result has the type of the weights. Integers are added as integers, without a float in between.
     """
     rows = spikes.reshape(-1, m.shape[1])
     if np.issubdtype(values_of(m).dtype, np.integer):
+        # numpy multiplies matrices of integers slowly; a sparse product only visits the spikes.
         sums = sparse_spikes(rows, np.int64) @ m.T
         charges: Values = sums.toarray() if sparse.issparse(sums) else sums
+    elif sparse.issparse(m):
+        charges = (m @ rows.T.astype(np.float64)).T
     else:
-        charges = (
-            rows.astype(np.float64) @ m.T
-            if not sparse.issparse(m)
-            else (m @ rows.T.astype(np.float64)).T
-        )
+        charges = rows.astype(np.float64) @ m.T
     return charges.reshape(*spikes.shape[:-1], m.shape[0])
 
 
 def sparse_spikes(rows: ByteArray, dtype: npt.DTypeLike) -> Matrix:
-    """Return spikes (rows, n) of 0 and 1 in compressed rows."""
-    # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
-    row, column = np.divmod(np.flatnonzero(rows.view(np.bool_)), max(rows.shape[1], 1))
+    """Return spikes (rows, n) of 0 and 1 as a CSR matrix."""
+    # numpy searches booleans fastest, and bytes of 0 and 1 can be viewed as booleans.
+    flat_index = np.flatnonzero(rows.view(np.bool_))
+    # Rows without columns have no spikes: any divisor but 0 will do.
+    columns = max(rows.shape[1], 1)
+    row, column = np.divmod(flat_index, columns)
+    # np.flatnonzero ascends, so row i is the spikes from the first with row >= i to the first with row >= i + 1.
     starts = np.searchsorted(row, np.arange(len(rows) + 1))
     return sparse.csr_array((np.ones(len(row), dtype), column, starts), shape=rows.shape)

@@ -1,4 +1,7 @@
-"""The second level: the same populations and projections, with only integers that the chip holds."""
+"""The second level of the compiler: the network's populations and projections in integers that the chip holds.
+
+``passes.quantize`` makes it from a :class:`Network`, and ``passes.lower_neurons`` turns its neurons into compartments.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,16 +14,16 @@ from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.projections import ChipProjection
 
 LEAST_WEIGHT = 1 << 14
-"""Least weight of a readout of spikes and potentials: rounding to a whole number costs at most one part in 32,768."""
+"""Smallest weight when the weights of a readout are made whole: rounding then changes a weight by at most 1/32,768."""
 
 
 class KernelFit(Frozen):
     """How far the chip's integer responses are from the kernels of the float neuron, as shares of the kernels.
 
     ``input_max`` and ``input_rms`` concern the response to an input spike whose peak is at the threshold:
-    the largest difference over the largest value of the kernel, and the root of the summed squares of the difference
-    over those of the kernel. ``refractory_max`` and ``refractory_rms`` are the same for what an own spike takes from
-    the potential; None if the neuron has no refractory kernel.
+    the largest difference divided by the largest value of the kernel, and the root of the summed squares of the
+    difference divided by that of the kernel. ``refractory_max`` and ``refractory_rms`` are the same for what an own
+    spike takes from the potential; None if the neuron has no refractory kernel.
     """
 
     input_max: float
@@ -32,9 +35,9 @@ class KernelFit(Frozen):
 class QuantizedPopulation(Frozen, eq=False):
     """A population of the network in the chip's integers.
 
-    A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None if the
-    population was on the grid from the start, in which case nothing was rounded and the scale is 1, or if the model has
-    no measure of its fit.
+    A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``neuron`` is what the
+    neurons of ``population`` became. ``fit`` is None if the population was on the grid from the start, in which case
+    nothing was rounded and the scale is 1, or if the model has no measure of its fit.
     """
 
     population: Population
@@ -44,14 +47,15 @@ class QuantizedPopulation(Frozen, eq=False):
 
     @cached_property
     def fit(self) -> KernelFit | None:
-        """How well its neurons fit. It is measured on demand: nobody asks for strategies that are only compared."""
+        """How well its neurons fit the float ones; measured on demand, since comparing strategies does not need it."""
         return self.measure_fit() if self.measure_fit else None
 
     @property
     def strategy(self) -> str:
-        """How neurons become compartments: by a strategy for SRM neurons, or ``native``, one compartment each."""
-        own = self.neuron.strategy
-        return "reset" if own == "native" and self.population.neuron.by_strategy else own
+        """The strategy by which neurons become compartments; ``native`` for models with one compartment anyway."""
+        layout = self.neuron.strategy
+        # An SRM neuron in a single compartment is there by strategy "reset".
+        return "reset" if layout == "native" and self.population.neuron.by_strategy else layout
 
     @property
     def biases_lost(self) -> int:
@@ -62,7 +66,8 @@ class QuantizedPopulation(Frozen, eq=False):
 class QuantizedNetwork(Frozen, eq=False):
     """A network in integers, with the structure and the views of ``network``.
 
-    One projection of the network may become several here, whose weights add up. ``weights_pruned`` weights became 0.
+    One projection of the network may become several, whose weights add up. ``weights_pruned`` counts the weights that
+    became 0.
     """
 
     network: Network
@@ -80,26 +85,30 @@ class QuantizedNetwork(Frozen, eq=False):
         """The readout of the integers that corresponds to the network's readout of floats.
 
         Potentials are added, but each population has its own scale, so all are brought to the scale of the first. If
-        some populations give spikes and others potentials, a spike counts 1 and a potential 1 over its scale. Weights
-        with more than a few bits are made whole, the least at least :data:`LEAST_WEIGHT`, so that sums are exact on any
-        hardware.
+        some populations give spikes and others potentials, a spike counts 1, and a potential is divided by its scale.
+        Weights that are not multiples of ``1 / LEAST_WEIGHT`` are made whole, the smallest becoming
+        :data:`LEAST_WEIGHT`, so that sums are exact on any hardware.
         """
-        readout, read = self.network.readout, self.network.readout.from_step
-        mixed = isinstance(readout.potentials_from, tuple)
-        scale = {name: float(self.population(name).scale.max()) for name in read}
-        unit = 1.0 if mixed else next(iter(scale.values()), 1.0)
-        weights = [w * unit / scale.get(name, 1.0) for name, w in readout.terms]
-        if not all((w * LEAST_WEIGHT).is_integer() for w in weights):
-            factor = LEAST_WEIGHT / min(abs(w) for w in weights if w)
-            weights = [float(round(w * factor)) for w in weights]
+        readout = self.network.readout
+        is_mixed = isinstance(readout.potentials_from, tuple)
+        # A readout weighs whole populations, so the largest scale stands for all neurons of one.
+        scale_of = {name: float(self.population(name).scale.max()) for name in readout.from_step}
+        unit = 1.0 if is_mixed else next(iter(scale_of.values()), 1.0)
+        weights = [weight * unit / scale_of.get(name, 1.0) for name, weight in readout.terms]
+        if not all((weight * LEAST_WEIGHT).is_integer() for weight in weights):
+            factor = LEAST_WEIGHT / min(abs(weight) for weight in weights if weight)
+            weights = [float(round(weight * factor)) for weight in weights]
         return replace(readout, weights=tuple(weights))
 
     @property
     def score_scale(self) -> float:
-        """The class score of the integers that corresponds to a class score of 1 of the network of floats."""
+        """The class score of the integers that corresponds to a class score of 1 in the float network.
+
+        It turns differences between the scores of chip and reference into the reference's unit.
+        """
         readout = self.readout
         rows = zip(readout.populations, readout.weights, self.network.readout.weights, strict=True)
-        # The least weight is the one that was made whole without rounding.
+        # The ratio is taken at the smallest weight, which was made whole without rounding.
         weights = [
             (abs(on_grid), abs(in_float), name) for name, on_grid, in_float in rows if on_grid
         ]
@@ -109,7 +118,7 @@ class QuantizedNetwork(Frozen, eq=False):
         return least / in_float * scale
 
     def on_grid(self) -> Network:
-        """Return the network with these integers in it: when evaluated, it spikes as the program must, bit for bit."""
+        """Return the network with these integers in it, whose spikes the program must equal, bit for bit."""
         populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)
         return replace(
             self.network,

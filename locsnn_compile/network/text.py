@@ -1,6 +1,7 @@
 """The two levels of networks as stable text, for people to read and for golden tests to compare.
 
-A line a part. Of what is as usual (no bias, no floor, whole kernels, no delay), nothing is said.
+There is one line per view, population and projection. Usual values (no bias, no floor, whole kernels, no delay) are
+left out.
 """
 
 from functools import singledispatch
@@ -99,6 +100,7 @@ def _projection(projection: Projection | ChipProjection) -> str:
 @singledispatch
 def neuron_text(n: Neuron, axis: Axis) -> str:
     """Return the text of neurons along an axis; for a model without its own text, its name and numbers."""
+    # The size of 1 only affects the shapes of parameters, which are not shown.
     rows = (f"{name} {_number_text(values)}" for name, values, *_ in n.parameters(1))
     return f"{type(n).__name__} neurons along {axis}, {', '.join(rows)}"
 
@@ -188,7 +190,7 @@ def _delay_text(delay: int | IntArray) -> str:
 
 
 def _number_text(values: FloatArray | IntArray) -> str:
-    """Return the one number of equal values, or else the text of the array."""
+    """Return one number if all values are equal, and otherwise the text of the array."""
     low = values.min()
     high = values.max()
     return f"{low:g}" if low == high else array_text(values)

@@ -1,4 +1,4 @@
-"""Neurons whose every number is an integer that a Xylo holds."""
+"""Neurons whose every number is an integer that a Xylo chip (SynSense) holds."""
 
 from typing import ClassVar
 
@@ -10,9 +10,10 @@ from locsnn_compile.network.neurons import Musts, Neuron
 class XyloNeuron(Shown, Neuron):
     """Neurons that take the step of :mod:`hw_model.arithmetic.xylo`, with one current each.
 
-    Every parameter is an int64 array (n,). A neuron spikes up to ``most_spikes`` times in a step, and
-    each spike takes the threshold from its potential: 31 times for a hidden neuron, once for an
-    output. Its weights are those of a ``ChipProjection`` of mixed signs, whose exponent is the shift.
+    ``dash_syn`` and ``dash_mem`` are the bit shifts by which current and potential decay. Every array is int64, (n,). A
+    neuron spikes up to ``most_spikes`` times per step, and each spike takes the threshold from its potential: 31 times
+    for a hidden neuron, once for an output. Its weights are those of a ``ChipProjection`` of mixed signs, whose
+    exponent is the chip's weight shift.
     """
 
     dash_syn: IntArray
