@@ -1,4 +1,4 @@
-"""The errors a user can meet, each one line: where, what was measured against which limit, and a way out.
+"""The errors that a user can meet. Each is one line: where, what was measured against which limit, and a way out.
 
     LocsnnError
     ├── InputError    what was given cannot be read or used: a file, an option, an array.     exit code 2
@@ -13,9 +13,9 @@ from functools import partial
 from typing import Any
 
 MAX_PART = 500
-"""Most characters of a part of a message."""
+"""Characters of a part of a message; longer ones are cut. Chosen by hand."""
 MAX_FIX = 2000
-"""Most characters of the way out, which may list all that exists."""
+"""Characters of the way out, which may list every name that exists. Chosen by hand."""
 
 
 class LocsnnError(Exception):
@@ -34,12 +34,16 @@ class LocsnnError(Exception):
         super().__init__(message.rstrip())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # What goes to another process is made again from its parts.
+        # Unpickling calls the class with `args`, the finished message, which is not what __init__ takes:
+        # without this no error could come back from a worker process.
         return partial(type(self), measured=self.measured, fix=self.fix), (self.where, self.what)
 
 
 def _shown(text: str, longest: int = MAX_PART) -> str:
-    """Return a part of a message as it prints: names out of files may hold anything, even what moves the cursor."""
+    """Return part of a message on one line, cut, with control characters escaped.
+
+    Names from files may hold any characters, also those that move the cursor of a terminal.
+    """
     line = " ".join(text.split())
     if len(line) > longest:
         line = f"{line[:longest]}..."
@@ -53,7 +57,7 @@ def _printable(character: str) -> str:
 
 
 class InputError(LocsnnError):
-    """Something given by the user cannot be read or used."""
+    """A file, an option or an argument that cannot be read or used."""
 
 
 class TargetError(LocsnnError):
@@ -63,20 +67,20 @@ class TargetError(LocsnnError):
 def check_most(
     size: float, limit: float, where: str, what: str, *, unit: str = "", fix: str
 ) -> None:
-    """Refuse what was given where a number, ``size`` in ``unit``, is above its limit."""
+    """Raise ``InputError`` if a number, ``size`` in ``unit``, is above its limit."""
     if size > limit:
         number = f"{size} {unit}" if unit else f"{size}"
         raise InputError(where, what, measured=f"{number} against {limit}", fix=fix)
 
 
 def check_same(measured: object, expected: object, where: str, what: str, *, fix: str) -> None:
-    """Refuse what was given where something measured is not what it should be."""
+    """Raise ``InputError`` if a measured value is not the expected one."""
     if measured != expected:
         raise InputError(where, what, measured=f"{measured} against {expected}", fix=fix)
 
 
 def check_range(value: float, low: float, high: float, where: str) -> None:
-    """Refuse a number that is not from ``low`` to ``high``."""
+    """Raise ``InputError`` if a number is not within ``low..high``."""
     if not low <= value <= high:
         measured = f"got {value} against {low}..{high}"
         raise InputError(where, "it is out of range", measured=measured, fix="Correct the number.")
@@ -85,7 +89,10 @@ def check_range(value: float, low: float, high: float, where: str) -> None:
 def check_known(
     where: str, what: str, given: object, known: Collection[str], more: str = ""
 ) -> None:
-    """Refuse a name that is none of those known; None is none. ``more``: a way out besides them."""
+    """Raise ``InputError`` if a name is not a known one; None is accepted.
+
+    ``more`` is a further way out, behind the known names.
+    """
     if given is not None and given not in known:
         raise InputError(where, what, fix=did_you_mean(given, known) + more)
 
@@ -98,14 +105,14 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def listed(items: Sequence[str], word: str = "and") -> str:
-    """Return ``a, b and c``, or with another word."""
+    """Return ``a, b and c``, or with another word than "and"."""
     if len(items) == 1:
         return items[0]
     return f"{', '.join(items[:-1])} {word} {items[-1]}"
 
 
 def did_you_mean(given: object, known: Iterable[str]) -> str:
-    """Return ``Did you mean 'x'?`` for a near miss, else the list of what exists."""
+    """Return ``Did you mean 'x'?`` if a known name is similar, else the list of known names."""
     names = sorted(known)
     close = get_close_matches(str(given), names, n=1)
     return f"Did you mean {close[0]!r}?" if close else f"Choose one of: {', '.join(names)}."

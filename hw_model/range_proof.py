@@ -1,5 +1,9 @@
 """Prove from a program alone which registers can never wrap or clip, whatever the input.
 
+Reports state the result, and the proofs behind early stops rest on it. The letters
+are those of :mod:`hw_model.arithmetic.loihi`: q is the charge of a step, u the current, v the
+voltage, and a *joined* child adds its v to its parent's in the same step.
+
 Every source spikes at most once a step, so the charge q of one step lies between the sum of a compartment's negative
 weights and that of its positive ones. From there, upwards (downwards alike, with signs turned):
 
@@ -7,13 +11,14 @@ weights and that of its positive ones. From there, upwards (downwards alike, wit
     u  <=  U       = where u settles, the smallest integer that loses Q in a step, which no step can pass
     v  <=  V       = likewise, with decay_v, from U + bias + what joined children can pass
 
-A reset or a refractory period only brings v back to 0. A decay of 0 under any drive has no bound. A feed-forward
-compartment whose inputs all spike in every step reaches its bounds; for sources that rest in between they are cautious.
+A reset or a refractory period only brings v back to 0. With a decay of 0, any drive moves a register without bound. A
+feed-forward compartment whose inputs all spike in every step reaches these bounds; sources that rest in between stay
+far below them.
 
-For the others there is a rate. If every source spikes at most once in any p steps, positive charge arrives at worst all
-at once, every p steps. Truncation toward zero only shrinks what the filters keep, so their real-valued answer to that
-train is a bound: Q * sum over k of a^(kp) for u, and Q * max over m of the sum over k of h(m + kp) for v, where a is
-what decay_u keeps in a step and h is the answer of both decays in a row.
+For compartments that could wrap at full rate, a lower rate is proven safe. If every source spikes at most once in any p
+steps, positive charge arrives at worst all at once, every p steps. Truncation toward zero only shrinks what the filters
+keep, so their real-valued answer to that train is a bound: Q * sum over k of a^(kp) for u, and Q * max over m of the
+sum over k of h(m + kp) for v, where a is the share of u that a step keeps, and h(m) is v, m steps after a charge of 1.
 """
 
 from collections.abc import Callable
@@ -28,19 +33,19 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import BoolArray, FloatArray, IntArray, Shown, Sums
 
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
-"""Steps between spikes of a source that are tried, shortest first."""
+"""Steps between two spikes of a source for which safety is proven, shortest first; chosen by hand, up to 4096."""
 GUARD = 1e-9
-"""Share that is added to a filter's answer: a thousand times what float64 rounds off in it."""
+"""Relative margin on top of a filter's answer: a thousand times the rounding error of its sum in float64."""
 
 
 class Bounds(Sums, eq=False):
-    """Lowest and highest value that a register could reach before it wraps or is clipped; arrays (compartments,)."""
+    """The lowest and highest value that a register could reach if it neither wrapped nor clipped, (compartments,)."""
 
     low: FloatArray
     high: FloatArray
 
     def within(self, low: float, high: float) -> BoolArray:
-        """Mark the compartments whose bounds lie in a range."""
+        """Return which compartments have both bounds within ``low..high``."""
         return (self.low >= low) & (self.high <= high)
 
     def of(self, compartments: IntArray) -> "Bounds":
@@ -49,7 +54,7 @@ class Bounds(Sums, eq=False):
 
 
 class CoreRange(Shown):
-    """What is proven of the compartments of one core; arrays (compartments,).
+    """What is proven about the compartments of one core; arrays (compartments,).
 
     ``cannot_wrap``: no input can make q, u or u + bias wrap; ``cannot_clip``: none can make v clip. ``safe_period``:
     the shortest of :data:`PERIODS` p such that neither happens while every source spikes at most once in any p steps; 1
@@ -73,7 +78,7 @@ def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
 
 
 def can_spike(program: ChipProgram, phase: str) -> BoolArray:
-    """Mark the compartments of a phase that some input may bring above their threshold, (columns,)."""
+    """Return which compartments of a phase some input may bring above their threshold, (columns,)."""
     proven = prove_range(program)
 
     def of_core(core: Core) -> IntArray:
@@ -93,7 +98,7 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
     u_and_bias = u + Bounds(bias, bias)
     half = registers.half_current
     cannot_wrap = charge_fits & u.within(-half, half - 1) & u_and_bias.within(-half, half - 1)
-    # A register that may wrap can hold anything.
+    # A register that may wrap can hold any value, so its full range drives v.
     drive = Bounds(
         np.where(cannot_wrap, u_and_bias.low, -half),
         np.where(cannot_wrap, u_and_bias.high, half - 1),
@@ -101,6 +106,7 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
     v = _voltage(core, drive, _settled_with_children)
     cannot_clip = v.within(core.vmin, core.vmax)
 
+    # Periods ascend, so the first that is safe for a compartment is its shortest. 0 means undecided.
     safe_period = np.where(cannot_wrap & cannot_clip, 1, 0)
     for period in PERIODS[1:]:
         is_undecided = safe_period == 0
@@ -113,7 +119,10 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
 
 
 def charges(core: Core) -> Bounds:
-    """Bound q of every compartment before it wraps: every source of one sign spikes, and none of the other."""
+    """Bound q of every compartment before it wraps.
+
+    It is lowest if exactly the sources with negative weights spike, and highest with the positive ones.
+    """
     weight = core.effective_weights.astype(np.float64)
 
     def sum_by_target(weights: FloatArray) -> FloatArray:
@@ -140,7 +149,8 @@ def _settled_with_children(own_drive: Bounds, passed: Bounds, decays: IntArray) 
 def _answer_with_children(own_answer: Bounds, passed: Bounds, decays: IntArray) -> Bounds:
     """Bound v, given v's own answer to its drive and what joined children pass in every step.
 
-    Answers are real numbers that are added up: that to the children must leave truncation out.
+    Both answers are real numbers that are added, so the one to the children must ignore truncation:
+    truncating a sum may remove less than truncating its terms.
     """
     return own_answer + Bounds(
         loihi_bounds.settles_untruncated(passed.low, decays),
@@ -151,9 +161,10 @@ def _answer_with_children(own_answer: Bounds, passed: Bounds, decays: IntArray) 
 def _voltage(
     core: Core, own: Bounds, bound_v: Callable[[Bounds, Bounds, IntArray], Bounds]
 ) -> Bounds:
-    """Bound v of every compartment, children first: what a child adds, it may add in every step.
+    """Bound v of every compartment, assuming that its joined children add their extreme v in every step.
 
-    ``own``: what ``bound_v`` takes of each compartment, next to what children pass and decay_v.
+    ``own`` is the first argument of ``bound_v``; the others are the sum that joined children pass, and decay_v.
+    ``core.turns`` lists the compartments of a core in groups, children before their parents.
     """
     decays = core.setting("decay_v")
     v = Bounds(own.low.copy(), own.high.copy())
@@ -162,6 +173,7 @@ def _voltage(
         v_of_members = bound_v(own.of(members), passed.of(members), decays[members])
         v.low[members] = v_of_members.low
         v.high[members] = v_of_members.high
+        # A child passes its v as its register holds it: clipped.
         children = members[core.parent[members] >= 0]
         parents = core.parent[children]
         np.add.at(passed.low, parents, np.maximum(v.low[children], core.vmin))
@@ -170,18 +182,19 @@ def _voltage(
 
 
 def _safe_at(core: Core, charge: Bounds, period: int, half_current: int) -> BoolArray:
-    """Mark compartments of which u + bias cannot wrap, nor v clip, as long as q does not wrap.
+    """Return in which compartments u + bias cannot wrap and v cannot clip, provided that q does not wrap.
 
-    Every source spikes at most once in ``period`` steps.
+    Every source spikes at most once in any ``period`` steps.
     """
     bias = core.bias.astype(np.float64)
     u_gain, v_gain = _largest_answers(core, period)
-    # No charge times an answer without bound is not a number, and lies within no limits.
+    # 0 * inf is nan, which compares as false: such a compartment is not marked safe.
     with np.errstate(invalid="ignore"):
         u = Bounds(charge.low * u_gain, charge.high * u_gain)
         v_to_low_charge = np.where(charge.low < 0, charge.low * v_gain, 0.0)
         v_to_high_charge = np.where(charge.high > 0, charge.high * v_gain, 0.0)
     v_to_bias = loihi_bounds.settles_untruncated(bias, core.setting("decay_v"))
+    # The answer to the bias moves from 0 to where it settles; charges may meet any value in between.
     own_v = Bounds(
         v_to_low_charge + np.minimum(v_to_bias, 0.0),
         v_to_high_charge + np.maximum(v_to_bias, 0.0),
@@ -205,9 +218,9 @@ def _largest_answers(core: Core, period: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _mark_parents_unsafe(core: Core, is_safe: BoolArray) -> None:
-    """Take the mark from parents of unsafe compartments: a child that may wrap could pass anything on.
+    """Mark the parents of unsafe compartments unsafe: a child that may wrap could pass on any value.
 
-    Children come before their parents, so an unsafe one reaches all above it.
+    Children have lower numbers than their parents, so one pass in ascending order reaches all ancestors.
     """
     for child in range(core.compartments):
         parent = core.parent[child]

@@ -1,4 +1,10 @@
-"""Play recordings to a program, phase by phase, and collect spikes, registers and counts under population names."""
+"""Simulate a program on recordings: :func:`simulate`.
+
+A program runs in phases, one after the other. For each phase the events of the recordings become
+spikes on its input lines (:mod:`hw_model.engine.playing`), an engine steps its compartments
+(:mod:`hw_model.engine.fast` or :mod:`hw_model.engine.reference`), and this module collects the
+spikes, registers and counts that the probes ask for, under the names of populations.
+"""
 
 import logging
 import sys
@@ -25,14 +31,16 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 _log = logging.getLogger("locsnn")
 _EVENTS = slice(TOTALS.index(EVENTS[0]), TOTALS.index(EVENTS[-1]) + 1)
+"""Columns of an engine's totals that count wraps and clips."""
 MAX_TOGETHER = 1 << 26
-"""Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most this many."""
+"""Bytes of a phase's spikes, one per compartment and step, that are held at a time: 64 MiB, chosen by hand. A larger
+batch is played in parts."""
 MAX_REMEMBERED = 1 << 18
-"""Spikes, 0 or 1, of an empty recording that is kept for later ones."""
+"""Bytes of spikes up to which the result of an empty recording is kept for later ones; chosen by hand."""
 
 
 class SimulationResult(Shown):
-    """What a simulation found; arrays are (batch, steps, n), or (steps, n) where one recording was given.
+    """What a simulation returns; arrays are (batch, steps, n), or (steps, n) for a recording without a batch axis.
 
     ``spikes[name]`` for every population that can spike, ``u[name]``, ``v[name]`` and ``potential[name]`` (v as the
     threshold saw it) for every group of compartments, each only if it was asked for.
@@ -43,22 +51,21 @@ class SimulationResult(Shown):
     v: Mapping[str, IntArray]
     potential: Mapping[str, IntArray]
     activity: Mapping[str, tuple[StepActivity, ...]]
-    """By phase, one entry a recording; only if it was asked for."""
+    """By phase, one entry per recording; empty without the probe ``"activity"``."""
     count_tables: Mapping[str, IntArray]
     """By phase, (batch, counts): a column for each of :data:`hw_model.description.counts.COUNTED`."""
     events: Mapping[str, Mapping[str, int]]
-    """``events[population]``: its wraps and clips by kind, over all recordings; left out where there are none."""
+    """``events[population]``: its wraps and clips by kind, over all recordings; only populations that have any."""
     scores: FloatArray | None
     """Class scores of the readout, (batch, classes) or (classes,); None without a readout."""
     tie_class: int | None = None
-    """The class that is predicted where all scores tie; None: the program names none."""
+    """The class that is predicted where all scores tie; None if the program names none."""
 
     @cached_property
     def per_recording(self) -> tuple[Counts, ...]:
         """Counts of every recording."""
-        return tuple(
-            Counts(*row) for row in np.sum(list(self.count_tables.values()), axis=0).tolist()
-        )
+        sums_over_phases = np.sum(list(self.count_tables.values()), axis=0)
+        return tuple(Counts(*row) for row in sums_over_phases.tolist())
 
     @cached_property
     def counts(self) -> Counts:
@@ -76,7 +83,7 @@ class SimulationResult(Shown):
     def prediction(self) -> IntArray:
         """Class with the highest score, the first of equals; (batch,) or a scalar array.
 
-        Where all scores tie, it is the readout's class for ties or, as nothing is predicted, class 0.
+        Where all scores tie, it is the readout's class for ties or, without one, class 0.
         """
         if self.scores is None:
             raise InputError("prediction", "the program has no readout", fix="Read the spikes.")
@@ -116,9 +123,11 @@ Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrac
 
 
 class _Playback(NamedTuple):
-    """How recordings are played: all that those of one call have in common.
+    """What all recordings of one call of :func:`simulate` have in common; hashable, as caches are keyed by it.
 
-    ``rows``: of every recording; ``steps``: of phases whose length the program does not fix.
+    - ``rows``: rows of every recording
+    - ``steps``: steps of the phases whose length the program does not fix
+    - ``is_batch``: whether the recordings were passed with a batch axis, which the results then have too
     """
 
     program: ChipProgram
@@ -131,7 +140,7 @@ class _Playback(NamedTuple):
 
     @property
     def spikes_of_recording(self) -> int:
-        """Numbers of 0 and 1 that a recording's spikes take, at most."""
+        """Bytes that the spikes of a recording take in the longest phase, at most."""
         compartments = sum(self.program.populations.values())
         return max(1, compartments * self.longest_phase)
 
@@ -152,10 +161,11 @@ def play_recordings(  # noqa: PLR0913 - public: each is an option of its own
 ) -> SimulationResult:
     """Do what :func:`simulate` does with any engine: ``run_phase`` plays some recordings to a phase.
 
-    ``remember``: an empty recording is played once, and later ones are given copies.
+    ``remember``: an empty recording is simulated once per program, and later ones get copies of its result.
     """
     _check_steps(steps)
     probes = read_probes(program, probe)
+    # Listing the events looks at every byte anyway, and raises for bytes other than 0 and 1.
     streams, is_batch = read_streams(program, spikes, listed=True)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
@@ -168,8 +178,8 @@ def play_recordings(  # noqa: PLR0913 - public: each is an option of its own
     playback = _Playback(program, tuple(probes.values()), rows, steps, is_batch, run_phase, player)
     is_small = batch == 1 and playback.spikes_of_recording <= MAX_REMEMBERED
     if remember and is_small and not any(array.max(initial=0) for array in streams.values()):
-        return _copied_result(_of_nothing(playback))
-    return _played(streams, playback)
+        return _copied_result(_result_of_silence(playback))
+    return _play_in_parts(streams, playback)
 
 
 def _check_steps(steps: int | None) -> None:
@@ -186,12 +196,12 @@ def _check_steps(steps: int | None) -> None:
 
 
 @lru_cache(maxsize=8)
-def _of_nothing(playback: _Playback) -> SimulationResult:
-    """Return the result of an empty recording, which nobody changes."""
+def _result_of_silence(playback: _Playback) -> SimulationResult:
+    """Return the result of an empty recording. It is shared between calls: copy it before handing it out."""
     streams = {}
     for name, channels in playback.program.streams.items():
         streams[name] = np.zeros((1, playback.rows, channels), dtype=np.uint8)
-    return _played(streams, playback)
+    return _play_in_parts(streams, playback)
 
 
 def _copied_result(result: SimulationResult) -> SimulationResult:
@@ -199,22 +209,24 @@ def _copied_result(result: SimulationResult) -> SimulationResult:
 
 
 def _copied(value: Any) -> Any:
-    """Return a value with arrays, and what holds them, of its own."""
+    """Return a deep copy of a field of a result; programs and routes that it refers to are not copied."""
     if isinstance(value, np.ndarray):
         return value.copy()
     if isinstance(value, dict):
         return {key: _copied(item) for key, item in value.items()}
     if isinstance(value, tuple):
         return tuple(map(_copied, value))
-    return StepActivity(**_copied(vars(value))) if isinstance(value, StepActivity) else value
+    if isinstance(value, StepActivity):
+        return StepActivity(**_copied(vars(value)))
+    return value
 
 
-def _played(streams: Mapping[str, ByteArray], playback: _Playback) -> SimulationResult:
-    """Play recordings, as many at a time as can be held, and keep what the probes ask for."""
+def _play_in_parts(streams: Mapping[str, ByteArray], playback: _Playback) -> SimulationResult:
+    """Play recordings, as many at a time as :data:`MAX_TOGETHER` allows, and keep what the probes ask for."""
     program = playback.program
     player = playback.player
     plans = _plans(program, playback.probes, playback.rows, playback.steps)
-    collected = _Collected(playback)
+    collector = _Collector(playback)
     batch = len(next(iter(streams.values())))
     together = max(1, MAX_TOGETHER // playback.spikes_of_recording)
     for start in range(0, batch, together):
@@ -222,24 +234,24 @@ def _played(streams: Mapping[str, ByteArray], playback: _Playback) -> Simulation
         events = {}
         for name, array in streams.items():
             events[name] = player.list_events(name, array[start:stop])
-        voting: dict[str, AnyArray] = {}
+        votes: dict[str, AnyArray] = {}
         for plan in plans:
             played = play(program, plan.phase, events, playback.steps, player)
             trace = playback.run_phase(program, plan.phase.name, played, plan.windows)
-            collected.add(plan, played, trace)
-            voting |= plan.voting(trace)
+            collector.add(plan, played, trace)
+            votes |= plan.votes(trace)
         if program.readout is not None:
-            collected.scores.append(program.readout.weighed(voting))
-    return collected.result()
+            collector.scores.append(program.readout.weighed(votes))
+    return collector.result()
 
 
 class _Plan(NamedTuple):
-    """A phase, and what to keep of it.
+    """A phase, and what to keep of its run: for the probes, and for the readout, which scores the classes.
 
-    - ``windows``: registers that the engine keeps
-    - ``probed``: what the probes ask for
-    - ``deciding``: potentials by which the readout predicts
-    - ``counted``: columns of the populations whose spikes the readout counts
+    - ``windows``: the columns and steps of each register that the engine records
+    - ``probed``: the populations that probes ask for, and where they lie in the engine's arrays
+    - ``deciding``: the populations whose largest potential the readout weighs
+    - ``counted``: the columns of the populations whose spikes the readout counts
     """
 
     phase: Phase
@@ -248,19 +260,19 @@ class _Plan(NamedTuple):
     deciding: list[ProbedPopulation]
     counted: dict[str, slice]
 
-    def voting(self, trace: PhaseTrace) -> dict[str, AnyArray]:
+    def votes(self, trace: PhaseTrace) -> dict[str, AnyArray]:
         """Return what the readout weighs, by population, (batch, n): largest potentials, or numbers of spikes."""
-        voting: dict[str, AnyArray] = {}
+        votes: dict[str, AnyArray] = {}
         arrays = _arrays_of(trace)
         for population in self.deciding:
-            voting[population.name] = largest(population.taken_from(arrays), 0)
+            votes[population.name] = largest(population.taken_from(arrays), 0)
         for name, columns in self.counted.items():
-            voting[name] = trace.fired[:, columns]
-        return voting
+            votes[name] = trace.fired[:, columns]
+        return votes
 
 
 def _arrays_of(trace: PhaseTrace) -> dict[Kind, AnyArray]:
-    """Return what an engine keeps of a phase, by kind."""
+    """Return the arrays of an engine by the kinds of probes that they answer."""
     arrays: dict[Kind, AnyArray] = {"spikes": trace.spikes}
     for register, rows in trace.registers.items():
         arrays[register] = rows
@@ -271,10 +283,11 @@ def _arrays_of(trace: PhaseTrace) -> dict[Kind, AnyArray]:
 def _plans(
     program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None
 ) -> list[_Plan]:
-    """Return what to keep of each phase, where recordings have ``rows`` rows."""
+    """Return what to keep of each phase, for recordings of ``rows`` rows."""
     readout = program.readout
     first_step_of = {} if readout is None else readout.from_step
-    read = () if readout is None else readout.populations
+    read_populations = () if readout is None else readout.populations
+    # What the readout weighs is recorded by the engine like a probe of the user.
     deciding_probes = []
     for name, first_step in first_step_of.items():
         to_the_end = range(first_step, sys.maxsize)
@@ -284,21 +297,18 @@ def _plans(
         phase_steps = steps_of(program, phase, rows, steps)
         columns = program.columns_of(phase.name)
         all_probes = (*probes, *deciding_probes)
-        windows_of_phase = phase_probes(program, phase.name, all_probes, phase_steps)
-        plan = _Plan(
-            phase=phase,
-            windows=windows_of_phase.windows,
-            probed=[each for probe in probes for each in windows_of_phase.populations[probe]],
-            deciding=[
-                each for probe in deciding_probes for each in windows_of_phase.populations[probe]
-            ],
-            counted={
-                name: columns[name]
-                for name in read
-                if name in columns and name not in first_step_of
-            },
-        )
-        plans.append(plan)
+        probes_of_phase = phase_probes(program, phase.name, all_probes, phase_steps)
+        probed: list[ProbedPopulation] = []
+        for probe in probes:
+            probed += probes_of_phase.populations[probe]
+        deciding: list[ProbedPopulation] = []
+        for probe in deciding_probes:
+            deciding += probes_of_phase.populations[probe]
+        counted: dict[str, slice] = {}
+        for name in read_populations:
+            if name in columns and name not in first_step_of:
+                counted[name] = columns[name]
+        plans.append(_Plan(phase, probes_of_phase.windows, probed, deciding, counted))
     return plans
 
 
@@ -307,8 +317,8 @@ def _longest_phase(program: ChipProgram, rows: int, steps: int | None) -> int:
     return max(length_of(program, phase, rows, steps) for phase in program.phases)
 
 
-class _Collected:
-    """What is kept of recordings that were played so far."""
+class _Collector:
+    """Collects what is kept of a batch, part by part and phase by phase, and makes a result of it."""
 
     def __init__(self, playback: _Playback) -> None:
         phases = [phase.name for phase in playback.program.phases]
@@ -321,7 +331,7 @@ class _Collected:
         self._events: dict[str, IntArray] = {}
 
     def add(self, plan: _Plan, played: PhaseInput, trace: PhaseTrace) -> None:
-        """Keep what is asked for of some recordings in a phase."""
+        """Add a phase of some recordings."""
         program = self._playback.program
         phase = plan.phase.name
         self._counts[phase].append(count_totals(program, phase, played, trace))
@@ -336,17 +346,17 @@ class _Collected:
             self._add_events(phase, trace)
 
     def _add_events(self, phase: str, trace: PhaseTrace) -> None:
-        """Add up wraps and clips of a phase, (populations, kinds)."""
+        """Add wraps and clips to the sums of a phase, (populations, kinds)."""
         columns = self._playback.program.columns_of(phase).values()
         # A sum over one recording would only copy it.
         of_columns = trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0)
-        of_populations = np.add.reduceat(
-            of_columns, [columns_of_group.start for columns_of_group in columns], axis=1
-        )
+        # Populations lie side by side, so each sum ends where the next population begins.
+        first_columns = [columns_of_group.start for columns_of_group in columns]
+        of_populations = np.add.reduceat(of_columns, first_columns, axis=1)
         self._events[phase] = self._events.get(phase, 0) + of_populations.T
 
     def result(self) -> SimulationResult:
-        """Return what was kept of all recordings."""
+        """Return the result over all recordings that were added."""
         readout = self._playback.program.readout
         return SimulationResult(
             spikes=self._of_kind("spikes"),
@@ -356,22 +366,22 @@ class _Collected:
             activity={phase: tuple(items) for phase, items in self._activity.items()},
             count_tables={phase: joined(tables) for phase, tables in self._counts.items()},
             events=self._events_by_population(),
-            scores=None if readout is None else self._whole(self.scores),
+            scores=None if readout is None else self._batch_of(self.scores),
             tie_class=None if readout is None else readout.tie_class,
         )
 
     def _of_kind(self, kind: Kind) -> dict[str, AnyArray]:
-        return {name: self._whole(parts) for name, parts in self._arrays[kind].items()}
+        return {name: self._batch_of(parts) for name, parts in self._arrays[kind].items()}
 
-    def _whole(self, parts: list[AnyArray]) -> AnyArray:
-        """Return the arrays of all parts as one; without the axis of recordings, where one was given."""
+    def _batch_of(self, parts: list[AnyArray]) -> AnyArray:
+        """Return the arrays of all parts as one; without the batch axis if the caller passed none."""
         if self._playback.is_batch:
             return joined(parts)
-        only: AnyArray = parts[0][0]
-        return only
+        only_recording: AnyArray = parts[0][0]
+        return only_recording
 
     def _events_by_population(self) -> dict[str, dict[str, int]]:
-        """Return wraps and clips by kind, of populations that have some."""
+        """Return wraps and clips by kind, for the populations that have any."""
         by_population = {}
         for phase, table in self._events.items():
             names = self._playback.program.columns_of(phase)
@@ -382,8 +392,10 @@ class _Collected:
 
 
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
+    """Return how an engine runs a phase and lists events; without compiled loops, "fast" is the plain engine too."""
     if engine == "fast" and _compiles():
         return _compiled_engine(skip)
+    # Only "fast" counts skipped steps, so that its counts are the same with and without compiled loops.
     return _plain_engine(skip and engine == "fast")
 
 
@@ -403,7 +415,7 @@ def _compiled_engine(skip: bool) -> tuple[Run, Player]:
 
 
 def start_compiling() -> None:
-    """Let other processes compile what they were asked to, if the fast engine is not compiled."""
+    """Start the helper processes that compile loops, if the fast engine is usable but not compiled yet."""
     if _compiles():
         from hw_model.engine.fast import start_ahead_if_missing
 
@@ -412,7 +424,7 @@ def start_compiling() -> None:
 
 @cache
 def _compiles() -> bool:
-    """Tell whether there is a fast engine here; warn, once, where there is none."""
+    """Return whether loops can be compiled here; if not, log a warning, once per process."""
     reason = why_not_compiled()
     if reason is not None:
         _log.warning(

@@ -1,4 +1,8 @@
-"""Values: frozen dataclasses by their base, arrays by what they hold; and what one is in a line."""
+"""Base classes of immutable types, and names of array types, for the whole package.
+
+Derive from :class:`Frozen` for a frozen dataclass, from :class:`Sums` if two values can be added,
+and from :class:`Shown` if the type may hold large arrays and its ``repr`` must stay short.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -21,30 +25,38 @@ T = TypeVar("T", bound=np.generic)
 
 
 def sealed(array: NDArray[T]) -> NDArray[T]:
-    """Return an array itself, which nobody can write to any more: frozen dataclasses do not freeze their arrays."""
+    """Make an array read-only and return it: a frozen dataclass does not protect the contents of its arrays."""
     array.setflags(write=False)
     return array
 
 
 def joined(parts: Sequence[NDArray[T]]) -> NDArray[T]:
-    """Return the parts of a batch as one array."""
+    """Return the parts of a batch as one array; a single part is returned as it is, without a copy."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def picked(record: object, *names: str) -> dict[str, Any]:
-    """Return what a value holds under some names, by these names."""
+    """Return the named attributes of an object as a dictionary."""
     return {name: getattr(record, name) for name in names}
 
 
 _PLAIN = (str, int, float, type(None))
-_LONGEST, _LONGEST_TEXT, _MOST_ITEMS = 400, 40, 4
+"""Types whose default values a ``repr`` leaves out."""
+# Limits of a repr, chosen by hand: in a terminal it takes about five lines.
+_LONGEST = 400
+"""Characters."""
+_LONGEST_TEXT = 40
+"""Characters of one field."""
+_MOST_ITEMS = 4
+"""Items of a collection that are listed; of a longer one, only their number is shown."""
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 class Frozen:
-    """Classes that derive from it are dataclasses that nobody changes; ``class Name(Frozen, eq=False)`` gives options.
+    """Makes every class that derives from it a frozen dataclass.
 
-    What holds arrays is compared by identity, with ``eq=False``: ``==`` of arrays has no single answer.
+    ``class Name(Frozen, eq=False)`` passes options to :func:`dataclasses.dataclass`. Classes with
+    array fields pass ``eq=False`` and are compared by identity: ``==`` of arrays has no single answer.
     """
 
     def __init_subclass__(cls, **options: bool) -> None:
@@ -52,55 +64,66 @@ class Frozen:
 
 
 class Sums(Frozen, eq=False):
-    """A value that adds up field by field."""
+    """A value of which two can be added: ``+`` adds them field by field, as :func:`added` does."""
 
     def __add__(self, other: Self) -> Self:
-        return type(self)(
-            *(added(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
-        )
+        sums = {}
+        for item in fields(self):
+            sums[item.name] = added(getattr(self, item.name), getattr(other, item.name))
+        return type(self)(**sums)
 
 
-def added(one: Any, other: Any) -> Any:
-    """Add two values: dictionaries key by key, of which each may lack some; all else by ``+``."""
-    if not isinstance(one, dict):
-        return one + other
-    return {
-        **one,
-        **{key: added(one[key], found) if key in one else found for key, found in other.items()},
-    }
+def added(left: Any, right: Any) -> Any:
+    """Return the sum of two values.
+
+    Dictionaries are added key by key; a key that only one of them has keeps its value. Everything
+    else is added with ``+``.
+    """
+    if not isinstance(left, dict):
+        return left + right
+    sums = dict(left)
+    for key, value in right.items():
+        sums[key] = added(left[key], value) if key in left else value
+    return sums
 
 
 class Shown(Frozen, eq=False):
-    """A value that says what it holds, except usual values, in at most 400 characters; compared by identity."""
+    """A value with a short ``repr``; compared by identity.
+
+    The ``repr`` leaves out fields that have their default value, shows arrays by type and shape,
+    and is cut after 400 characters.
+    """
 
     def __init_subclass__(cls, **options: bool) -> None:
         super().__init_subclass__(**{"eq": False, "repr": False, **options})
 
     def __repr__(self) -> str:
-        parts = ((field, getattr(self, field.name)) for field in fields(self) if field.repr)
-        said = (
-            f"{f.name}={_part(part)}"
-            for f, part in parts
-            if not (isinstance(part, _PLAIN) and part == f.default)
-        )
-        text = f"{type(self).__name__}({', '.join(said)}"
+        shown = []
+        for item in fields(self):
+            value = getattr(self, item.name)
+            is_default = isinstance(value, _PLAIN) and value == item.default
+            if item.repr and not is_default:
+                shown.append(f"{item.name}={_short(value)}")
+        text = f"{type(self).__name__}({', '.join(shown)}"
         return f"{_cut(text, _LONGEST)})"
 
 
-def _part(value: Any) -> str:
-    """Return a field's value: itself where that is short, else what it is."""
+def _short(value: Any) -> str:
+    """Return the ``repr`` of a field's value or, if that is long, its type and size."""
     if hasattr(value, "shape") and hasattr(value, "dtype"):
         return str(value) if value.shape == () else f"<{value.dtype} {value.shape}>"
     if is_dataclass(value):
         name = getattr(value, "name", None)
-        return f"<{type(value).__name__}{f' {_part(name)}' if isinstance(name, str) else ''}>"
+        label = f" {_short(name)}" if isinstance(name, str) else ""
+        return f"<{type(value).__name__}{label}>"
     if isinstance(value, str | bytes):
         return repr(value) if len(value) <= _LONGEST_TEXT else f"{value[:_LONGEST_TEXT]!r}..."
     if isinstance(value, Mapping):
         return f"<{counted(len(value), 'entry', 'entries')}>"
     if isinstance(value, Collection) and not isinstance(value, range):
-        few = len(value) <= _MOST_ITEMS
-        return f"({', '.join(map(_part, value))})" if few else f"<{len(value)} items>"
+        if len(value) > _MOST_ITEMS:
+            return f"<{len(value)} items>"
+        return f"({', '.join(map(_short, value))})"
     return _cut(repr(value), _LONGEST_TEXT)
 
 
@@ -109,6 +132,9 @@ def _cut(text: str, most: int) -> str:
 
 
 def ranges(first: IntArray, length: IntArray) -> IntArray:
-    """Return the numbers of many ranges, one range after the other: 5, 6 and 2 for ranges from 5 and 2 of 2 and 1."""
-    begin = np.cumsum(length) - length
+    """Return the integers of many ranges, one range after the other.
+
+    Range k holds ``length[k]`` integers from ``first[k]`` on: first (5, 2) and length (2, 1) give 5, 6, 2.
+    """
+    begin = np.cumsum(length) - length  # where each range begins in the result
     return np.asarray(np.arange(length.sum()) + np.repeat(first - begin, length))

@@ -1,4 +1,4 @@
-"""Bounds that hold for any recording with a stated rate of events, on any kind of target.
+"""Bounds of time and memory that hold for every recording with at most some rate of events, on any kind of target.
 
 :mod:`hw_model.accounting.worst_case` says how they are found for a mesh of cores, and
 :mod:`hw_model.rtl.worst_case` for the open core.
@@ -12,7 +12,7 @@ from hw_model.targets import target_of
 
 @checked
 def worst_case(program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
-    """Bound latency, queues and the transpose buffer, whatever the input.
+    """Return bounds of latency, queues and the transpose buffer that no input exceeds.
 
     Recordings have ``rows`` rows, each with at most ``events_per_step`` events of all streams.
     """
@@ -21,12 +21,13 @@ def worst_case(program: ChipProgram, rows: int, events_per_step: int) -> WorstCa
 
 @checked
 def sustained_events(program: ChipProgram, rows: int, step_ns: float) -> int | None:
-    """Return the most events of a row that are always done within a step of ``step_ns``.
+    """Return the largest number of events of a row whose step always ends within ``step_ns``.
 
-    If every channel may have one, it is the number of channels; None if even silence may take too
-    long, as inner spikes alone do.
+    It is the number of channels if a row with an event on every channel is in time. It is None if
+    even a row without events may take too long, because of spikes inside the network.
     """
     channels = sum(program.streams.values())
+    # Bisection: the time only grows with the events. -1 stands for "not even 0 events".
     lowest = -1
     highest = channels
     while lowest < highest:

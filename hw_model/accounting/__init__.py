@@ -1,1 +1,1 @@
-"""From activity to counts, energy and latency."""
+"""Count what simulated recordings did on the chip, and multiply the counts by costs: energy and latency."""

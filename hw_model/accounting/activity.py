@@ -1,4 +1,13 @@
-"""Count what a batch did in a phase, from its spikes and from the effects of one spike of each source."""
+"""Count what a batch did in a phase: synaptic operations, packets, hops, updates.
+
+A spike of a source (an input line or a compartment) always has the same effects: it reaches the
+same synapses and sends the same packets. So these effects are collected once per phase, and counts
+are spikes times effects, either over whole recordings (:func:`count_totals`) or step by step and
+core by core, as latency needs them (:func:`count_steps`).
+
+A *piece* is the share of a group of compartments that lies on one core. A *way* is the path that
+packets take from a piece to another core (:mod:`hw_model.accounting.mesh_routes`).
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
@@ -14,7 +23,7 @@ from hw_model.values import ByteArray, Frozen, IntArray, Shown, ranges
 
 
 class StepActivity(Shown):
-    """One recording in one phase, step by step; several may be stacked, with one more dimension in front.
+    """The counts of one recording in one phase, step by step; :func:`stacked` ones have an axis of recordings in front.
 
     - ``by_piece[name]`` (steps, pieces), for each of :data:`hw_model.description.counts.BY_CORE`
     - ``packets`` (steps, ways): packets on each way of :class:`hw_model.accounting.mesh_routes.Routes`
@@ -40,21 +49,22 @@ class StepActivity(Shown):
         return {name: self.pieces.of_pieces(counts) for name, counts in self.by_piece.items()}
 
     def count(self, name: str) -> IntArray:
-        """Return a count, kept or derived, (steps, cores)."""
+        """Return a count, stored or derived, (steps, cores)."""
         if name == "packets_received":
-            arrived = self.input_packets.copy()
-            np.add.at(arrived.T, self.routes.target, self.packets.T)
-            return arrived
+            received = self.input_packets.copy()
+            # Several ways end at the same core, and `+=` would add only one of them.
+            np.add.at(received.T, self.routes.target, self.packets.T)
+            return received
         return counted(self.by_core, name)
 
 
-def counted(kept: Mapping[str, IntArray], name: str) -> IntArray:
-    """Return a count, either one that is kept or one derived from these."""
+def counted(counts: Mapping[str, IntArray], name: str) -> IntArray:
+    """Return one of the counts, or one that is derived from them."""
     if name == "neuron_updates_inactive":
-        return kept["neuron_updates"] - kept["neuron_updates_active"]
+        return counts["neuron_updates"] - counts["neuron_updates_active"]
     if name == "hops":
-        return kept["hops_x"] + kept["hops_y"]
-    return kept[name]
+        return counts["hops_x"] + counts["hops_y"]
+    return counts[name]
 
 
 def stacked(items: Sequence[StepActivity]) -> StepActivity:
@@ -74,7 +84,8 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
 
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
 """Counts that are sums over the spikes and input events of a recording."""
-_ADDED_UP = np.array([COUNTED.index(name) for name in (*PER_SPIKE, *TOTALS, *PLAYED)])
+_COLUMNS_OF_TOTALS = np.array([COUNTED.index(name) for name in (*PER_SPIKE, *TOTALS, *PLAYED)])
+"""Columns of a table of counts, in the order in which :func:`count_totals` has them."""
 
 
 def count_totals(
@@ -82,9 +93,12 @@ def count_totals(
 ) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times their effects."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
-    # Twice as fast as a product of matrices; that of floats would wake threads, which then wait at full speed.
+    # b: recording, s: source, c: count. Twice as fast as numpy's `@`, which has no fast product of integers; that of
+    # floats would wake the threads of BLAS, which then spin while they wait.
     of_spikes = np.einsum("bs,cs->bc", trace.sent, fan_out(program, phase))
-    table[:, _ADDED_UP] = np.concatenate((of_spikes, trace.totals, played.counts.T), axis=1)
+    table[:, _COLUMNS_OF_TOTALS] = np.concatenate(
+        (of_spikes, trace.totals, played.counts.T), axis=1
+    )
     return table
 
 
@@ -115,9 +129,9 @@ def count_steps(
 
 
 def busiest_activity(program: ChipProgram, phase: str, sent: ByteArray) -> StepActivity:
-    """Count what spikes (steps, lines + columns) do in steps in which every compartment has work.
+    """Count what spikes, (steps, lines + columns), do in steps in which every compartment is active.
 
-    It is for bounds: the spikes need not be those of any recording.
+    Worst cases are computed from it: the spikes need not be possible in any recording.
     """
     pieces = pieces_of(program, phase)
     counts = _effects_of_spikes(program, phase).of(sent)
@@ -135,7 +149,7 @@ def busiest_activity(program: ChipProgram, phase: str, sent: ByteArray) -> StepA
 
 
 class _Effects(Frozen, eq=False):
-    """What a spike of each source (input lines, then columns) adds to a table of counts, a row a step.
+    """What a spike of each source (input lines, then columns) adds to a table of counts with a row per step.
 
     The entries of a source follow each other: those of source s are ``entries[s]`` many, from
     ``first_entry[s]`` on. Entry k adds ``amount[k]`` to column ``table_column[k]`` of the table.
@@ -157,6 +171,7 @@ class _Effects(Frozen, eq=False):
         entries = self.entries[source]
         entry = ranges(self.first_entry[source], entries)
         cell = np.repeat(step, entries) * self.width + self.table_column[entry]
+        # `bincount` with weights adds in float64, which is exact: sums of small integers stay below 2^53.
         sums = np.bincount(cell, self.amount[entry], steps * self.width)
         table = sums.reshape(steps, self.width).astype(np.int64)
         return {name: table[:, columns] for name, columns in self.columns.items()}
@@ -173,7 +188,10 @@ class _Entries(Frozen, eq=False):
 
 @lru_cache(maxsize=8)
 def _effects_of_spikes(program: ChipProgram, phase: str) -> _Effects:
-    """Collect the effects of the spikes of a phase, and sort them by source. Programs are hashed by identity."""
+    """Collect the effects of the spikes of a phase, sorted by source.
+
+    The cache is keyed by the identity of the program.
+    """
     pieces = pieces_of(program, phase)
     routes = routes_of(program, phase)
     cores = program.cores_of(phase)
@@ -196,6 +214,7 @@ def _effects_of_spikes(program: ChipProgram, phase: str) -> _Effects:
     table_column = np.concatenate([columns[part.count].start + part.column for part in parts])
     amount = np.concatenate([part.amount for part in parts])
     by_source = np.argsort(source, kind="stable")
+    # Most packets add nothing to some counts, such as hops within a tile: entries of 0 only take time.
     by_source = by_source[amount[by_source] > 0]
     entries = np.bincount(source[by_source], minlength=lines + compartments)
     return _Effects(
@@ -209,7 +228,7 @@ def _effects_of_spikes(program: ChipProgram, phase: str) -> _Effects:
 
 
 def _side_by_side(width_of: Mapping[str, int]) -> dict[str, slice]:
-    """Return the columns of each count in a table that holds them all, given how many each has."""
+    """Return the columns of each count in a table that holds all of them side by side."""
     columns = {}
     begin = 0
     for name, width in width_of.items():
@@ -221,7 +240,10 @@ def _side_by_side(width_of: Mapping[str, int]) -> dict[str, slice]:
 def _effects_of_sending(
     pieces: Pieces, routes: Routes, lines: int, compartments: int
 ) -> Iterator[_Entries]:
-    """Yield what a spike of a compartment does until its packets arrive; it is source ``lines`` + its column."""
+    """Yield the effects of a spike of a compartment up to the arrival of its packets.
+
+    The compartment of column c is source ``lines + c``.
+    """
     compartment = np.arange(compartments)
     yield _Entries("spikes", lines + compartment, pieces.of_column, np.ones_like(compartment))
     column, way, packets = routes.sent
@@ -231,7 +253,7 @@ def _effects_of_sending(
 
 
 def _effects_on_buffer(program: ChipProgram, phase: str) -> _Entries:
-    """Return that events of transposed inputs are read from the transpose buffer."""
+    """Return the effect of input events that come out of the transpose buffer: one read each."""
     inputs = program.inputs_of(phase)
     is_transposed = np.repeat(
         [item.positions is not None for item in inputs], [item.size for item in inputs]
@@ -241,7 +263,10 @@ def _effects_on_buffer(program: ChipProgram, phase: str) -> _Entries:
 
 
 def _effects_on_synapses(core: Core, sources: IntArray, first_piece: int) -> _Entries:
-    """Return the synapses that a spike reaches in each piece of a core, whose axons come from ``sources``."""
+    """Return how many synapses a spike reaches in each piece of a core.
+
+    Axon a of the core is driven by ``sources[a]``. ``first_piece`` is the number, in the phase, of the core's first.
+    """
     axons = core.axons
     pieces = len(core.slices)
     piece_of_synapse = core.slice_of_compartment[axons.target]
@@ -252,7 +277,7 @@ def _effects_on_synapses(core: Core, sources: IntArray, first_piece: int) -> _En
 
 
 def _effects_of_arriving(core_index: int, input_lines: IntArray) -> _Entries:
-    """Return that an input event is a packet to each core that it reaches."""
+    """Return the packets of input events to a core: one per event of a line that reaches it."""
     core = np.full_like(input_lines, core_index)
     return _Entries("input_packets", input_lines, core, np.ones_like(input_lines))
 

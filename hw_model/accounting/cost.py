@@ -1,13 +1,16 @@
-"""Energy and latency: counts times costs, and nothing else. Here a picojoule is multiplied.
+"""Energy and latency of recordings: counts multiplied by the costs of a profile.
 
-A step of a phase, on all cores at the same time, until the barrier::
+A :class:`hw_model.description.profile.Profile` holds published picojoules and nanoseconds per
+operation. Energy is a sum over all operations. Latency is the length of the critical path: all
+cores run a step at the same time, and a barrier keeps the next step from beginning before the last
+core is done. In a step, each core does this, in this order::
 
     updates -> sending -> mesh -> deliveries -> synapses
                                   (begin after the last packet to this core has arrived)
 
 A packet leaves after its core has finished updates and sending. It takes the time of its hops, X first, then Y. A link
-passes one packet in the time of a hop, so the packet also waits, on the busiest link of its way, for all other packets
-of that step.
+between two tiles of the mesh passes one packet in the time of a hop, so the packet also waits, on the busiest link of
+its way, for all other packets of that step.
 """
 
 import math
@@ -24,6 +27,7 @@ from hw_model.io.given import check_argument, checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
 
+# The operations of each part of a step, by the names of counts.
 UPDATES = ("neuron_updates", "neuron_updates_active", "neuron_updates_inactive")
 SENDING = ("spikes", "axon_packets", "packets_within_tile")
 DELIVERIES = ("packets_received",)
@@ -34,19 +38,19 @@ PARTS = ("updates", "sending", "mesh", "buffer", "deliveries", "synapses", "barr
 
 @checked
 def energy_pj(counts: Counts, profile: Profile) -> dict[str, float]:
-    """Return picojoules by operation: each count times its cost. Counts without a price are not in it."""
+    """Return picojoules by operation: each count times its cost, for the counts that the profile has a cost of."""
     return {name: counts[name] * cost for name, cost in profile.energy_pj.items()}
 
 
 class Latency(Shown):
-    """The time of one recording, whose phases follow each other. It does not include input from the host."""
+    """The time of one recording, whose phases run one after the other, without the time of input from the host."""
 
     total_ns: float
     by_phase_ns: Mapping[str, float]
     critical_core: int
-    """The core that finished last in the steps with most of the time."""
+    """The core that finished last in the steps whose times add up to the most."""
     after_last_row_ns: float
-    """The time left when the last row has arrived: for its step, and for phases that need the whole recording."""
+    """From the arrival of the last row to the end: its own step, and all phases that need the whole recording."""
     slowest_step_ns: float
     """The longest step for a row of the recording; 0 if no phase plays rows as they arrive."""
 
@@ -56,7 +60,8 @@ class StepTimes(Frozen, eq=False):
 
     - ``work_ns[count]``: the work of a core on each operation
     - ``buffer_ns``: reading the transpose buffer, before the core's deliveries
-    - ``mesh_ns``: from leaving a core to arriving at another; 0 on ways without packets; ``used`` marks ways with some
+    - ``mesh_ns``: from leaving a core to arriving at another, on each way; 0 on ways without packets
+    - ``used`` (..., steps, ways): whether a way has any packet
     - ``barrier_ns``: from the last core to the end of the step; ``runs`` (..., steps) marks the steps that are run
     """
 
@@ -83,7 +88,7 @@ class StepTimes(Frozen, eq=False):
     @property
     def begin_ns(self) -> FloatArray:
         """When each core begins to handle what has arrived, (..., steps, cores)."""
-        begin_ns = self.sent_ns
+        begin_ns = self.sent_ns  # a property: a fresh array, which may be changed in place
         # On ways without packets nothing arrives: 0 delays no core.
         arrived_ns = (begin_ns[..., self.routes.source] + self.mesh_ns) * self.used
         np.maximum.at(begin_ns.T, self.routes.target, arrived_ns.T)
@@ -122,7 +127,10 @@ class CriticalPath(Frozen, eq=False):
 def latency(
     program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile
 ) -> Latency:
-    """Return the time of one recording, given its activity by phase."""
+    """Return the time of one recording, given its activity by phase.
+
+    Raises ``InputError`` for an unknown phase.
+    """
     known = [phase.name for phase in program.phases]
     for phase, steps in activity.items():
         check_known("latency, activity", f"there is no phase {phase!r}", str(phase), known)
@@ -145,10 +153,12 @@ def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -
         by_phase_ns[phase] = float(step_ns.sum())
         plays_rows = any(item.positions is None for item in program.inputs_of(phase))
         if plays_rows:
+            # Such a phase runs while rows arrive: only the step of the last row is left at the end.
             after_last_row_ns += float(step_ns[-1])
             slowest_step_ns = max(slowest_step_ns, float(step_ns.max()))
         else:
             after_last_row_ns += by_phase_ns[phase]
+        # From indices of the phase's cores to those of the program.
         numbers = np.array([core.number for core in program.cores_of(phase)])
         np.add.at(ns_by_last_core, numbers[path.last], step_ns)
     return Latency(
@@ -170,7 +180,7 @@ def step_times(
     tiles_in_use = len({chip.tile_of(core.slot) for core in cores})
     event_ns = chip.transpose_buffer.cycles_per_event / chip.clock_ghz
     buffer_ns = steps.buffered * event_ns
-    # The time of hops is counted way by way, in mesh_ns.
+    # Hops of different packets overlap in time: `_mesh_ns` computes them way by way.
     work_ns = {
         name: steps.count(name).astype(np.float64) * cost_ns
         for name, cost_ns in profile.time_ns.items()
@@ -188,12 +198,16 @@ def step_times(
 
 
 def critical_path(times: StepTimes) -> CriticalPath:
-    """Follow every step back from the core that finishes last to the packet that it waited for, and to its sender."""
+    """Return the critical path of every step.
+
+    It is followed backwards: from the core that finishes last to the packet that it waited for, and to its sender.
+    """
     last = times.core_ns.argmax(axis=-1)
     routes = times.routes
     sent_ns = times.sent_ns
     sender = last.copy()
     mesh_ns = np.zeros(last.shape)
+    # Without a packet that arrives later, the last core begins as soon as its own work is done.
     latest = _at(sent_ns, last)
     for way in np.flatnonzero(routes.source != routes.target):
         arrived = sent_ns[..., routes.source[way]] + times.mesh_ns[..., way]
@@ -215,7 +229,7 @@ def critical_path(times: StepTimes) -> CriticalPath:
 
 
 def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
-    """Return the time on each way in each step, (..., steps, ways): for its hops, and waiting on its busiest link."""
+    """Return the time on each way in each step, (..., steps, ways): its hops, and waiting on its busiest link."""
     cost_x = profile.time_ns.get("hops_x", 0.0)
     cost_y = profile.time_ns.get("hops_y", 0.0)
     has_packets = packets > 0
@@ -223,10 +237,13 @@ def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
         routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y
     )
     if routes.links:
-        waits = np.maximum(routes.loads(packets) - 1, 0) * np.where(routes.along_y, cost_y, cost_x)
+        cost_of_link = np.where(routes.along_y, cost_y, cost_x)
+        # A packet waits for all others of the step on a link, but not for itself.
+        waits = np.maximum(routes.loads(packets) - 1, 0) * cost_of_link
         # The last column stands for no link: it is what the -1 after a way's last link refers to.
         waits = np.concatenate((waits, np.zeros((*waits.shape[:-1], 1))), axis=-1)
         longest = np.zeros(packets.shape)
+        # The first links of all ways, then their second ones, and so on.
         for k in range(routes.over.shape[1]):
             np.maximum(longest, waits[..., routes.over[:, k]], out=longest)
         mesh_ns = mesh_ns + has_packets * longest
@@ -234,5 +251,5 @@ def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
 
 
 def _at(values: FloatArray, core: IntArray) -> FloatArray:
-    """Return the value of one core in each step, (..., steps)."""
+    """Return, for each step, the value of the core with the index given for it, (..., steps)."""
     return np.take_along_axis(values, core[..., None], axis=-1)[..., 0]

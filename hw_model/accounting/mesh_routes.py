@@ -1,4 +1,9 @@
-"""The ways of spikes between the cores of a phase: X first, then Y, link by link."""
+"""Which ways packets take through the mesh of a chip, from core to core of a phase.
+
+Cores sit in tiles of a two-dimensional mesh. A packet first travels east or west (X), then north or
+south (Y). A *link* leads from one tile to a neighbour; a *way* is the sequence of links from a
+*piece*, the compartments of one group on one core, to a core that receives its spikes.
+"""
 
 from collections.abc import Iterable, Iterator
 from functools import cached_property, lru_cache
@@ -15,15 +20,15 @@ Tile = tuple[int, int]
 Link = tuple[Tile, Tile]
 """From a tile to the next."""
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
-"""Counts of a packet that its way determines."""
+"""What a packet adds to on its way: one for itself, one if it stays within its tile, and its hops."""
 
 
 class Routes(Frozen, eq=False):
     """The ways that packets of a phase can take, sorted by the piece that sends them.
 
-    - Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core
+    - way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core
       ``target[r]`` (indices of the phase's cores). Its length is ``hops[r]`` (east-west, north-south), and it takes the
-      links ``over[r]`` (longest way,), filled up with -1.
+      links ``over[r]`` (longest way,), padded with -1
     - ``links[l]``: (column, row) of the tile that a link leaves, and of the one that it enters; ``along_y[l]`` is
       1 if it goes north or south, 0 if east or west
     - ``sent`` (3, entries): a column of the phase's spikes (:meth:`ChipProgram.columns_of_core`), a way, and how many
@@ -58,7 +63,10 @@ class Routes(Frozen, eq=False):
 
 @lru_cache(maxsize=8)
 def routes_of(program: ChipProgram, phase: str) -> Routes:
-    """Return the ways of a phase. Programs are hashed by identity, and never change."""
+    """Return the ways of a phase.
+
+    The cache is keyed by the identity of the program, which never changes.
+    """
     cores = program.cores_of(phase)
     index_of = {core.number: index for index, core in enumerate(cores)}
     pieces = pieces_of(program, phase)
@@ -67,7 +75,7 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
     for index, core in enumerate(cores):
         column = program.columns_of_core(core)[core.axons.out_compartment]
         piece_in_core = core.slice_of_compartment[core.axons.out_compartment]
-        # A way for each piece of this core and core that it sends to; they are added below, in this order.
+        # One way per pair of a piece of this core and a receiving core; `_Ways` gets them below, in this order.
         ends = np.stack((piece_in_core, core.axons.out_core))
         ends_of_way, way_of_axon = np.unique(ends, axis=1, return_inverse=True)
         # numpy 2.0 alone gives the inverse a second axis.
@@ -96,7 +104,7 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
 
 
 class _Ways:
-    """The ways that were found so far, and the numbers of the links that they take."""
+    """Collects ways, and numbers the links that they take in the order of first use."""
 
     def __init__(self) -> None:
         self.piece: list[int] = []
@@ -109,12 +117,12 @@ class _Ways:
         return len(self.piece)
 
     def add_links(self, links: Iterable[Link]) -> None:
-        """Add the links of the next way; a link gets the next number when it is first taken."""
+        """Add the links of the next way; a link that no earlier way takes gets the next number."""
         numbers = self.number_of_link
         self.links.append([numbers.setdefault(link, len(numbers)) for link in links])
 
     def over(self) -> IntArray:
-        """Return the links of all ways (ways, longest way), filled up with -1."""
+        """Return the links of all ways, (ways, longest way), padded with -1."""
         longest = max(map(len, self.links), default=0)
         over = np.full((len(self.links), longest), -1, dtype=np.int64)
         for way, links in enumerate(self.links):
@@ -133,4 +141,5 @@ def _links(program: ChipProgram, source: Core, target: Core) -> Iterator[Link]:
     to_x, to_y = program.chip.tile_of(target.slot)
     along_x = [(at, y) for at in range(x, to_x, 1 if to_x > x else -1)]
     along_y = [(to_x, at) for at in range(y, to_y, 1 if to_y > y else -1)]
+    # Both ranges end before their goal: the corner is the first of `along_y`, and the last tile is added.
     yield from pairwise([*along_x, *along_y, (to_x, to_y)])

@@ -1,4 +1,8 @@
-"""Sums of what recordings did and how long it took: by phase, step, piece of a core, link and critical path."""
+"""Sums over recordings for the report: counts, packets and time by phase, step, piece, link and critical path.
+
+A *piece* is the share of a group of compartments on one core, a *link* leads from a tile of the mesh
+to its neighbour, and a *way* is the sequence of links from a piece to a core.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -14,18 +18,18 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.values import FloatArray, IntArray, Sums, added
 
 MAX_TOGETHER = 1 << 21
-"""Largest number of steps times ways that is held at a time."""
+"""Largest number of steps times ways that is held at a time, some 16 MiB per array; chosen by hand."""
 
 
 class PhaseUsage(Sums, eq=False):
     """Sums over recordings in one phase.
 
     - ``counts[name]`` (steps, pieces), for each of :data:`hw_model.description.counts.BY_CORE`
-    - ``link_packets`` (links,), and ``link_most`` (links,): the most in one step of one recording
-    - ``step_ns`` (steps,)
-    - ``parts_ns[part]``: critical paths by :data:`hw_model.accounting.cost.PARTS`
+    - ``link_packets`` (links,): packets on each link; ``link_most`` (links,): the most in one step of one recording
+    - ``step_ns`` (steps,): the time of each step
+    - ``parts_ns[part]``: time on critical paths, by :data:`hw_model.accounting.cost.PARTS`
     - ``busy_ns[part]`` (cores,): the work of each core, critical or not
-    - ``paths_ns``: time of the steps by sender and last core
+    - ``paths_ns[sender, last]``: time of the steps in which core ``last`` finished last, after waiting for ``sender``
     """
 
     counts: Mapping[str, IntArray]
@@ -37,6 +41,7 @@ class PhaseUsage(Sums, eq=False):
     paths_ns: Mapping[tuple[int, int], float]
 
     def __add__(self, other: Self) -> Self:
+        # All fields are sums except `link_most`, a maximum.
         return replace(
             super().__add__(other), link_most=np.maximum(self.link_most, other.link_most)
         )
@@ -45,7 +50,10 @@ class PhaseUsage(Sums, eq=False):
 def measure(
     program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile
 ) -> tuple[list[cost.Latency], dict[str, PhaseUsage]]:
-    """Return the latency of each recording, and the sums over all by phase; recordings must be of equal length."""
+    """Return the latency of each recording, and the sums over all recordings by phase.
+
+    Recordings must be of equal length.
+    """
     latencies: list[cost.Latency] = []
     usages = []
     for part in _parts(activity):
@@ -56,12 +64,10 @@ def measure(
         }
         paths = {phase: cost.critical_path(of_phase) for phase, of_phase in times.items()}
         usages.append({phase: _usage(steps[phase], times[phase], paths[phase]) for phase in steps})
-        for i in range(len(next(iter(part.values())))):
-            latencies.append(
-                cost.recording_latency(
-                    program, {phase: _one(path, i) for phase, path in paths.items()}
-                )
-            )
+        recordings = len(next(iter(part.values())))
+        for recording in range(recordings):
+            path_by_phase = {phase: _path_of(path, recording) for phase, path in paths.items()}
+            latencies.append(cost.recording_latency(program, path_by_phase))
     return latencies, reduce(added, usages)
 
 
@@ -71,7 +77,10 @@ def total_ns(
     profile: Profile,
     part: str = "",
 ) -> float:
-    """Return the total time of all recordings, for all cores or for those whose groups begin with ``part``."""
+    """Return the total time of all recordings, in nanoseconds.
+
+    With ``part``, only cores whose first group has a name that begins with it count, as if the others were not there.
+    """
     total = 0.0
     for some in _parts(activity):
         for phase, items in some.items():
@@ -88,7 +97,7 @@ def total_ns(
 def _parts(
     activity: Mapping[str, Sequence[StepActivity]],
 ) -> Iterator[dict[str, Sequence[StepActivity]]]:
-    """Yield recordings in parts that are small enough to hold step by step and way by way."""
+    """Yield the recordings in parts that are small enough to hold step by step and way by way."""
     ways_of_recording = sum(
         items[0].packets.size + items[0].input_packets.size for items in activity.values()
     )
@@ -101,7 +110,7 @@ def _parts(
 
 
 def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) -> PhaseUsage:
-    """Add up recordings (recordings, steps, ...)."""
+    """Sum over :func:`stacked` recordings, (recordings, steps, ...)."""
     loads = steps.routes.loads(steps.packets)
     parts = {
         "updates": cost.UPDATES,
@@ -120,16 +129,20 @@ def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) 
     )
 
 
-def _one(path: cost.CriticalPath, recording: int) -> cost.CriticalPath:
+def _path_of(path: cost.CriticalPath, recording: int) -> cost.CriticalPath:
+    """Return the critical path of one of the recordings."""
     parts_ns = {part: ns[recording] for part, ns in path.parts_ns.items()}
     return cost.CriticalPath(path.last[recording], path.sender[recording], parts_ns)
 
 
 def _paths_ns(path: cost.CriticalPath) -> dict[tuple[int, int], float]:
-    """Add up the time of steps by sender and last core."""
+    """Sum the time of steps by sender and last core."""
     cores = int(path.last.max()) + 1
-    pairs, which = np.unique(path.sender.ravel() * cores + path.last.ravel(), return_inverse=True)
-    spent = np.bincount(which, weights=path.step_ns.ravel())
-    return {
-        divmod(pair, cores): ns for pair, ns in zip(pairs.tolist(), spent.tolist(), strict=True)
-    }
+    # A pair of cores as one number, so that numpy can group by it; `divmod` takes it apart again.
+    pair_of_step = path.sender.ravel() * cores + path.last.ravel()
+    pairs, index_of_pair = np.unique(pair_of_step, return_inverse=True)
+    ns_of_pair = np.bincount(index_of_pair, weights=path.step_ns.ravel())
+    paths_ns = {}
+    for pair, ns in zip(pairs.tolist(), ns_of_pair.tolist(), strict=True):
+        paths_ns[divmod(pair, cores)] = ns
+    return paths_ns

@@ -1,13 +1,14 @@
-"""The longest that any input can take on a mesh of cores, as long as it keeps a rate of events.
+"""A bound on the time of any recording on a mesh of cores, given the most events that a row may have.
 
-The time of a step (:mod:`hw_model.accounting.cost`) only grows with spikes and events. So in every
-step of the bound all compartments spike that can cross their threshold at all, all work on
-something, and of the events that the rate allows those come that cost a core most, for each core::
+The time of a step (:mod:`hw_model.accounting.cost`) only grows with spikes and events. So the bound
+assumes that in every step all compartments spike that can cross their threshold at all, that all
+compartments are active, and, for each core separately, that the events are those that cost this
+core the most::
 
     step  <=  max over cores (time without events + the dearest events for that core) + barrier
 
-Through the transpose buffer, a step reads the rows of the channels that it visits: of each row, no
-more events than the rate allows in a step of the recording.
+Some phases read a recording channel by channel, through the transpose buffer: a step *visits* some
+channels and reads all rows of them, of each row no more events than a row may have.
 """
 
 from functools import lru_cache
@@ -24,17 +25,17 @@ from hw_model.range_proof import can_spike
 from hw_model.values import FloatArray, Frozen, Shown
 
 _LINES_TOGETHER = 256
-"""Input lines whose effects are counted at a time."""
+"""Input lines whose effects are counted at a time, which limits memory; chosen by hand."""
 
 
 class WorstCase(Shown):
-    """The most that a recording takes whose steps have at most ``events_per_step`` events, all streams together.
+    """Bounds for recordings whose rows have at most ``events_per_step`` events, all streams together.
 
     - ``slowest_step_ns``: for one row as it arrives; 0 if no phase plays rows as they arrive
     - ``answer_ns``: from the last row to the answer
     - ``recording_ns``: for all steps of all phases
-    - ``queued_packets``: on a link of the mesh in a step or, on the open core, spikes in its queue
-    - ``buffered_events``: in the transpose buffer
+    - ``queued_packets``: packets on a link of the mesh in a step or, on the open core, spikes in its queue
+    - ``buffered_events``: events in the transpose buffer
     """
 
     events_per_step: int
@@ -46,11 +47,11 @@ class WorstCase(Shown):
 
 
 class _PhaseCosts(Frozen, eq=False):
-    """What a phase can cost each core.
+    """The largest costs of a phase for each core.
 
-    - ``spikes_ns`` (cores,): when a core is done in a step in which all compartments spike that can
-    - ``direct_ns`` (channels + 1, cores): the dearest events of a row, by how many there are
-    - ``turned_ns[step]`` (visited channels + 1, cores): the same of all rows that a step reads
+    - ``spikes_ns`` (cores,): when a core is done in a step without events, if all compartments spike that can
+    - ``direct_ns[n]`` (cores,): the time of the n dearest events of a row that is played as it arrives
+    - ``turned_ns[step][n]`` (cores,): the time of the n dearest events of every row that a step reads from the buffer
     - ``link_packets``: the most on any link in a step
     """
 
@@ -63,7 +64,7 @@ class _PhaseCosts(Frozen, eq=False):
     link_packets: int
 
     def step_ns(self, events_per_step: int) -> FloatArray:
-        """Return a bound for every step, (steps,)."""
+        """Return a bound of the time of every step, (steps,)."""
         row = self.spikes_ns + of_dearest(self.direct_ns, events_per_step)
         bounds = np.full(self.steps, row.max() + self.barrier_ns)
         for step, turned_ns in enumerate(self.turned_ns):
@@ -107,7 +108,10 @@ def buffered_events(program: ChipProgram, rows: int, events_per_step: int) -> in
 
 @lru_cache(maxsize=32)
 def _phase_costs(program: ChipProgram, phase: Phase, rows: int) -> _PhaseCosts:
-    """Return the costs of a phase for recordings of ``rows`` rows. Programs are hashed by identity."""
+    """Return the costs of a phase for recordings of ``rows`` rows.
+
+    The cache is keyed by the identity of the program.
+    """
     profile = program.chip.costs
     inputs = program.inputs_of(phase.name)
     lines = sum(item.size for item in inputs)
@@ -133,7 +137,7 @@ def _phase_costs(program: ChipProgram, phase: Phase, rows: int) -> _PhaseCosts:
 def _times(
     program: ChipProgram, phase: Phase, activity: StepActivity, profile: Profile
 ) -> StepTimes:
-    """Return the times of a step in which every update takes as long as the dearer kind."""
+    """Return the times of a step in which every update is of the dearer kind, active or at rest."""
     active_ns = profile.time_ns.get("neuron_updates_active", 0.0)
     resting_ns = profile.time_ns.get("neuron_updates_inactive", 0.0)
     if resting_ns > active_ns:
@@ -148,9 +152,10 @@ def _line_costs(
     """Return what an event on each input line costs each core, (lines, cores)."""
     parts = [np.zeros((0, len(program.cores_of(phase.name))))]
     for first in range(0, lines, _LINES_TOGETHER):
-        some = np.arange(first, min(first + _LINES_TOGETHER, lines))
-        sent = np.zeros((len(some), lines + columns), dtype=np.uint8)
-        sent[np.arange(len(some)), some] = 1
+        line = np.arange(first, min(first + _LINES_TOGETHER, lines))
+        # A step for each line, in which only this line has an event.
+        sent = np.zeros((len(line), lines + columns), dtype=np.uint8)
+        sent[np.arange(len(line)), line] = 1
         activity = busiest_activity(program, phase.name, sent)
         times = step_times(program, phase.name, activity, profile)
         parts.append(times.buffer_ns + times.of(DELIVERIES + SYNAPSES))
@@ -158,7 +163,7 @@ def _line_costs(
 
 
 def _direct_costs(program: ChipProgram, phase: Phase, line_ns: FloatArray) -> FloatArray:
-    """Return what the dearest events of a row cost, by how many there are, (channels + 1, cores)."""
+    """Return the cost of the 0, 1, 2, ... dearest events of a row, (channels + 1, cores)."""
     by_channel: dict[str, FloatArray] = {}
     lines = program.lines_of(phase.name)
     for item in program.inputs_of(phase.name):
@@ -172,28 +177,30 @@ def _direct_costs(program: ChipProgram, phase: Phase, line_ns: FloatArray) -> Fl
 def _turned_costs(
     program: ChipProgram, phase: Phase, line_ns: FloatArray, rows: int, steps: int
 ) -> tuple[FloatArray, ...]:
-    """Return for every step what the dearest events of all rows cost, by how many a row has."""
+    """Return, for every step, the cost of the 0, 1, 2, ... dearest events of every row that it reads."""
     lines = program.lines_of(phase.name)
     turned = [item for item in program.inputs_of(phase.name) if item.positions is not None]
     if not turned:
         return ()
-    # Several inputs may read the same channel in one step: each of its events is then on a line of each.
-    read: list[dict[tuple[str, int], FloatArray]] = [{} for _ in range(steps)]
+    # By step and channel. Several inputs may read the same channel in one step: its events then cost the sum.
+    costs_of_step: list[dict[tuple[str, int], FloatArray]] = [{} for _ in range(steps)]
     for item in turned:
-        own_ns = line_ns[lines[item.name]]
-        for channel, (step, of_rows) in enumerate(_visits(item, own_ns, rows)):
+        ns_of_lines = line_ns[lines[item.name]]
+        for channel, (step, ns_of_rows) in enumerate(_visits(item, ns_of_lines, rows)):
             if step < steps:
-                before = read[step].get((item.stream, channel), np.zeros((rows, line_ns.shape[1])))
-                read[step][item.stream, channel] = before + of_rows
+                costs = costs_of_step[step]
+                key = (item.stream, channel)
+                before = costs.get(key, np.zeros((rows, line_ns.shape[1])))
+                costs[key] = before + ns_of_rows
     nothing = np.zeros((1, line_ns.shape[1]))
-    costs = []
-    for of_channels in read:
-        costs.append(_dearest_of_rows(list(of_channels.values())) if of_channels else nothing)
-    return tuple(costs)
+    dearest = []
+    for costs in costs_of_step:
+        dearest.append(_dearest_of_rows(list(costs.values())) if costs else nothing)
+    return tuple(dearest)
 
 
 def _visits(item: Input, line_ns: FloatArray, rows: int) -> list[tuple[int, FloatArray]]:
-    """Return for every channel the step at which it is read, and what its rows cost, (rows, cores)."""
+    """Return, for every channel, the step that reads it and the cost of an event of each row, (rows, cores)."""
     steps, first_lines = item.visits
     kept_rows = min(item.rows, rows)
     visits = []
@@ -205,13 +212,16 @@ def _visits(item: Input, line_ns: FloatArray, rows: int) -> list[tuple[int, Floa
 
 
 def _dearest_of_rows(channels: list[FloatArray]) -> FloatArray:
-    """Return what the dearest events of all rows cost, (channels + 1, cores); each is (rows, cores)."""
+    """Return the cost of the 0, 1, ... dearest events of every row, (channels + 1, cores).
+
+    ``channels`` are the costs of events of each channel, (rows, cores).
+    """
     of_rows: FloatArray = dearest_first(np.stack(channels)).sum(axis=1)
     return of_rows
 
 
 def dearest_first(costs: FloatArray) -> FloatArray:
-    """Return sums of the 0, 1, 2, ... largest along the first axis: (n, ...) becomes (n + 1, ...)."""
+    """Return the sums of the 0, 1, 2, ... largest numbers along the first axis: (n, ...) becomes (n + 1, ...)."""
     sums = np.zeros((len(costs) + 1, *costs.shape[1:]))
     np.cumsum(-np.sort(-costs, axis=0), axis=0, out=sums[1:])
     return sums

@@ -1,6 +1,7 @@
-"""The chip's integer arithmetic: every primitive once, its exact formula in the docstring, and the grids of weights.
+"""The integer primitives of Loihi-like chips, each with its exact formula, and the grids of weights.
 
-All values are int64 arrays holding integers that fit the chip's registers; no float enters here.
+:mod:`hw_model.arithmetic.loihi` writes the step of a compartment with them. All values are int64 arrays of integers
+that fit the chip's registers; floats only enter :meth:`WeightGrid.round`.
 Letters: ``x`` a register value, ``d`` an effective decay in 0..4096, ``m`` a weight mantissa, ``e`` an exponent.
 """
 
@@ -25,9 +26,12 @@ def decay(x: IntArray, d: IntArray | int) -> IntArray:
 
 
 def kept(x: IntArray, keep: IntArray | int) -> IntArray:
-    """Return ``x * keep / 4096``, truncated toward zero: a shift rounds down, so what is negative is raised first."""
-    product = x * keep
-    below_zero = product >> 63  # all bits of a negative number, else none
+    """Return ``x * keep / 4096``, truncated toward zero.
+
+    A shift rounds down, so 4095 is added to negative products first.
+    """
+    product = x * keep  # an array of its own, changed in place below: these lines run in every step
+    below_zero = product >> 63  # all 64 bits set if negative, else 0
     below_zero &= DECAY_ONE - 1
     product += below_zero
     product >>= DECAY_BITS
@@ -37,20 +41,25 @@ def kept(x: IntArray, keep: IntArray | int) -> IntArray:
 def kept_by_parts(
     x: Any, keep: Any, before: Callable[[Any, int], Any], short: Callable[[Any], Any]
 ) -> Any:
-    """Return the same of vectors: with x = 4096 a + b no product is wider than x, or than 24 bits.
+    """Return what :func:`kept` returns, for vectors of 32 bits, in which x * keep would not fit.
 
-    Shifts round down; 4095 more, all bits that stand before a negative a, makes that towards 0. ``before(a, n)`` gives
-    the first n bits of a, and ``short(a)`` may tell a compiler that a is a short factor: see :func:`high_part_fits`.
+    With x = 4096 a + b and 0 <= b < 4096, x * keep / 4096 = a * keep + b * keep / 4096, where no
+    product is wider than x or than 24 bits. The shift rounds down; adding 4095 for negative x makes
+    it round toward 0. Those 4095 are the highest 12 bits of a: all ones if a is negative, else 0.
+
+    ``before(a, n)`` returns the highest n bits of a as a number. ``short(a)`` returns a, and may
+    tell a compiler that it is a factor of few bits: see :func:`high_part_fits`.
     """
     high = x >> DECAY_BITS
     low = x & (DECAY_ONE - 1)
+    # Changes nothing, as keep is 0..4096: it shows a compiler that the factor is short.
     factor = keep & (2 * DECAY_ONE - 1)
     below_zero = before(high, DECAY_BITS)
     return short(high) * factor + ((low * factor + below_zero) >> DECAY_BITS)
 
 
 def high_part_fits(largest: int, bits: int) -> bool:
-    """Tell whether the a of every x within -largest..largest is a factor of so many bits, its sign among them."""
+    """Return whether a of :func:`kept_by_parts` fits ``bits`` bits with its sign, for all x in -largest..largest."""
     return largest < DECAY_ONE << bits - 1
 
 
@@ -73,6 +82,7 @@ def clip(x: IntArray, low: IntArray | int, high: IntArray | int) -> IntArray:
 def effective_weight(m: IntArray, e: IntArray | int) -> IntArray:
     """Return ``64 * floor(m * 2^e)``, weight by weight: a negative exponent loses low bits."""
     exponent = np.asarray(e, dtype=np.int64)
+    # numpy shifts by negative numbers are undefined: one of the two shifts is by 0.
     left = np.maximum(exponent, 0)
     right = np.maximum(-exponent, 0)
     return ((np.asarray(m, dtype=np.int64) << left) >> right) << WEIGHT_SHIFT
@@ -80,7 +90,9 @@ def effective_weight(m: IntArray, e: IntArray | int) -> IntArray:
 
 SignMode = Literal["mixed", "excitatory", "inhibitory"]
 SIGN_MODES: tuple[SignMode, ...] = get_args(SignMode)
+"""Signs of the weights of a synapse format: both, none below 0, or none above 0."""
 WEIGHT_BITS = (1, 2, 3, 4, 5, 6, 8)
+"""Widths of synapse formats. The chip has no format of 7 bits."""
 WEIGHT_EXPONENTS = range(-8, 8)
 
 
@@ -108,14 +120,14 @@ class WeightGrid(Frozen):
         return mantissas
 
     def off_grid(self, mantissas: IntArray) -> BoolArray:
-        """Mark the mantissas that this format cannot hold."""
+        """Return which mantissas this format cannot hold."""
         outside = (mantissas < self.low) | (mantissas > self.high)
         marked: BoolArray = outside | (mantissas % self.step != 0)
         return marked
 
 
 def weight_grid(weight_bits: int, sign_mode: SignMode) -> WeightGrid:
-    """Return the grid of a format; a width or sign mode that no format has is an ``InputError``."""
+    """Return the grid of a format. Raises ``InputError`` for a width or a sign mode that no format has."""
     if weight_bits not in WEIGHT_BITS:
         fix = "Choose one of 1, 2, 3, 4, 5, 6, 8."
         raise InputError("weight bits", f"no synapse format has {weight_bits} bits", fix=fix)

@@ -1,4 +1,7 @@
-"""The arithmetic of ``loihi-sim``, on one page: hold it next to the data sheet and read from top to bottom.
+"""The arithmetic of ``loihi-sim``, a chip like Intel's Loihi, on one page. Read it from top to bottom.
+
+This is the only definition of what a step does to a compartment: both engines, the open core's tests and the twin in
+floats run or are compared with the code below.
 
 REGISTERS of a compartment; all are 0 at rest. Bits are those of loihi-sim, and the sign comes on top.
 
@@ -7,13 +10,13 @@ REGISTERS of a compartment; all are 0 at rest. Bits are those of loihi-sim, and 
     v         23 bits   voltage                              is clipped to vmin..vmax
     blocked             refractory steps that are left
 
-PARAMETERS: a profile of compartments holds decays and refractory, each compartment its threshold and bias, and the
-core vmin and vmax.
+PARAMETERS: compartments with the same decays and refractory steps share them as a *profile*; each compartment has its
+own threshold and bias, and a core has one vmin and vmax.
 
-    decay_u, decay_v    0..4096               4096 parts lose so many in a step: 0 keeps all, 4096 nothing
+    decay_u, decay_v    0..4096               share lost per step, in 4096ths: 0 keeps all, 4096 nothing
     threshold           0..2^17 - 1           in units of 64
     bias                13 bits signed, times 2^(0..7)
-    refractory          1..63                 steps from a spike until the next at the least
+    refractory          1..63                 least number of steps from a spike to the next
     vmin, vmax          -(2^23 - 1) or 1 - 2^k, and 2^23 - 1 or 2^(9 + 2k) - 1
 
 SYNAPSES: a spike of row t, of an input or of a compartment, acts at step t + 1 + delay, delay 0..62. Its charge is
@@ -33,11 +36,12 @@ THE STEP, in the order of the code below:
 
     kept(x, decay) = x (4096 - decay) / 4096, truncated toward zero
 
-EVENTS that are counted: q wrapped; u wrapped, or u + bias did; v was clipped. Those of v, and of u + bias, not while
-blocked.
+EVENTS that are counted: q wrapped; u wrapped, or u + bias did; v was clipped. While a compartment is blocked, clips of
+v and wraps of u + bias have no effect and are not counted.
 
-Nothing below says what a number is: :class:`Operations` does. Integers of 64 bits make it the plain engine, vectors of
-a chunk of compartments the fast one, and floats of which some are truncated the twin that takes errors apart.
+The code below leaves open what a number is, and takes the operations on it from :class:`Operations`. With int64 arrays
+it is the plain engine, with vectors of 16 compartments the fast one, and with floats, some of them truncated, the twin
+that takes rounding errors apart.
 
 Two pages follow from this one: :mod:`hw_model.arithmetic.loihi_inverse` finds the settings for a
 trained network, and :mod:`hw_model.arithmetic.loihi_bounds` says how far registers can go.
@@ -61,16 +65,16 @@ if TYPE_CHECKING:
     from hw_model.description.chip import Registers
 
 UNIT = 1 << WEIGHT_SHIFT
-"""The least charge that a weight can be."""
+"""The smallest charge of a synapse that is not 0, in counts of a register. Charges are multiples of it."""
 
 Value = Any
 """A number of one or many compartments: it adds, subtracts and compares by Python's operators."""
 Truth = Any
-"""What comparing values gives: it combines by ``&``, ``|`` and ``~``."""
+"""The result of comparing values: it combines with ``&``, ``|`` and ``~``."""
 
 
 class Operations(Protocol):
-    """What the step is written over, next to sums, differences and comparisons."""
+    """The operations of a step, besides sums, differences and comparisons."""
 
     def wrap_charge(self, q: Value) -> Value:
         """Return q as its register holds it: in two's complement."""
@@ -79,7 +83,7 @@ class Operations(Protocol):
         """Return u, or u + bias, as the register of u holds it."""
 
     def charged(self, q: Value) -> Value:
-        """Return q in the unit of u: charges are multiples of 64, and may be collected as such."""
+        """Return q in the unit of u. Engines may add up charges in units of 64, as they are multiples of it."""
 
     def kept(self, x: Value, keep: Value) -> Value:
         """Return x keep / 4096, truncated toward zero."""
@@ -88,11 +92,11 @@ class Operations(Protocol):
         """Return the value nearest to v within low..high."""
 
     def select(self, condition: Truth, chosen: Value, otherwise: Value) -> Value:
-        """Return one value where the condition holds, and the other where not."""
+        """Return ``chosen`` where the condition holds, else ``otherwise``."""
 
 
 class Parameters(NamedTuple):
-    """Parameters as the step reads them: see :func:`keep_of`, :func:`bias_of` and :func:`threshold_of`."""
+    """Parameters as the step uses them: see :func:`keep_of`, :func:`bias_of` and :func:`threshold_of`."""
 
     keep_u: Value
     keep_v: Value
@@ -109,7 +113,7 @@ AT_REST = 0
 
 
 class State(NamedTuple):
-    """Registers between two steps."""
+    """Registers between two steps. ``blocked`` counts the refractory steps that are left."""
 
     u: Value
     v: Value
@@ -117,7 +121,11 @@ class State(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What charge does to a compartment before any threshold; ``..._sum`` is a number before its register holds it."""
+    """What charge does to a compartment before the threshold.
+
+    ``..._sum`` is an exact sum, and the name without ``_sum`` is what a register holds of it: wrapped or clipped.
+    ``drive`` is u + bias.
+    """
 
     charge_sum: Value
     q: Value
@@ -130,7 +138,10 @@ class Response(NamedTuple):
 
 
 class Step(NamedTuple):
-    """All that a step does: registers after it, whether it spikes, and v as the threshold saw it."""
+    """Everything that a step does: the registers after it, and what is recorded and counted.
+
+    ``potential`` is v as it was compared with the threshold, and ``live`` says which compartments were not blocked.
+    """
 
     state: State
     fired: Truth
@@ -140,7 +151,7 @@ class Step(NamedTuple):
 
 
 def step(ops: Operations, p: Parameters, state: State, charge: Value, joined: Value) -> Step:
-    """Take the charge that acts now, and the sum of the v of joined children."""
+    """Run one step. ``charge`` is the charge that acts now, and ``joined`` the sum of the v of joined children."""
     response = respond(ops, p, state.u, state.v, charge, joined)
     live, potential, fired = threshold(ops, p, state.blocked, response.v)
     v = reset(ops, potential, fired)
@@ -165,7 +176,7 @@ def respond(
 def threshold(
     ops: Operations, p: Parameters, blocked: Value, v: Value
 ) -> tuple[Truth, Value, Truth]:
-    """Return which are not blocked, v as the threshold sees it, and which spike."""
+    """Return which compartments are not blocked, v as it is compared with the threshold, and which spike."""
     live = blocked == 0
     potential = ops.select(live, v, AT_REST)
     fired = live & (potential > p.threshold)
@@ -173,27 +184,27 @@ def threshold(
 
 
 def reset(ops: Operations, potential: Value, fired: Truth) -> Value:
-    """Return v after the spikes of a step."""
+    """Return v after the step: 0 where it spiked."""
     return ops.select(fired, AT_REST, potential)
 
 
 def count_down(ops: Operations, p: Parameters, blocked: Value, fired: Truth) -> Value:
-    """Return how many steps are blocked after the spikes of a step."""
+    """Return how many refractory steps are left after the step."""
     fewer = ops.select(blocked == 0, 0, blocked - 1)
     return ops.select(fired, blocked_by_spike(p.refractory), fewer)
 
 
 def blocked_by_spike(refractory: Value) -> Value:
-    """Return how many steps a spike blocks, after its own."""
+    """Return how many steps a spike blocks, not counting its own: with refractory 1, none."""
     return refractory - 1
 
 
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
-"""What is counted of every step, by name."""
+"""The names of the events that are counted."""
 
 
 def events(response: Response, live: Truth) -> tuple[tuple[str, Truth], ...]:
-    """Return what wrapped or was clipped in a step: u and u + bias may both wrap, and then both count."""
+    """Return which compartments met an event in a step. If u and u + bias both wrap, both count."""
     r = response
     return (
         ("charge_wraps", r.q != r.charge_sum),
@@ -203,32 +214,33 @@ def events(response: Response, live: Truth) -> tuple[tuple[str, Truth], ...]:
     )
 
 
-# What can be held. Registers are those of a chip file.
+# Which values parameters and registers can hold; ``registers`` are the widths in a chip's YAML file.
 
 
 class Domain(NamedTuple):
-    """Whole numbers that a parameter may have: both ends are among them."""
+    """The integers that a parameter can be, from ``low`` to ``high`` inclusive."""
 
     low: int
     high: int
 
     def holds(self, values: IntArray | int) -> BoolArray:
-        """Mark the values that lie within."""
+        """Return which values lie in the domain."""
         array = np.asarray(values)
         return np.asarray((array >= self.low) & (array <= self.high))
 
 
 DECAYS = Domain(0, DECAY_ONE)
 KEEPS_ALL = DECAYS.low
+"""The decay that loses nothing."""
 FORGETS = DECAYS.high
 """The decay that keeps nothing."""
 MANTISSAS = Domain(-256, 255)
-"""Those of weights, in formats of any width."""
+"""Mantissas of weights over all synapse formats."""
 EXPONENTS = Domain(WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1])
 
 
 def domains(registers: "Registers") -> dict[str, Domain]:
-    """Return the domain of every parameter of compartments, and of delays, by name."""
+    """Return the domain of every parameter of a compartment, and of a delay, by name."""
     bias = half_range(registers.bias_mantissa_bits)
     return {
         "decay_u": DECAYS,
@@ -242,53 +254,58 @@ def domains(registers: "Registers") -> dict[str, Domain]:
 
 
 def voltage_minima(registers: "Registers") -> list[int]:
-    """Return what vmin of a core can be: ``1 - 2^k``, and the register's own end."""
+    """Return the values that vmin of a core can have: ``1 - 2^k``, the last of which is the register's own end."""
     return [1 - half_range(k) for k in range(registers.voltage_bits + 1)]
 
 
 def held_minimum(vmin: IntArray, registers: "Registers") -> IntArray:
-    """Return lower limits as cores hold them: ``1 - 2^k`` is defined up to k = 31, and ends with the register."""
+    """Return lower limits as cores hold them.
+
+    The format allows ``1 - 2^k`` up to k = 31; a limit below the register's end is that end. Other values stay as they
+    are, for a check to refuse.
+    """
     forms = [1 - half_range(k) for k in range(32)]
     within_register = np.maximum(vmin, -registers.voltage_max)
     return np.where(np.isin(vmin, forms), within_register, vmin)
 
 
 def voltage_maxima(registers: "Registers") -> list[int]:
-    """Return what vmax of a core can be: ``2^(9 + 2k) - 1``, and the register's own end."""
+    """Return the values that vmax of a core can have: ``2^(9 + 2k) - 1``, and the register's own end."""
     forms = [half_range(bits) - 1 for bits in range(9, registers.voltage_bits, 2)]
     return [*forms, registers.voltage_max]
 
 
 def charge_span(charge_bits: int) -> int:
-    """Return a span of units: q, of so many bits, lies within -span..span - 1."""
+    """Return the span, in units of 64, of a register of q with ``charge_bits`` bits: q is within -span..span - 1."""
     return half_range(charge_bits - WEIGHT_SHIFT)
 
 
 def largest_charge(charge_bits: int) -> int:
-    """Return the largest charge of a step, in units."""
+    """Return the largest charge of a step, in units of 64."""
     return charge_span(charge_bits) - 1
 
 
-# What a program holds, as the step reads it. A unit is the least charge that a weight can be, and 1 of a threshold.
+# Between numbers as a program stores them and numbers as the step uses them. A unit is the charge of a weight of 1, and
+# 1 in a stored threshold: 64 counts of a register.
 
 
 def acts_at(row: Value, delay: Value) -> Value:
-    """Return the step at which a spike of a row acts."""
+    """Return the step at which a spike of step ``row`` acts, over a synapse with a delay."""
     return row + 1 + delay
 
 
 def keep_of(decay: Value) -> Value:
-    """Return what a step keeps of 4096 parts."""
+    """Return the share that a step keeps, in 4096ths."""
     return DECAY_ONE - decay
 
 
 def bias_of(mantissa: IntArray, exponent: IntArray) -> IntArray:
-    """Return what a step adds to u on its way to v."""
+    """Return the bias, which a step adds to u before it drives v."""
     return mantissa << exponent
 
 
 def in_registers(units: Value) -> Value:
-    """Return so many units, fractions too, as registers hold them: times 64."""
+    """Return units, whole or not, in counts of a register: times 64."""
     return units * UNIT
 
 
@@ -298,15 +315,16 @@ def in_units(value: Value) -> Value:
 
 
 def whole_units(charge: Value) -> Value:
-    """Return whole units of a register's value, rounded down; charges are."""
+    """Return a register's value in whole units, rounded down. For charges, which are multiples of 64, it is exact."""
     return charge >> WEIGHT_SHIFT
 
 
 def threshold_of(mantissa: Value) -> Value:
-    """Return what v must exceed; the mantissa may be a fraction while one is looked for."""
+    """Return the value that v must exceed to spike. The compiler, which searches for one, also passes fractions."""
     return in_registers(mantissa)
 
 
 charge_of = effective_weight
 BITS_OF_UNITS = {"decay_bits": DECAY_BITS, "weight_shift": WEIGHT_SHIFT}
-"""By the names of files for other tools: 2^bits parts that a decay counts, and 2^shift of a register in a unit."""
+"""For files of other tools, under their names: a decay counts 2^decay_bits parts, and a unit is 2^weight_shift counts
+of a register."""

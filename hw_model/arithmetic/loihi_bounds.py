@@ -1,9 +1,11 @@
-"""How far registers of :mod:`hw_model.arithmetic.loihi` can go: closed forms, for proofs.
+"""Closed-form bounds of the registers of :mod:`hw_model.arithmetic.loihi`, for proofs that they cannot overflow.
 
-Both u and v follow ``x = kept(x, decay) + drive`` from x = 0, with ``kept(x, decay)`` = x times
+:mod:`hw_model.range_proof` and the layout of the fast engine use them. Both u and v follow
+``x = kept(x, decay) + drive`` from x = 0, with ``kept(x, decay)`` = x times
 (4096 - decay) / 4096, truncated toward zero. Spikes and refractory steps only bring v back to 0.
 
-Functions bound x from above. From below, bound -x for the drive -d.
+Functions bound x from above. To bound x from below, bound -x with the drive negated: truncation
+toward zero treats both signs alike.
 """
 
 from functools import lru_cache
@@ -17,12 +19,12 @@ from hw_model.values import BoolArray, FloatArray, IntArray
 
 
 def has_fraction(x: IntArray, decay: Value) -> BoolArray:
-    """Tell where truncation takes something of what a decay leaves of x: x keep / 4096 is not whole."""
+    """Return where truncation matters: where x * keep / 4096 is not a whole number."""
     return np.asarray(np.abs(x) * keep_of(decay) % DECAY_ONE != 0)
 
 
 def current_stays_below(limit: int, charge: FloatArray, decay: Value) -> BoolArray:
-    """Tell whether u stays within -limit..limit while every charge of a step is in -charge..charge.
+    """Return where u stays within -limit..limit if the charge of every step is within -charge..charge.
 
     In real numbers u tends to charge * 4096 / decay; truncation toward zero only lowers it.
     """
@@ -31,7 +33,7 @@ def current_stays_below(limit: int, charge: FloatArray, decay: Value) -> BoolArr
 
 
 def settles_at(drive: FloatArray, decays: IntArray) -> FloatArray:
-    """Return the highest x = kept(x, decay) + d from x = 0, where d <= drive in every step.
+    """Return the highest value of x = kept(x, decay) + d, from x = 0, if d <= drive in every step.
 
     ``drive`` holds whole numbers. A step takes ceil(x * decay / 4096) from x >= 0, so x grows until
     that is the drive or more. For whole numbers ceil(y) >= drive means y > drive - 1, so it settles
@@ -44,10 +46,10 @@ def settles_at(drive: FloatArray, decays: IntArray) -> FloatArray:
 
 
 def settles_untruncated(drive: FloatArray, decays: IntArray) -> FloatArray:
-    """Return the answer of the filter in real numbers to a drive in every step: drive * 4096 / decay.
+    """Return the value, without truncation, at which x settles under a steady drive: drive * 4096 / decay.
 
-    Truncation may take less from a sum than from its parts, so answers that are added up must
-    leave it out.
+    Truncation may remove less from a sum than from its terms. So where answers to several drives
+    are added up to a bound, each must be computed without truncation.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         # A drive of 0 settles at 0 without decay too, where the product is 0 * inf.
@@ -57,20 +59,22 @@ def settles_untruncated(drive: FloatArray, decays: IntArray) -> FloatArray:
 
 @lru_cache(maxsize=4096)
 def largest_answers(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
-    """Return the largest u and v, in real numbers, that a charge of 1 every ``period`` steps leads to.
+    """Return the largest u and v, without truncation, if a charge of 1 arrives every ``period`` steps.
 
-    With a and b for the shares that u and v keep in a step, and p for the period: m steps after a
-    charge, u holds a^m of it, and v holds h(m) = sum over i = 0..m of a^i b^(m-i), which is
+    Let a and b be the shares that u and v keep in a step, and p the period. m steps after a single
+    charge of 1, u is a^m, and v is h(m) = sum over i = 0..m of a^i b^(m-i), which is
 
         (a^(m+1) - b^(m+1)) / (a - b), or (m+1) a^m where a = b.
 
-    With all charges before, v holds the sum over k >= 0 of h(m + k p), a geometric series:
+    With all earlier charges, v is the sum over k >= 0 of h(m + k p), a geometric series:
 
         (a^(m+1) / (1 - a^p) - b^(m+1) / (1 - b^p)) / (a - b), or
         a^m ((m+1) / (1 - a^p) + p a^p / (1 - a^p)^2) where a = b.
 
-    It is largest at one of m = 0..p-1. u is largest just after a charge: 1 / (1 - a^p).
+    The charges repeat after p steps, so the largest v is at one of m = 0..p-1. u is largest just
+    after a charge: 1 / (1 - a^p).
     """
+    # A register that keeps everything grows with every charge.
     if decay_u == KEEPS_ALL:
         return np.inf, np.inf
     a = share_kept(decay_u)

@@ -1,12 +1,17 @@
-"""What a step is given in place of a bias, children or blocked steps where there are none."""
+"""Stand-ins for a bias, joined children or blocked steps, for compartments that have none.
+
+The step of :mod:`hw_model.arithmetic.loihi` adds and compares such values whether they exist or
+not. With :data:`NOTHING` in their place the sums and comparisons return at once, without a pass
+over an array.
+"""
 
 from typing import Any
 
 
 class Always:
-    """What holds of every compartment: to combine it with what holds of some takes no time."""
+    """A condition that is true of every compartment: ``&`` returns the other operand itself."""
 
-    __array_ufunc__ = None  # numpy then leaves it to this class
+    __array_ufunc__ = None  # makes numpy leave `array & ALWAYS` to this class
 
     def __and__(self, truth: Any) -> Any:
         return truth
@@ -15,15 +20,16 @@ class Always:
 
 
 class Nothing:
-    """A bias, what children pass, or blocked steps, where there are none: adding it takes no time."""
+    """A number that is 0 for every compartment: adding it returns the other operand itself."""
 
-    __array_ufunc__ = None
+    __array_ufunc__ = None  # makes numpy leave `array + NOTHING` to this class
     __hash__ = object.__hash__
 
     def __radd__(self, value: Any) -> Any:
         return value
 
     def __eq__(self, value: object) -> Any:
+        # The step asks `blocked == 0`, which is then true of every compartment.
         return ALWAYS if isinstance(value, int) and value == 0 else value is self
 
 

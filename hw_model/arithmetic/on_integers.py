@@ -1,4 +1,4 @@
-"""The step of :mod:`hw_model.arithmetic.loihi` on int64 arrays, in the units of the registers."""
+"""The operations of :mod:`hw_model.arithmetic.loihi` on int64 arrays: with them, its step is the plain engine."""
 
 import numpy as np
 
@@ -6,11 +6,12 @@ from hw_model.arithmetic.fixed_point import clip, half_range, kept, wrap
 from hw_model.values import BoolArray, Frozen, IntArray
 
 FEW = 512
-"""Numbers that are wrapped in less time than it takes to look whether any has to be."""
+"""Arrays of up to this many numbers are wrapped without looking whether any needs it, which would take longer.
+Chosen by hand."""
 
 
 class OnIntegers(Frozen):
-    """Registers of q and of u have so many bits, and a sign."""
+    """Operations for registers of q and u with these numbers of bits, plus a sign."""
 
     charge_bits: int
     current_bits: int
@@ -28,7 +29,7 @@ class OnIntegers(Frozen):
         return q
 
     def kept(self, x: IntArray, keep: IntArray) -> IntArray:
-        """Return what is left of x."""
+        """Return x keep / 4096, truncated toward zero."""
         return kept(x, keep)
 
     def clip(self, v: IntArray, low: IntArray | int, high: IntArray | int) -> IntArray:
@@ -38,12 +39,15 @@ class OnIntegers(Frozen):
     def select(
         self, condition: BoolArray, chosen: IntArray | int, otherwise: IntArray | int
     ) -> IntArray:
-        """Return one where the condition holds, and the other where not."""
+        """Return ``chosen`` where the condition holds, else ``otherwise``."""
         return np.where(condition, chosen, otherwise)
 
 
 class WithoutWraps(OnIntegers):
-    """The same where nothing wraps, as a proof knows: every operation then grows with what it is given."""
+    """The same for compartments that are proven never to wrap.
+
+    Without wraps every operation is monotone, so a step of lower bounds gives lower bounds of a step.
+    """
 
     def wrap_charge(self, q: IntArray) -> IntArray:
         """Return q itself."""
@@ -57,5 +61,5 @@ class WithoutWraps(OnIntegers):
 def _wrapped(x: IntArray, bits: int) -> IntArray:
     half = half_range(bits)
     if x.size > FEW and -half <= x.min() and x.max() < half:
-        return x  # nearly always
+        return x  # by far the most frequent case
     return wrap(x, bits)

@@ -1,20 +1,20 @@
-"""The arithmetic of SpiNNaker 1 with sPyNNaker's ``IF_curr_exp``, on one page: read downwards.
+"""The arithmetic of SpiNNaker 1 with sPyNNaker's ``IF_curr_exp``, on one page. Read it from top to bottom.
 
-A core is an ARM without floating point, and this is what its machine code computes in steps of
-1 ms. ``tests/peers/spinnaker_machine.py`` runs that machine code in an emulator, next to this page.
+A core is an ARM processor without floating point. This page is what its machine code computes in
+steps of 1 ms. ``tests/peers/spinnaker_machine.py`` runs that machine code in an emulator, next to this page.
 
 FORMATS
 
     s16.15    32 bits with a sign, in units of 2^-15. Sums and differences keep their low 32 bits,
-              without a word: here they *wrap*
+              without a warning: here they *wrap*
     u0.32     32 bits without a sign, in units of 2^-32
-    x >> n    of a product, all of whose 64 bits there are: rounded down, never to nearest
+    x >> n    shift of a product of 64 bits: rounded down, never to nearest
 
 REGISTERS of a neuron, with two receptors r: 0 excites, 1 inhibits
 
     V               membrane potential, s16.15 mV; v_init at first
     I_r             current of a receptor, s16.15 nA; 0 at first
-    refr            steps for which V still stays as it is; 0 at first
+    refr            refractory steps that are left, in which V does not move; 0 at first
     ring[slot, r]   weights that arrive in later steps; 16 bits without a sign, saturates
 
 PARAMETERS of a neuron, s16.15
@@ -26,7 +26,8 @@ PARAMETERS of a neuron, s16.15
 A core computes CONSTANTS from them when it starts, where a / b is (a << 15) div b:
 
     R       = tau_m / c_m                                s16.15, MOhm; wraps
-    e       = expk(-1 ms / tau_m)                        s16.15, what V keeps of its way to a goal
+    e       = expk(-1 ms / tau_m)                        s16.15, share of its distance to the goal
+                                                         that V keeps in a step
     d_r     = expulr(-1 ms / tau_syn_r)                  u0.32, what I_r keeps;
                                                          0 for more than 32,768 ms
     init_r  = tau_syn_r (2^32 - 1 - d_r) >> 15           u0.32, keeps its low 32 bits
@@ -77,11 +78,11 @@ RECEPTORS = 2
 """Receptors of a neuron."""
 EXCITATORY, INHIBITORY = range(RECEPTORS)
 SHIFT_MAX = 16
-"""The largest P_r with which the machine code was run and compared with this page."""
+"""The largest P_r for which the machine code was run and compared with this page."""
 DELAY_MIN = 1
 """Steps: a spike acts in the next step at the earliest."""
 LATENESS_MAX = 15
-"""Steps: the key of a spike carries the step that sent it modulo 16, which tells no more."""
+"""Steps: the key of a spike carries its step modulo 16, so a greater lateness could not be recognised."""
 EVENTS = (
     "ring_wraps",
     "current_wraps",
@@ -89,11 +90,11 @@ EVENTS = (
     "saturated_weights",
     "late_synapses",
 )
-"""What is counted, by name."""
+"""The names of the events that are counted."""
 
 
 class Parameters(NamedTuple):
-    """Of n neurons, in s16.15: tau_syn (n, receptors), all others (n,)."""
+    """The parameters of n neurons, in s16.15: tau_syn (n, receptors), all others (n,)."""
 
     tau_m: IntArray
     c_m: IntArray
@@ -107,7 +108,10 @@ class Parameters(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What a core computes of n neurons: synapse_* (n, receptors) in u0.32, all others (n,)."""
+    """What a core computes from the parameters of n neurons when it starts.
+
+    ``synapse_decay`` (d_r) and ``synapse_init`` (init_r) are (n, receptors) in u0.32, all others (n,).
+    """
 
     resistance: IntArray
     membrane_decay: IntArray
@@ -117,7 +121,7 @@ class Constants(NamedTuple):
 
 
 class State(NamedTuple):
-    """Registers between two steps: current (n, receptors), v and refractory (n,)."""
+    """Registers of n neurons between two steps: current (n, receptors), v and refractory (n,)."""
 
     v: IntArray
     current: IntArray
@@ -127,8 +131,8 @@ class State(NamedTuple):
 class Step(NamedTuple):
     """What a step of n neurons does.
 
-    ``state`` are the registers after it, ``potential`` (n,) V in s16.15 as the threshold saw it,
-    ``fired`` (n,) spikes, and ``wraps`` counts by their names in :data:`EVENTS`.
+    ``state`` are the registers after it, ``potential`` (n,) is V, s16.15, as it was compared with
+    the threshold, ``fired`` (n,) says who spiked, and ``wraps`` counts wraps by names of :data:`EVENTS`.
     """
 
     state: State
@@ -163,7 +167,7 @@ def quotient(numerator: IntArray | int, denominator: IntArray) -> IntArray:
 
 
 def initial_share(tau_syn: IntArray, synapse_decay: IntArray) -> IntArray:
-    """Return what of a weight reaches a current at once, u0.32.
+    """Return the share of a weight that reaches a current at once, u0.32.
 
     With it, the currents of all later steps add up to tau_syn times the weight.
     """
@@ -206,11 +210,11 @@ def expulr(x: int) -> int:
 def _exponential(x: int) -> int:
     """Return 2^32 e^x of x in s16.15.
 
-    x is a whole number, less whole sixteenths, less a rest below 1/16:
-    e^x = e^whole e^(-sixteenths / 16) e^-rest, where each factor below 1 is taken off as the share
-    of the product that it costs.
+    With x = whole - sixteenths / 16 - rest, where whole is an integer and 0 <= rest < 1/16,
+    e^x = e^whole e^(-sixteenths / 16) e^-rest. To multiply by a factor f below 1, the machine code
+    subtracts the share 1 - f of the product.
     """
-    whole = -(-x // ONE)
+    whole = -(-x // ONE)  # rounded up
     below = whole * ONE - x
     product = _power(whole)
     if below == 0:
@@ -248,7 +252,7 @@ def _lost_by_rest(y: int) -> int:
 def _share(wide: int, factor: int) -> int:
     """Return the share ``factor``, u0.32, of a number of 64 bits.
 
-    The machine multiplies the high and the low word of the number apart, and rounds only the
+    The machine multiplies the high and the low word of the number separately, and rounds only the
     product of the low word, to nearest.
     """
     high, low = divmod(wide, SPAN)
@@ -256,22 +260,22 @@ def _share(wide: int, factor: int) -> int:
 
 
 def of_each(function: Callable[[int], int], values: IntArray) -> IntArray:
-    """Return a function of every integer of an array; equal ones are computed once."""
+    """Apply a function to every integer of an array, once per value: neurons mostly share parameters."""
     distinct, index_of_distinct = np.unique(values, return_inverse=True)
     results = [function(value) for value in distinct.tolist()]
     return np.array(results, dtype=np.int64)[index_of_distinct].reshape(values.shape)
 
 
-# The step. Each formula is of arrays or of single numbers, and exact: its caller wraps it.
+# The step. The formulas take arrays or single numbers, so that loops can compile them, and do not wrap: callers do.
 
 
 def charged(current: IntArray, init: IntArray, shifted_ring: IntArray) -> IntArray:
-    """Return a current, s16.15, with its share ``init``, u0.32, of the weights of a slot."""
+    """Return a current, s16.15, plus the share ``init``, u0.32, of the weights of a slot."""
     return current + (init * shifted_ring >> 32)
 
 
 def drive_of(excitation: IntArray, inhibition: IntArray, i_offset: IntArray) -> IntArray:
-    """Return all that drives a membrane, s16.15 nA."""
+    """Return the current that drives a membrane, s16.15 nA."""
     return excitation - inhibition + i_offset
 
 
@@ -286,15 +290,15 @@ def approached(goal: IntArray, distance: IntArray, membrane_decay: IntArray) -> 
 
 
 def faded(current: IntArray, synapse_decay: IntArray) -> IntArray:
-    """Return what a step leaves of a current, s16.15 nA."""
+    """Return a current, s16.15 nA, after the decay of a step."""
     return current * synapse_decay >> 32
 
 
 def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntArray) -> Step:
-    """Take a step of n neurons.
+    """Run one step of n neurons.
 
-    ``ring`` (n, receptors) are the stored weights that have arrived for it; ``shifts`` (receptors,)
-    are P_r. A name with ``_sum`` is exact, and the same name without it has wrapped.
+    ``ring`` (n, receptors) holds the sums of stored weights that act in this step; ``shifts``
+    (receptors,) are P_r. A name with ``_sum`` is exact, and the same name without it has wrapped.
     """
     shifted_sum = ring << shifts
     shifted = wrap(shifted_sum)
@@ -318,7 +322,7 @@ def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntA
         current=faded(current, c.synapse_decay),
         refractory=np.where(fired, c.refractory_steps, refractory_left),
     )
-    # A refractory neuron skips the sums of its potential, whose wraps do not count then.
+    # A refractory neuron does not compute these sums, so they cannot wrap.
     potential_sums = np.stack([drive_sum, goal_sum, distance_sum, v_sum])[:, moves]
     wraps = {
         "ring_wraps": wraps_of(shifted_sum),
@@ -329,7 +333,7 @@ def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntA
 
 
 def wraps_of(exact: IntArray) -> int:
-    """Return how many sums a word of 32 bits does not hold."""
+    """Return how many exact sums do not fit a word of 32 bits."""
     return int(np.count_nonzero(wrap(exact) != exact))
 
 
@@ -337,15 +341,18 @@ def wraps_of(exact: IntArray) -> int:
 
 
 def slot_of(sent: int, delay: int, slots: int) -> int:
-    """Return the slot that a spike of step ``sent`` reaches."""
+    """Return the slot of the ring buffer to which a spike of step ``sent`` adds its weight."""
     return (sent + delay) % slots
 
 
 def comes_too_late(lateness: int, delay: int, slots: int) -> bool:
-    """Tell whether the step in which a synapse would act has begun before it is processed."""
+    """Return whether a synapse is processed only after the step in which it should act has begun.
+
+    A delay of all slots is stored as 0, which the machine code never finds late.
+    """
     return delay < slots and lateness >= delay
 
 
 def collected(entry: int, weight: int) -> int:
-    """Return an entry of a ring buffer with one more weight."""
+    """Return an entry of a ring buffer after adding a weight; it saturates."""
     return min(entry + weight, RING_MAX)

@@ -1,4 +1,4 @@
-"""Integers that come from outside: whole numbers that float64 and int64 both hold, or an error."""
+"""Check integers that users or files provide before they become int64: every one must be a whole number."""
 
 import numpy as np
 
@@ -6,15 +6,16 @@ from hw_model.errors import InputError
 from hw_model.values import AnyArray, ArrayLike
 
 LARGEST = 1 << 53
-"""Magnitudes up to this are the same number in float64 and in int64."""
+"""2^53: integers up to this magnitude are exact in float64 as well."""
 REAL_KINDS = "biuf"
-"""Kinds of numpy's types that are real numbers: bool, int, unsigned and float."""
+"""numpy's codes for real numbers: bool, int, unsigned and float."""
 
 
 def whole_numbers(numbers: ArrayLike) -> AnyArray:
-    """Return numbers as an int64 array of their shape; a fraction, nan or a number too large is an ``InputError``.
+    """Return numbers as an int64 array of the same shape.
 
-    Numpy would cut 0.5 to 0, and take 2^64 - 2 for -2.
+    Raises ``InputError`` for a fraction, nan, or a magnitude above 2^53. numpy alone would turn 0.5
+    into 0, and 2^64 - 2 into -2.
     """
     array = np.asarray(numbers)
     if array.dtype.kind not in REAL_KINDS:
@@ -25,7 +26,7 @@ def whole_numbers(numbers: ArrayLike) -> AnyArray:
             fix="Give integers.",
         )
     is_in_range = (array >= -LARGEST) & (array <= LARGEST)
-    is_whole = array == np.round(array)
+    is_whole = array == np.round(array)  # false for nan
     refused = array[~(is_in_range & is_whole)]
     if refused.size:
         raise InputError(

@@ -1,4 +1,6 @@
-"""The arithmetic of Xylo (Audio 2, Audio 3, IMU), on one page: hold it next to the data sheet and read downwards.
+"""The arithmetic of SynSense's Xylo chips (Audio 2, Audio 3, IMU) on one page. Read it from top to bottom.
+
+It is the only definition of a step: the engines and checks of :mod:`hw_model.xylo` use the functions below.
 
 REGISTERS of a neuron; all are 0 at rest, and hold 16 bits of which one is the sign.
 
@@ -12,10 +14,10 @@ PARAMETERS of a neuron
     bias                    -32768..32767, or None where the biases of the chip are off
 
 SYNAPSES hold weights of 8 bits, -128..127. A charge is weight << shift, wrapped to 16 bits; inputs, hidden neurons and
-outputs have a shift each. An input line counts 15 events of a row at most, and the others are lost.
+outputs have one shift each. An input line counts at most 15 events of a row, and further ones are lost.
 
-WHEN: events of row t act in row t, and spikes that a hidden neuron sends in row t act in row t + 1, in hidden neurons
-and in outputs alike. There are no delays and no refractory steps.
+WHEN: a row is one step of the recording. Events of row t act in row t, and spikes that a hidden neuron sends in row t
+act in row t + 1, in hidden neurons and in outputs alike. There are no delays and no refractory steps.
 
 THE STEP, in the order of the code below:
 
@@ -28,8 +30,8 @@ THE STEP, in the order of the code below:
 
     taken(x, dash) = x >> dash, rounded down; where that is 0, one unit towards 0
 
-An ALIAS of a hidden neuron spikes as often as that neuron does, besides its own spikes, up to 31 in all. Neurons fire
-in the order of their numbers: an alias that comes later has so much less room for its own.
+An ALIAS of a hidden neuron is another hidden neuron that repeats its spikes, in addition to spikes of its own, up to 31
+in all. Neurons fire in the order of their numbers, so the repeated spikes leave a later alias less room for its own.
 
 EVENTS that are counted: additions to a current, a change or a potential that saturated; input events that were lost.
 
@@ -84,6 +86,7 @@ def collect(i: IntArray, spikes: IntArray, charges: IntArray) -> tuple[IntArray,
     Returns the currents, and how many additions saturated.
     """
     saturated = 0
+    # A current saturates at every single addition, so a sum over all spikes would be another number.
     for source in np.flatnonzero(spikes):
         for _ in range(spikes[source]):
             exact = i + charges[source]
@@ -112,19 +115,22 @@ def respond(p: Parameters, state: State) -> Counted:
 
 
 def decayed(i: IntArray, dash_syn: IntArray) -> IntArray:
-    """Return what a step leaves of currents."""
+    """Return currents after the decay of a step."""
     return i - taken(i, dash_syn)
 
 
 def change_of(v: IntArray, dash_mem: IntArray, currents: IntArray) -> IntArray:
-    """Return what a step adds to potentials, before it saturates; ``currents`` are sums over k."""
+    """Return what a step adds to potentials, before it saturates. ``currents`` are sums over k.
+
+    The wrap matters for v = -32768 with dash 0 only: 32768 does not fit 16 bits.
+    """
     return wrap(-taken(v, dash_mem)) + currents
 
 
 def fire(v: IntArray, threshold: IntArray, room: IntArray | int) -> tuple[IntArray, IntArray]:
-    """Return the spikes of a step, ``room`` at most, and what they leave of the potentials.
+    """Return the spikes of a step, at most ``room``, and the potentials after them.
 
-    Each spike takes the threshold away, which is positive: so it fits as often as a division tells, and no difference
+    Each spike subtracts the threshold, which is positive. So a division gives the number of spikes, and no difference
     leaves the register.
     """
     spikes: IntArray = np.minimum(np.maximum(v, 0) // threshold, room)
@@ -134,10 +140,14 @@ def fire(v: IntArray, threshold: IntArray, room: IntArray | int) -> tuple[IntArr
 def fire_with_aliases(
     v: IntArray, threshold: IntArray, aliases: tuple[tuple[int, ...], ...]
 ) -> tuple[IntArray, IntArray]:
-    """Do the same for hidden neurons in the order of their numbers; ``aliases[n]`` spike when neuron n does."""
+    """Return the same for hidden neurons, which fire in the order of their numbers.
+
+    ``aliases[n]`` are the neurons that repeat the spikes of neuron n.
+    """
     spikes = np.zeros(len(v), dtype=np.int64)
     left = v.copy()
     for n in range(len(v)):
+        # What aliases of earlier neurons have taken is no longer free.
         own, left[n] = fire(v[n], threshold[n], HIDDEN_SPIKES_MAX - spikes[n])
         spikes[n] += own
         for alias in aliases[n]:
@@ -146,29 +156,32 @@ def fire_with_aliases(
 
 
 def saturate(x: IntArray) -> IntArray:
-    """Return the value of a register that is nearest to x."""
+    """Return the nearest value that a register can hold."""
     return np.minimum(np.maximum(x, STATE_MIN), STATE_MAX)
 
 
 def wrap(x: IntArray) -> IntArray:
-    """Return the low 16 bits of x, of which the highest is the sign."""
+    """Return the low 16 bits of x in two's complement."""
     span = STATE_MAX - STATE_MIN + 1
     return (x - STATE_MIN) % span + STATE_MIN
 
 
 def taken(x: IntArray, dash: IntArray) -> IntArray:
-    """Return what a decay takes away: x >> dash, or, where that is 0, one unit with the sign of x."""
+    """Return what a decay subtracts: x >> dash or, where that is 0, one unit with the sign of x.
+
+    So every register reaches 0 at last.
+    """
     shifted = x >> dash
     lost: IntArray = shifted + np.sign(x) * (shifted == 0)
     return lost
 
 
 def charge_of(weight: IntArray, shift: int) -> IntArray:
-    """Return what a spike adds to a current."""
+    """Return the charge that a spike adds to a current."""
     return wrap(weight << shift)
 
 
 def share_lost(dash: IntArray) -> FloatArray:
-    """Return the share that a step loses, if nothing is rounded."""
+    """Return the share that a step loses, ignoring rounding."""
     lost: FloatArray = 2.0 ** -np.asarray(dash, dtype=np.float64)
     return lost

@@ -1,7 +1,8 @@
-"""From numbers of a trained network to settings of :mod:`hw_model.arithmetic.xylo`.
+"""Convert numbers of a trained network to settings of :mod:`hw_model.arithmetic.xylo`, for the compiler.
 
-A trained neuron loses a share 0..1 of its current and of its potential in each step. A Xylo loses
-2^-dash of them. Functions say where they leave rounding out.
+A trained neuron loses a share 0..1 of its current i and of its potential v in each step. Xylo can
+only lose 2^-dash of them, with one integer *dash* for i and one for v (``dash_syn``, ``dash_mem``).
+Docstrings say where rounding is ignored.
 """
 
 import numpy as np
@@ -11,17 +12,21 @@ from hw_model.values import FloatArray, IntArray
 
 
 def nearest_dash(lost: FloatArray) -> IntArray:
-    """Return the dashes whose decays are nearest to the shares (0..1) that a step loses, on a scale of octaves."""
+    """Return the dashes whose shares 2^-dash are nearest to the shares lost per step, 0..1, on a logarithmic scale."""
+    # A share of 0 gives a dash of infinity, which is clipped below.
     with np.errstate(divide="ignore"):
         dash = np.rint(-np.log2(lost))
     return np.clip(dash, 0, DASH_MAX).astype(np.int64)
 
 
 def rounding_drift(dash_syn: IntArray, dash_mem: IntArray) -> FloatArray:
-    """Return what a potential gains in a step, on average, because decays are rounded down.
+    """Return what a potential gains per step, on average, because decays are rounded down.
 
-    A register in motion has any remainder modulo 2^dash, so a decay takes away (1 - 2^-dash) / 2 too
-    little. In a current this adds up to 2^dash as much. Registers at rest, and near it, gain less.
+    x >> dash drops a remainder below 1. For a register that keeps moving, the low dash bits are
+    0 .. 2^dash - 1 with equal probability, so the decay subtracts (1 - 2^-dash) / 2 too little on
+    average. In a current, which keeps 1 - 2^-dash of it from step to step, this accumulates to
+    2^dash times as much, and all of that reaches the potential. Registers at rest, or near it,
+    gain less.
     """
     too_little_i = (1.0 - share_lost(dash_syn)) / 2
     too_little_v = (1.0 - share_lost(dash_mem)) / 2
@@ -30,9 +35,11 @@ def rounding_drift(dash_syn: IntArray, dash_mem: IntArray) -> FloatArray:
 
 
 def peak_response(dash_syn: int, dash_mem: int, steps: int = 4096) -> float:
-    """Return the highest potential after a charge of 1 at rest, if nothing is rounded.
+    """Return the highest potential within ``steps`` steps after a single charge of 1, ignoring rounding.
 
-    A charge loses its first share in the very step in which it acts, so that with dash 0 none ever reaches v.
+    A current decays before it is added to v in the same step, so with dash_syn 0 nothing ever
+    reaches v. With a and b for the shares that i and v keep in a step, n steps after the charge i
+    is a^n, and v is the sum over k = 1..n of a^k b^(n-k), for which there is a closed form.
     """
     kept_i = 1.0 - 2.0**-dash_syn
     kept_v = 1.0 - 2.0**-dash_mem
@@ -46,8 +53,9 @@ def peak_response(dash_syn: int, dash_mem: int, steps: int = 4096) -> float:
 
 
 def largest_current(charge: IntArray | int, dash_syn: IntArray | int) -> FloatArray:
-    """Return what a current stays at or below while at most ``charge`` of its sign arrives in a step.
+    """Return a bound of a current to which at most ``charge`` of one sign is added in each step.
 
-    A current at (charge + 1) 2^dash - 1 loses in a step what arrives in it.
+    A current decays by ``taken``, current >> dash, rounded down. The largest current from which this
+    still subtracts no more than ``charge`` is (charge + 1) 2^dash - 1: from there it cannot grow.
     """
     return (np.asarray(charge) + 1) * 2.0 ** np.asarray(dash_syn) - 1

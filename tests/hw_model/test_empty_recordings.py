@@ -121,6 +121,6 @@ def test_an_empty_recording_is_played_once(monkeypatch, kind):
 
 def test_what_is_large_is_not_remembered(monkeypatch):
     monkeypatch.setattr(simulation, "MAX_REMEMBERED", 22 * STEPS - 1)
-    before = simulation._of_nothing.cache_info().misses
+    before = simulation._result_of_silence.cache_info().misses
     assert hw.simulate(biased(), np.zeros((STEPS, 3), dtype=np.uint8)).counts.spikes > 0
-    assert simulation._of_nothing.cache_info().misses == before
+    assert simulation._result_of_silence.cache_info().misses == before
