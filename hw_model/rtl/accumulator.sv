@@ -1,13 +1,17 @@
-// The charges under way, of every slot and compartment: add to one, or take one and leave 0, an operation per cycle.
+// The charges under way: a memory with one sum for every slot (a step to come) and compartment of a bank. An operation
+// either adds `addend` to the sum at `address`, or takes the sum (`take`): `taken` shows it, and 0 is left in its place.
+// An operation may start in every cycle.
 //
 //     cycle 0   the operation arrives, its address goes to the memory
-//     cycle 1   the memory answers, late in the cycle
-//     cycle 2   `taken` is the value: the newest result of its address that is still on its way, or the memory's word
-//     cycle 3   the sum, or 0 after a take, is written back
+//     cycle 1   the memory answers, late in the cycle, so its word goes straight into a register (`kept2`)
+//     cycle 2   `taken` is the sum: the newest result for its address that is still in the pipeline, else the memory's word
+//     cycle 3   the new sum, or 0 after a take, is written back
 //
-// A digit at the end of a name is this cycle. A charge is in units of 64, the lowest bits of a current.
+// A digit at the end of a name is the cycle in which the signal belongs to its operation. A charge is in units of 64, the
+// lowest bits of a current.
 //
-// A word that is written in a cycle can be read in the next, so results of operations up to three cycles old are forwarded.
+// A word that is written in cycle 3 can be read from the next cycle on. So an operation that follows another one of the same
+// address by one, two or three cycles read an old word, and takes the result from `written3`, `written4` or `written5`.
 module accumulator #(
     parameter integer WIDTH = 18,
     parameter integer DEPTH = 1024
@@ -18,7 +22,7 @@ module accumulator #(
     input  logic [$clog2(DEPTH)-1:0] address,
     input  logic [WIDTH-1:0]         addend,
     output logic [WIDTH-1:0]         taken,
-    // Between recordings every word is set to 0: taken, whatever it is.
+    // Between recordings every word is set to 0. A sweep is a take of `sweep_address`, and never comes together with `valid`.
     input  logic                     sweep,
     input  logic [$clog2(DEPTH)-1:0] sweep_address
 );
@@ -27,7 +31,8 @@ module accumulator #(
     logic [$clog2(DEPTH)-1:0] address1, address2, address3, address4;
     logic [WIDTH-1:0]         addend1, addend2;
     logic [WIDTH-1:0]         stored, kept2, written3, written4, written5;
-    // Whether the operation of cycle 2 has the address of the one in cycle 3, 4 or 5, whose result it takes.
+    // Whether the operation of cycle 2 has the address of the one in cycle 3, 4 or 5, whose result it takes. The addresses
+    // are compared a cycle earlier, so that the choice of `taken` starts from registers.
     logic                     as3, as4, as5;
 
     assign taken = as3 ? written3 : as4 ? written4 : as5 ? written5 : kept2;
@@ -54,7 +59,7 @@ module accumulator #(
         kept2 <= stored;
         {as3, as4, as5} <= {valid2 && address2 == address1, valid3 && address3 == address1, valid4 && address4 == address1};
         written3 <= take2 ? {WIDTH{1'b0}} : taken + addend2;
-        write3 <= valid2 && (!take2 || taken != 0 || sweep2);  // what is 0 stays 0
+        write3 <= valid2 && (!take2 || taken != 0 || sweep2);  // a 0 that is taken is 0 already; a sweep writes even so, as a word may be unknown
         {written4, written5} <= {written3, written4};
     end
 endmodule

@@ -1,6 +1,6 @@
-// Charges on their way to compartments, a sum for each address: an operation (valid) adds the addend to one, or takes it, which
-// reads and clears it. Ports and timing are those of accumulator.sv. Here the memory answers in the cycle in which it is asked, and
-// shows in the next what is written: an operation reads, adds and writes within a cycle, and nothing has to be kept or forwarded.
+// The charges under way, as in accumulator.sv and with its ports and timing, on a memory of latches that answers in the cycle
+// in which it is asked and shows a written word in the next. An operation reads, adds and writes within one cycle, so nothing
+// has to be forwarded. locsnn_core.sv uses it where its parameter AT_ONCE is 1, on a chip.
 module accumulator_at_once #(
     parameter integer WIDTH = 18,
     parameter integer DEPTH = 1024
@@ -10,7 +10,7 @@ module accumulator_at_once #(
     input  logic                     take,
     input  logic [$clog2(DEPTH)-1:0] address,
     input  logic [WIDTH-1:0]         addend,
-    output logic [WIDTH-1:0]         taken,  // two cycles after its operation, as in accumulator.sv
+    output logic [WIDTH-1:0]         taken,  // the sum of a take, two cycles after it, as in accumulator.sv
     input  logic                     sweep,  // clears sweep_address; never together with valid
     input  logic [$clog2(DEPTH)-1:0] sweep_address
 );
@@ -22,7 +22,7 @@ module accumulator_at_once #(
 
     memory_at_once #(.WIDTH(WIDTH), .DEPTH(DEPTH)) charges (
         .clk,
-        .write        (sweep || (valid && (!take || stored != 0))),  // to take a 0 needs no write
+        .write        (sweep || (valid && (!take || stored != 0))),  // a 0 that is taken is 0 already
         .write_address(at_address),
         .write_data   (sweep || take ? {WIDTH{1'b0}} : stored + addend),
         .read         (valid),
@@ -30,6 +30,7 @@ module accumulator_at_once #(
         .read_data    (stored)
     );
 
+    // The sum waits in `taken1`, so that it comes as late as from accumulator.sv. Both registers change with takes only.
     always_ff @(posedge clk) begin
         take1 <= takes;
         if (takes) taken1 <= stored;

@@ -1,13 +1,14 @@
-// What a recording made the core do: integers that are answered with its class.
+// Counts what a recording makes the core do. The counters are answered together with the class of the recording; `clear`,
+// between recordings, sets them to 0. An input counts in the cycle in which it is high.
 module activity (
     input  logic        clk,
     input  logic        clear,
-    input  logic [1:0]  add,
-    input  logic        update,
-    input  logic        active,
+    input  logic [1:0]  add,            // a synapse is added, a bit per bank: 0, 1 or 2 in a cycle
+    input  logic        update,         // a compartment was updated; the ports below say what happened to it
+    input  logic        active,         // it had something to work on: a charge, state, bias or joined voltage
     input  logic        fired,
     input  logic        charge_wrap,
-    input  logic [1:0]  current_wraps,
+    input  logic [1:0]  current_wraps,  // 0 to 2: of u, and of u plus bias
     input  logic        voltage_clip,
     output logic [31:0] synapses,
     output logic [31:0] updates,
@@ -17,7 +18,7 @@ module activity (
     output logic [31:0] currents_wrapped,
     output logic [31:0] voltages_clipped
 );
-    // A counter is clocked only where it changes.
+    // To save energy on a chip, a counter is clocked only when it may change.
     wire adding, updating;
     clock_gate adding_gate (.clk, .enable(clear || add != 0), .gated(adding));
     clock_gate updating_gate (.clk, .enable(clear || update), .gated(updating));

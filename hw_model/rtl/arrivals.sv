@@ -1,6 +1,12 @@
-// What an event is in the second phase, where that phase hears its events when they arrive: three cycles after its mark, the
-// step in which its channel is visited, and the source that stands for its row in this visit. Visits are those of
-// transpose.sv, one for each channel, in the order of the channels.
+// Tells what an event means to the second phase, where that phase hears its events when they arrive (parameter LATER of
+// locsnn_core.sv) instead of reading them from the buffer. A visit is the reading of one channel by the second phase; here
+// are the same visits as in transpose.sv, one for each channel, with the channel as the address.
+//
+//     cycle 0   `mark`: an event of `mark_channel` was accepted; its visit is read
+//     cycle 1   the memory answers
+//     cycle 2   `shown`: step, first source and row go into registers
+//     cycle 3   `valid`: `step` is the step in which the channel is visited, `source` the source of the event's row in this
+//               visit; both stay until the next mark
 module arrivals #(
     parameter integer VISITS = 128,
     parameter integer SOURCE = 11
@@ -11,23 +17,23 @@ module arrivals #(
     input  logic [23:0]       load_address,
     input  logic [127:0]      load_data,
     input  logic [23:0]       kept,          // rows of a recording that the second phase hears
-    input  logic              mark,
+    input  logic              mark,          // an event of `mark_channel`
     input  logic [SOURCE-1:0] mark_channel,
-    input  logic              mark_tick,
-    output logic              due,           // the second phase hears this row
+    input  logic              mark_tick,     // the end of a row
+    output logic              due,           // the second phase hears the row that arrives
     output logic              valid,
     output logic [15:0]       step,
     output logic [SOURCE-1:0] source
 );
     localparam integer STEP = 16;
-    localparam integer VISIT = STEP + 2 * SOURCE;
+    localparam integer VISIT = STEP + 2 * SOURCE;  // bits of a visit, from bit 0: step, channel, source of the first row
     localparam integer INDEX = $clog2(VISITS);
 
     logic [23:0]       row;
     logic              looked, shown;        // a visit was asked for a cycle ago; the memory shows it
     logic [VISIT-1:0]  visit;
-    // The source of the visit's first row, and the number of the event's. They are added in the cycle that needs the sum:
-    // memories answer late in a cycle.
+    // The source of the visit's first row, and the number of the event's row. They are added after these registers, because
+    // the memory answers too late in its cycle for an addition.
     logic [SOURCE-1:0] first_source, source_offset;
     assign source = first_source + source_offset;
 

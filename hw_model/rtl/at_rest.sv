@@ -1,7 +1,6 @@
-// What is known of a compartment before its state (current u, voltage v, steps it is still blocked) is read. Where the next
-// step does not depend on the state, it was not written to the memory of states, and need not be read from there.
-//
-// Two bits are remembered for each compartment, from its last step:
+// Saves reads and writes of the memory of states. A compartment's state is its current u, its voltage v and the steps for which
+// it is still blocked. Where the next step does not depend on the state, update.sv does not write it, and need not read it.
+// This module remembers two bits of every compartment, from its last step, which say so before the state is read:
 //
 //     needed    nonzero
 //       0          0      at rest: u and v are 0
@@ -9,10 +8,10 @@
 //       1          1      u or v is not 0, and a part of it is left in the next step: the state was written
 //       1          0      blocked after a spike: v is 0, u may be anything; the state was written
 //
-// Compartments are swept in order, a number per cycle. A word of the memory here has the bits of a group of eight, the first
-// in the lowest bits. The word of the next group is read with the last compartment of a group. That of the first
-// compartment of a sweep arrives too late for it, so its state is read in any case. Where that compartment is the last of
-// its group, the word of the second one is late in the same way.
+// A step sweeps the compartments of a phase in order, a number per cycle. A word of the memory here holds the bits of a group
+// of eight compartments, the first in the lowest bits. The word of the next group is read with the last compartment of a
+// group, so it is there in time. The word of the first compartment of a sweep arrives a cycle too late, so its state is read
+// in any case. Where the first compartment is the last of its group, the same is true of the second.
 module at_rest #(
     parameter integer COMPARTMENTS = 512  // a power of two, at least 16
 ) (
@@ -39,7 +38,7 @@ module at_rest #(
     wire [GROUP-1:0]    group = number[NUMBER-1:IN_GROUP], done_group = done_number[NUMBER-1:IN_GROUP];
     wire [IN_GROUP-1:0] place = number[IN_GROUP-1:0], done_place = done_number[IN_GROUP-1:0];
 
-    // Reading. A trailing 1 means a cycle later.
+    // Reading. A 1 at the end of a name means a cycle later. `unknown`: the bits of `number` are not in `group_bits` yet.
     logic [15:0]         group_bits;  // of the group of `number`, unless `unknown`
     logic                issued1, unknown1;
     logic [IN_GROUP-1:0] place1;
@@ -49,10 +48,10 @@ module at_rest #(
     wire                 second_in_next_group = issue && unknown1 && place == 0;
     wire                 unknown = first_of_sweep || second_in_next_group;
     assign read = issue && (unknown || bits[0]);
-    // What was unknown is there now: the memory answered.
+    // Bits that were unknown are there a cycle later, when the memory has answered.
     assign {nonzero, needed} = unknown1 ? group_bits[2*place1+:2] : bits1;
 
-    // Writing: bits of a group are collected, and written with the last of them.
+    // Writing: the bits of a group are collected, and written together with the last compartment of the group or the sweep.
     logic [15:0] collected, with_done;
     always_comb begin
         with_done = collected;
@@ -65,7 +64,7 @@ module at_rest #(
         .write_address(done_group),
         .write_data   (with_done),
         .read         (unknown || (issue && place == LAST_IN_GROUP)),
-        .read_address (unknown ? group : group + 1'b1),
+        .read_address (unknown ? group : group + 1'b1),  // a late word of this group, or the next group's ahead of time
         .read_data    (group_bits)
     );
 

@@ -1,10 +1,12 @@
-// Plays recordings through AXI-Streams whose both sides wait at random, and checks that what is offered stays until it is
-// taken. Reads and writes files of the working folder.
+// Test bench of locsnn_axis: plays recordings through its AXI-Streams, on which both sides stall at random, and checks that
+// what is offered stays until it is taken. It reads and writes files in the working folder:
 //
 //     load      a beat of s_load per line, in hexadecimal digits
 //     words     a beat of s_axis per line: TLAST times 2^32 and its data, in hexadecimal digits
-//     answers   a line per packet of m_axis
+//     answers   a line per packet of m_axis; "moved" in it where an offered beat changed before it was taken
 //     spikes    a line per beat of m_spikes
+//
+// The run ends after `patience` cycles (+patience=N, 65,536 unless given) in which no stream has moved.
 `timescale 1ns / 1ps
 module axis_bench #(
     parameter integer AXONS = 2048,
@@ -21,7 +23,7 @@ module axis_bench #(
     parameter integer LATER = 0,
     parameter integer GROUPS = 0,
     parameter integer SPIKES = 256,
-    parameter integer WAITS = 2  // of four cycles, those in which each side waits
+    parameter integer WAITS = 2  // in how many of four cycles each side stalls, on average: 0 to 3
 ) ();
     logic         clk = 0, aresetn = 0;
     logic         s_load_tvalid = 0, s_axis_tvalid = 0, s_axis_tlast = 0, m_axis_tready = 0, m_spikes_tready = 0;
@@ -44,7 +46,7 @@ module axis_bench #(
     integer       load_file, words_file, answers_file, spikes_file, idle = 0, patience = 1 << 16;
     logic [159:0] next_load;
     logic [32:0]  next_word;
-    logic [31:0]  random = 32'h12345678;  // a shift register of 32 bits
+    logic [31:0]  random = 32'h12345678;  // a linear-feedback shift register of 32 bits
     wire          wait_word = random[1:0] < WAITS;
 
     initial begin
@@ -72,13 +74,14 @@ module axis_bench #(
         end
     end
 
-    // Both sides drive in the middle of a cycle. What is offered and not taken has to stay.
+    // Both sides drive at the falling edge, and the streams are observed at the rising edge. The taps (32, 22, 2, 1) give the
+    // random register its full period. Each stream that stalls looks at two bits of its own.
     always @(negedge clk) begin
         random <= {random[30:0], random[31] ^ random[21] ^ random[1] ^ random[0]};
         m_axis_tready <= random[3:2] >= WAITS;
         m_spikes_tready <= random[5:4] >= WAITS;
     end
-    logic        held = 0;
+    logic        held = 0;     // a beat was offered in the cycle before and not taken: `offered` has to be there still
     logic [32:0] offered = 0;
     always @(posedge clk) begin
         held <= m_axis_tvalid && !m_axis_tready;

@@ -1,13 +1,14 @@
-// Plays recordings to the core: fills its memories, streams words in with a host that is always ready, and writes every
-// update, score and answer down, in files of the working folder.
+// Test bench of the core: fills its memories, streams recordings in as a host that is always ready, and writes down every
+// update, score and answer. hw_model/rtl/cosimulation.py writes and reads its files, which lie in the working folder:
 //
 //     load      a load word per line: memory, address, data, in hexadecimal digits (2, 6, 32)
-//     words     a word per line: its kind times 2^16 and its channel
+//     words     a word of the stream per line, in hexadecimal digits: its kind times 2^16 and its channel
 //     updates   a line per update: compartment, u, v, potential, fired, active, wraps of charge and current, clips
 //     scores    a line per recording: the score of every class
 //     answers   a line per recording: error, class, cycles, then its counts in the order of the core's ports
 //
-// What is written is decimal; unknown bits count as 0.
+// What is written is decimal; unknown bits of an update's registers count as 0. The run ends with the last answer, or after
+// `patience` cycles (+patience=N, 2^20 unless given) in which nothing happened.
 `timescale 1ns / 1ps
 module bench #(
     parameter integer AXONS = 2048,
@@ -70,7 +71,7 @@ module bench #(
     logic [159:0] load_word;
     logic         more = 1;  // words to come
     logic [63:0]  cycle = 0, first_cycle = 0;
-    logic         begun = 0;
+    logic         begun = 0;  // the first word of a recording was accepted, in `first_cycle`
     logic [31:0]  owed = 0;  // recordings whose last word was accepted and that are not answered
     integer       idle = 0, patience = 1 << 20;  // cycles in which nothing happened, and how many there may be
 
@@ -99,15 +100,15 @@ module bench #(
         more = 0;
     end
 
-    // What happens in a cycle is written down at its end. What drives the core changes in the middle of a cycle.
-    wire last_word = in_valid && in_ready && word[17];
+    // What happens in a cycle is written down at its end, the rising edge. The inputs of the core change at the falling edge.
+    wire last_word = in_valid && in_ready && word[17];  // an end (kind 2) or a stop (3)
     always @(posedge clk) begin
         cycle <= cycle + 1;
         if (in_valid && in_ready && !begun) begin
             begun <= 1;
             first_cycle <= cycle;
         end
-        if (in_valid && in_ready && word[17:16] == 3) begun <= 0;
+        if (in_valid && in_ready && word[17:16] == 3) begun <= 0;  // a stop drops the recording
         if (done) begin
             update_u = $signed(u);
             update_v = $signed(v);
@@ -122,9 +123,9 @@ module bench #(
             $fwrite(answers_file, "%0d %0d %0d %0d %0d %0d %0d %0d %0d %0d\n", error, winner, cycle - first_cycle,
                     synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips);
         end
-        // Before the reset it is unknown whether there is an answer.
+        // An end is owed an answer, a stop is not. Before the reset it is unknown whether there is an answer.
         owed <= reset ? 0 : owed + {31'b0, last_word && word[16] == 0} - {31'b0, answer_valid};
-        // What is unknown is no sign of life.
+        // `===`, so that an unknown signal does not count as a sign of life.
         idle <= (load_valid || done || answer_valid || (in_valid && in_ready)) === 1'b1 ? 0 : idle + 1;
         if ((!more && !in_valid && owed == 0) || idle == patience) begin
             $fclose(updates_file);

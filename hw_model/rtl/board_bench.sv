@@ -1,12 +1,12 @@
-// A board and the serial line to it, for a host that drives them: numbers come on standard input, and bytes of the board
-// leave on standard output.
+// Test bench of a board and the serial line to it, driven by a host program: numbers come on standard input, and the bytes
+// that the board sends leave on standard output, a decimal number per line. hw_model/rtl/ports.py is the host's side.
 //
 //     0..255      send this byte
-//     256..511    send it with its stop bit low
-//     512         wait for a byte from the board, PATIENCE cycles at most; the bytes that came are written, then a dot
-//     513         press and let go the reset button
+//     256..511    send the byte that is 256 less with its stop bit low, which breaks it
+//     512         wait for a byte from the board, PATIENCE cycles at most; then write a dot, after the bytes that came
+//     513         press the reset button and let it go
 //
-// With BIT 0 there is no line, and a byte takes a cycle.
+// With BIT 0 there is no line: bytes pass directly to and from locsnn_bytes, one per cycle.
 `timescale 1ns / 1ps
 module board_bench #(
     parameter integer AXONS = 2048,
@@ -29,11 +29,11 @@ module board_bench #(
     parameter integer HOST_BIT = 8,  // and of the host
     parameter integer PATIENCE = 1 << 20
 ) ();
-    localparam integer STDIN = 32'h8000_0000, STDOUT = 32'h8000_0001;
+    localparam integer STDIN = 32'h8000_0000, STDOUT = 32'h8000_0001;  // file descriptors, as the language defines them
 
     logic       clk = 0, reset = 1, button = 0;
-    logic       to_board = 1;                     // the line
-    logic       pass = 0, pass_broken = 0;        // without one
+    logic       to_board = 1;                     // the line; 1 while it is idle
+    logic       pass = 0, pass_broken = 0;        // without a line: a byte, or a broken byte, passes
     logic [7:0] passed = 0;
     wire        heard_valid;
     wire  [7:0] heard;
@@ -62,7 +62,7 @@ module board_bench #(
     always #5 clk = !clk;
 
     integer waited, token, place;
-    logic   came = 0;  // a byte, since the last dot
+    logic   came = 0;  // a byte has come since the last dot
     always @(posedge clk) begin
         reset <= 0;
         if (heard_valid && !reset) begin
@@ -71,6 +71,7 @@ module board_bench #(
         end
     end
 
+    // Send a byte over the line: a start bit, 8 bits, the lowest first, and a stop bit of the given level.
     task automatic send(input [7:0] value, input stop);
         to_board = 0;
         repeat (HOST_BIT) @(negedge clk);
@@ -81,11 +82,11 @@ module board_bench #(
         to_board = stop;
         repeat (HOST_BIT) @(negedge clk);
         to_board = 1;
-        if (!stop) repeat (HOST_BIT) @(negedge clk);
+        if (!stop) repeat (HOST_BIT) @(negedge clk);  // idle, so that the next start bit has a falling edge
     endtask
 
     initial begin
-        repeat (80) @(negedge clk);
+        repeat (80) @(negedge clk);  // longer than the 32 cycles that reset_sync.sv holds the reset
         while ($fscanf(STDIN, "%d", token) == 1) begin
             if (token < 512 && BIT != 0) send(token[7:0], !token[8]);
             else if (token < 512) begin
@@ -103,7 +104,7 @@ module board_bench #(
                 $fflush(STDOUT);
             end else begin
                 button = 1;
-                repeat (8) @(negedge clk);
+                repeat (8) @(negedge clk);  // longer than the button's synchroniser takes
                 button = 0;
                 repeat (80) @(negedge clk);
             end

@@ -1,5 +1,6 @@
-// A clock that stands still while nothing that it drives has work. Simulators and FPGAs take the clock as it is, since
-// one tick more never changes a result; a chip puts the gating cell of its library here.
+// A clock that can be stopped while the registers that it drives have nothing to do, to save energy. Simulators and FPGAs
+// take the clock as it is: every register that hangs on a gated clock may tick once more without changing a result. A chip
+// puts the clock-gating cell of its library in place of this module.
 module clock_gate (
     input  logic clk,
     input  logic enable,

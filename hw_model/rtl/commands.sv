@@ -1,11 +1,13 @@
-// Carries out frames, one after the other: words to the load port and to the stream port of the core, and a reply to each.
+// Carries out the frames of the host, one after the other: passes words to the load port and to the stream port of the core,
+// and asks replies.sv for a reply to each frame. A frame arrives byte by byte, as frame_receiver.sv gives it:
 //
-//     1 hello    nothing                                       begins anew: a recording under way is cut off
-//     2 load     memory, address (3 bytes), bytes per word, words       written from this address on
-//     3 words    words of the stream, 3 bytes each             kind times 2^16, and channel
-//     4 report   1 or 0                                        whether spikes are reported
+//     type       payload                                                what it does
+//     1 hello    nothing                                                starts anew: a recording under way is cut off
+//     2 load     memory, address (3 bytes), bytes per word, words       writes the words from this address on
+//     3 words    words of the stream (3 bytes: kind * 2^16 + channel)   passes them to the stream
+//     4 report   1 or 0                                                 whether spikes are reported
 //
-// Numbers have their highest byte first. A frame is replied to when it has been carried out, or with what is wrong with it.
+// Numbers have their highest byte first. A frame is replied to once it has been carried out, or with what is wrong with it.
 module commands #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
@@ -54,13 +56,14 @@ module commands #(
     logic         replying;
     logic [7:0]   kind;
     logic [7:0]   refusal;    // the problem that the reply will name; 0: none
-    logic         over;       // the word is the last one of its frame
+    // A payload is a row of items: the destination of a load (5 bytes), a word of a load, a word of the stream, or a switch.
+    logic         over;       // the item is the last one of its frame
     logic         destination_known;     // memory, address and size of a load are known
     logic [4:0]   size;       // bytes per word of a load
     logic [4:0]   index;      // bytes of this item so far
-    logic [127:0] number;     // these bytes
+    logic [127:0] number;     // these bytes, the last one lowest
     logic         open;       // words of a recording came, but not its end
-    logic         awaited;    // its end came, but not its answer
+    logic         awaited;    // the end of a recording came, but its answer did not
 
     wire [127:0] item = {index == 0 ? 120'b0 : number[119:0], frame_data};
     wire [4:0]   item_size = kind == LOAD ? (destination_known ? size : 5'd5) : kind == WORDS ? 5'd3 : 5'd1;
@@ -68,7 +71,7 @@ module commands #(
     wire         take = frame_valid && frame_ready;
     wire         word_taken = word_valid && word_ready;
 
-    logic [31:0] words;  // that the memory has which is being loaded
+    logic [31:0] words;  // how many words the memory that is being loaded has
     always_comb
         case (load_memory)
             0: words = SETTINGS;
@@ -80,8 +83,8 @@ module commands #(
             default: words = PHASES;
         endcase
 
-    // The next word of a load would lie behind the end of its memory. A byte is taken in every other cycle at most, so this
-    // is known in time.
+    // The next word of a load would lie behind the end of its memory. This is a cycle old, but in time: a byte is taken in
+    // every other cycle at most, as one_word.sv stands in front.
     logic outside;
     always_ff @(posedge clk) outside <= {8'b0, load_address} + {31'b0, load_valid} >= words;
 
@@ -97,7 +100,7 @@ module commands #(
     wire no_place = item[39:32] > 7 || item[7:0] > 16;  // of eight memories; words of 128 bits have 16 bytes
     wire no_word = item[23:18] != 0;                    // the highest six bits, above kind and channel
     wire no_switch = item[7:1] != 0;                    // neither 0 nor 1
-    logic [7:0] payload_error;  // what is wrong with it at this byte of the payload; 0: nothing
+    logic [7:0] payload_error;  // what is wrong with the frame at this byte of its payload; 0: nothing
     always_comb begin
         payload_error = 0;
         if (!whole) payload_error = frame_last ? FORM : 8'd0;
@@ -124,6 +127,7 @@ module commands #(
         load_valid <= 0;
         if (load_valid) begin
             load_address <= load_address + 1;
+            // Only the last word of a program starts the core; any other word means that it is being loaded again.
             loaded <= load_memory == 0 && {8'b0, load_address} == RUN;
         end
         if (word_taken) begin
@@ -182,7 +186,7 @@ module commands #(
                 state <= DROP;
             end
             DROP: if (word_taken) state <= SETTLE;
-            default: if (!awaited) begin
+            default: if (!awaited) begin  // SETTLE
                 report <= 0;
                 replying <= 1;
                 state <= TYPE;

@@ -1,22 +1,32 @@
-// Delivers spikes: looks a source up among the axons, walks its list of synapses, and adds each weight to the accumulator
-// slot of the step in which it is due.
+// Delivers spikes. A source is whatever sends spikes: a channel, a row of a visit, or a compartment. For each requested source
+// this module looks up where its list of synapses lies, walks the list, a word per cycle, and hands each weight to the
+// accumulators, for the slot of the step in which the weight is due.
 //
-// A word of a list has two synapses, one for each bank; one of them may be missing. Bank 1 has the charges whose compartment
-// and lowest bit of the slot have an odd number of ones, so a list is even whatever its targets and delays have in common.
-// Which half of a word goes to which bank changes with every step. The lowest bit of a compartment follows from the others.
+//     cycle 0   `request` and `ready`: the axon memory is read
+//     cycle 1   `list_valid`: the memory shows where the list begins and how many words it has
+//     cycle 2   `walking`: the first word is asked for; the others follow, a word per cycle
+//     cycle 3   `valid1`: the memory shows the word, late in the cycle
+//     cycle 4   `valid2`: the word, from a register, is taken apart
+//     cycle 5   `add`: an addition for each bank
+//
+// A word of a list has two synapses, one for each bank of charges; one of them may be missing. The two banks add at the same
+// time. Bank 1 has the charges for which the bits of the compartment and the lowest bit of the slot hold an odd number of ones,
+// so both banks get about as many, whatever the targets and delays of a list have in common. Which half of a word goes to
+// which bank changes with every step, with the lowest bit of the base. An address in a bank leaves out the lowest bit of the
+// compartment, which follows from the bank and the other bits.
 //
 // The next request is looked up while a list is walked, so a list of two words or more is followed by the next without a gap.
 // A list of no synapses takes a cycle.
 //
-// With `STEP`, targets are told as steps of so many bits from those before them, which stepped.sv takes apart: words are
-// narrower, and the word of a list among the axons also says where it begins and with which exponent.
+// With STEP, a target is stored as a step of so many bits from the target before it, which stepped.sv adds up: words are
+// narrower, and the word of a list in the axon memory also holds the first target and the first exponent of the list.
 //
-// With `LATER`, memory that compartments do not need makes so many bits of slots more; locsnn_core.sv says what for. The base
-// then has a bit more. Where this is set, the spike is of the second phase, and the slot is the number of one of its steps;
-// slots of the first phase are the last ones.
+// With LATER, memory that compartments do not need holds more slots: LATER bits more. locsnn_core.sv says what for. The base
+// then has one bit more, at the top. Where it is set, the spike is for the second phase, and the slot is the number of one of
+// its steps; the slots of the first phase are the last ones.
 //
 // A device with so much memory is large: a signal to all memories of synapses takes most of a cycle, and must come straight
-// from a register. So these memories are written a cycle late, and for an empty list a word is read that nothing takes.
+// from a register. So with LATER these memories are written a cycle late, and for an empty list a word is read that is not used.
 module delivery #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
@@ -32,14 +42,14 @@ module delivery #(
     input  logic                                        load_synapse,
     input  logic [23:0]                                 load_address,
     input  logic [127:0]                                load_data,
-    // A spike of `source`; `base` is the slot of the step after the one in which it was fired.
+    // A spike of `source`; `base` is the slot of the step after the one in which it was fired, where a delay of 0 acts.
     input  logic                                        request,
     output logic                                        ready,
     input  logic [$clog2(AXONS)-1:0]                    source,
     input  logic [(LATER != 0 ? LATER + 1 : 0)+$clog2(SLOTS)-1:0] base,
-    input  logic [LATER+$clog2(SLOTS)-1:0]              slot_mask,
-    input  logic                                        later,
-    // By bank: slot and compartment without its lowest bit, and what is added.
+    input  logic [LATER+$clog2(SLOTS)-1:0]              slot_mask,  // slots in use, less one: a slot wraps around at the last
+    input  logic                                        later,      // the second phase hears events when they arrive
+    // By bank: whether there is an addition; slot and compartment without its lowest bit; what is added, in units of 64.
     output logic [1:0]                                  add,
     output logic [2*($clog2(SLOTS)+$clog2(COMPARTMENTS)-1)-1:0] add_address,
     output logic [2*CHARGE-1:0]                         add_charge,
@@ -55,7 +65,7 @@ module delivery #(
     localparam integer WORD = 2 * HALF;
     // Bits of the words of a list. With STEP a list has at most 511 words; hw_model/rtl/refused.py refuses longer ones.
     localparam integer LENGTH = STEP != 0 && SYNAPSE_BITS > 9 ? 9 : SYNAPSE_BITS;
-    localparam integer HEAD = TARGET_BITS + 3;
+    localparam integer HEAD = TARGET_BITS + 3;  // with STEP: the first target of a list, and its first exponent
     localparam integer LIST = SYNAPSE_BITS + LENGTH + (STEP != 0 ? HEAD : 0);
 
     // Lookup: `list_valid` says that the axon memory shows the list of an accepted request.
@@ -172,15 +182,17 @@ module delivery #(
             wire [2:0]             exponent;
             wire signed [8:0]      mantissa;
             assign {mantissa, exponent, delay, target} = base2[0] == bank ? both[SYNAPSE-1:0] : both[2*SYNAPSE-1:SYNAPSE];
-            // A half without a synapse is 0 * 2^7, which no synapse is.
+            // A half without a synapse is stored as 0 * 2^7; a synapse of weight 0 is stored with exponent 0.
             wire used = mantissa != 0 || exponent != 7;
             wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
             wire [15:0]        effective = weight <<< exponent;
             wire [ADDRESS-1:0] address_later;
             if (LATER != 0) begin : more_slots
                 localparam integer ALL = SLOT_BITS + LATER;
+                // Slots of the first phase are the last ones: their high bits stay ones while the low bits count in a ring.
                 wire [ALL-1:0]         sum = base2[ALL-1:0] + ALL'(delay);
                 wire [ALL-1:0]         slot = !later ? sum & slot_mask : base2[ALL] ? sum : sum | ~slot_mask;
+                // The additional bits of the slot take the place of the highest bits of the target, which are 0.
                 wire [TARGET_BITS-1:0] slot_high = TARGET_BITS'(slot[ALL-1:SLOT_BITS]) << (TARGET_BITS - LATER);
                 assign address_later = {slot[SLOT_BITS-1:0], target | slot_high};
             end else begin : as_many

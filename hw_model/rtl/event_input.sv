@@ -1,41 +1,42 @@
-// The stream of a recording, checked: events of a step in ascending order of their channels, a tick after each step, and
-// an end. It leaves as words of the same kinds for the sequencer, followed by silent steps up to those of the program.
+// The stream of a recording, checked. In comes an event per spike, in ascending order of channels within a step, a tick after
+// each step, and an end. Out go words of the same kinds for the sequencer of locsnn_core.sv, with silent steps (ticks without
+// events) added before the end until the recording has as many steps as the program expects. A word that is accepted in one
+// cycle is offered from the next; the next word is accepted at the earliest in the cycle after it was taken.
 //
 // An event on a channel that does not exist, one that does not ascend (so the same one twice), a step too many and an end
 // before the tick of its step are errors: what follows is dropped up to the end, and the recording is answered with the
-// error's number.
-// A stop drops the recording without an answer.
+// error's number. A stop drops the recording without an answer.
 module event_input #(
     parameter integer SOURCE = 11
 ) (
     input  logic              clk,
     input  logic              clear,
-    input  logic              listen,
+    input  logic              listen,     // words may be accepted: the first phase is running
     input  logic [23:0]       steps,      // of the first phase; 0: as many as the recording has
     input  logic [23:0]       channels,
     input  logic              in_valid,
     output logic              in_ready,
-    input  logic [1:0]        in_kind,
+    input  logic [1:0]        in_kind,    // 0 event, 1 tick, 2 end, 3 stop
     input  logic [15:0]       in_channel,
     output logic              out_valid,
     input  logic              out_ready,
     output logic [1:0]        out_kind,
     output logic [SOURCE-1:0] out_source,
     output logic              mark,       // an event of `out_source` was accepted in the cycle before
-    output logic              mark_tick,  // a tick was, or a silent step began
-    output logic              stop,
-    output logic              failed,
-    output logic [2:0]        error
+    output logic              mark_tick,  // a tick was accepted in the cycle before, or a silent step began
+    output logic              stop,       // a stop was accepted in the cycle before
+    output logic              failed,     // the end of a recording with an error was accepted in the cycle before
+    output logic [2:0]        error       // of this recording, the first one; 0: none
 );
     localparam logic [1:0] EVENT = 0, TICK = 1, END = 2, STOP = 3;
-    localparam logic [2:0] NO_CHANNEL = 1, NOT_ASCENDING = 2, TOO_LONG = 3, NO_TICK = 4, NO_STEP = 5;
+    localparam logic [2:0] NO_CHANNEL = 1, NOT_ASCENDING = 2, TOO_LONG = 3, NO_TICK = 4, NO_STEP = 5;  // NO_STEP: no step at all
 
     logic        tail;   // the end came; silent steps follow
     logic        ended;  // the last word was given out
     logic        open;   // an event came since the last tick
-    logic [23:0] step;
-    wire         free = !out_valid;  // whether a word is taken in this cycle is known too late for the next one
-    wire         full = steps != 0 && step == steps;
+    logic [23:0] step;   // steps so far, silent ones included
+    wire         free = !out_valid;  // a word that is taken in this cycle is known too late to accept the next one in it
+    wire         full = steps != 0 && step == steps;  // the recording has all steps of the program
     wire         accepted = in_valid && in_ready;
     assign in_ready = listen && !tail && !ended && free;
 

@@ -1,9 +1,9 @@
-// Bytes of a line to whole and correct frames: type, sequence number, payload.
+// Turns the bytes of a line into whole and correct frames: type, sequence number, payload.
 //
-// On the line a frame stands between flags (0x7E) and ends in its CRC-16; flags and escapes (0x7D) in it are sent as an
-// escape and the byte with bit 5 inverted, as in RFC 1662. It leaves only once its CRC and sequence number are right, so a
-// frame that is damaged, cut off or repeated does nothing. It is answered, once, and the next flag begins anew.
-// Sequence numbers count frames; a hello, with any number, begins to count.
+// On the line a frame stands between flags (0x7E) and ends in its CRC-16. Flags and escapes (0x7D) within it are sent as an
+// escape and the byte with bit 5 inverted, as in RFC 1662. A frame is passed on only once its CRC and its sequence number are
+// right, so a frame that is damaged, cut off or repeated has no effect. It is answered once, with `error`, and the next flag
+// starts a frame anew. Sequence numbers count frames; a hello may have any number, and the next frame has the one after it.
 module frame_receiver #(
     parameter integer BUFFER = 256  // bytes of frames that wait, types and numbers included; a power of two
 ) (
@@ -11,7 +11,7 @@ module frame_receiver #(
     input  logic       reset,
     input  logic       byte_valid,
     input  logic [7:0] byte_data,
-    input  logic       byte_broken,
+    input  logic       byte_broken,     // a byte had no stop bit
     output logic       frame_valid,
     input  logic       frame_ready,
     output logic [7:0] frame_data,
@@ -24,10 +24,12 @@ module frame_receiver #(
     localparam logic [7:0] LINE = 1, CHECKSUM = 2, SHORT = 3, OVERRUN = 4, SEQUENCE = 5;
 
     logic        escaped;
-    logic        spoiled;            // answered already; the rest is skipped up to the next flag
-    logic [2:0]  seen;               // bytes of this frame, 4 for more
+    logic        spoiled;            // the frame's error is answered; its rest is skipped, up to the next flag
+    logic [2:0]  seen;               // bytes of this frame so far, CRC included; 4 for four or more
     logic [7:0]  kind, number;       // its type and its sequence number
-    logic [7:0]  held1, held2, held3;  // the last bytes; two are the CRC once the frame is over
+    // The last three bytes, the newest in held1. The two newest are the CRC once the frame is over and must not be stored, so
+    // a byte is stored three bytes late, and the last byte of the payload with the flag.
+    logic [7:0]  held1, held2, held3;
     logic [15:0] crc;
     wire  [15:0] next_crc;
     wire  [7:0]  value = escaped ? byte_data ^ 8'h20 : byte_data;
@@ -45,11 +47,12 @@ module frame_receiver #(
         else if (full) problem = OVERRUN;
         else if (kind != HELLO && number != expected) problem = SEQUENCE;
     end
-    wire over = flag && !spoiled && (seen != 0 || escaped);
+    wire over = flag && !spoiled && (seen != 0 || escaped);  // flags that follow each other have no frame between them
     wire right = over && problem == 0;
     wire keep = plain && seen >= 3 && !full;
 
     held_queue #(.WIDTH(9), .DEPTH(BUFFER)) frames (
+        // The ninth bit says that the byte is the last one of its frame.
         .clk, .clear(reset), .push(keep || right), .pushed({right, held3}), .commit(right), .drop(flag && !right), .full,
         .head_valid(frame_valid), .head({frame_last, frame_data}), .pop(frame_valid && frame_ready),
         /* verilator lint_off PINCONNECTEMPTY */

@@ -1,4 +1,5 @@
-// The bytes of a frame to those of the line: a flag, the frame and its CRC-16 with escapes, a flag; see frame_receiver.
+// Turns frames into the bytes of a line: a flag, then the frame and its CRC-16 with escapes, then a flag; frame_receiver.sv
+// says how frames look on the line. A byte of the frame is taken once it was sent, so it must stay until then.
 module frame_sender (
     input  logic       clk,
     input  logic       reset,

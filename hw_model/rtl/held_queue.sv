@@ -1,4 +1,6 @@
-// A queue whose newest words can be dropped until they are committed.
+// A first-in first-out queue whose newest words are held back until they are committed, and can be dropped until then. `head` is
+// the oldest committed word while `head_valid` is high; the next one shows in the cycle after a pop, a pushed word two cycles
+// after it was pushed and committed at the earliest. The user must not push while the queue is full.
 module held_queue #(
     parameter integer WIDTH = 9,
     parameter integer DEPTH = 256  // a power of two
@@ -7,8 +9,8 @@ module held_queue #(
     input  logic                   clear,
     input  logic                   push,
     input  logic [WIDTH-1:0]       pushed,
-    input  logic                   commit,  // all that was pushed, this cycle's word included
-    input  logic                   drop,    // all that is not committed
+    input  logic                   commit,  // commits all that was pushed, the word of this cycle included
+    input  logic                   drop,    // drops all that is not committed
     output logic                   full,
     output logic                   head_valid,
     output logic [WIDTH-1:0]       head,
@@ -17,7 +19,8 @@ module held_queue #(
 );
     localparam integer PLACE = $clog2(DEPTH);
 
-    logic [PLACE:0] begin_at, committed, end_at;  // one bit more than a place, which tells full from empty
+    // Oldest word, first word that is not committed, next free place. One bit more than a place tells full from empty.
+    logic [PLACE:0] begin_at, committed, end_at;
     wire  [PLACE:0] next_begin = begin_at + {{PLACE{1'b0}}, pop};
     wire  [PLACE:0] next_end = end_at + {{PLACE{1'b0}}, push};
     assign full = end_at == {!begin_at[PLACE], begin_at[PLACE-1:0]};

@@ -1,17 +1,18 @@
-// Joined compartments: adds up the voltages of siblings, which follow each other, and keeps the sum so far for their
-// parent.
+// Joined compartments: a child adds its voltage to that of its parent in the same step. Children of one parent (siblings)
+// leave the pipeline of update.sv one after the other; this module adds their voltages up and keeps the sum for the parent,
+// which reads it when its own step begins. `joined` is the sum at `read_address`, in the cycle after `read`.
 //
-// A parent must come so much later than its last child that its read meets the written sum: JOIN_DISTANCE of
-// hw_model/rtl/numbering.py sees to it.
+// The parent must be issued so much later than its last child that it reads the sum after it was written: JOIN_DISTANCE of
+// hw_model/rtl/numbering.py sees to that.
 module join_sums #(
     parameter integer WIDTH = 26,
-    parameter integer COMPARTMENTS = 512
+    parameter integer COMPARTMENTS = 512  // words for sums
 ) (
     input  logic                            clk,
-    input  logic                            child,
-    input  logic                            first,
-    input  logic                            last,  // or not: then the sum need not be written
-    input  logic [$clog2(COMPARTMENTS)-1:0] parent,
+    input  logic                            child,   // a child comes out of the pipeline, with its voltage `v`
+    input  logic                            first,   // it is the first of its siblings: the sum begins anew
+    input  logic                            last,    // it may be the last; where it is not, the sum need not be written
+    input  logic [$clog2(COMPARTMENTS)-1:0] parent,  // the word of its parent's sum
     input  logic signed [23:0]              v,
     input  logic                            read,
     input  logic [$clog2(COMPARTMENTS)-1:0] read_address,

@@ -1,7 +1,10 @@
-// What a step leaves of a register: rz(x, d) = sign(x) * ((|x| * (4096 - d)) >> 12), truncated toward zero.
+// What a step leaves of a register: left = rz(x, d) = sign(x) * ((|x| * (4096 - d)) >> 12), truncated toward zero.
 //
-// `keep` is 4096 - d, 0 to 4096: a decay d takes d / 4096 of x. The product is cut off toward minus infinity, so a negative one with a fraction is one too low. Two
-// cycles: the products of the halves of x, and their sum.
+// `keep` is 4096 - d, from 0 to 4096: a decay d takes d / 4096 of x. The result comes two cycles after `x` and `keep`: first
+// the products of the lower and the upper half of x, which fit the multipliers of an FPGA, then their sum.
+//
+// Cutting the low 12 bits off a two's complement number rounds it toward minus infinity, so the quotient of a negative product
+// with a fraction is one too low: `up` adds 1 to it.
 module leak (
     input  logic               clk,
     input  logic signed [23:0] x,

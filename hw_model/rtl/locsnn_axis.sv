@@ -3,10 +3,10 @@
 //     s_load     memory (159:152), address (151:128), data (127:0); waits while a recording is under way
 //     s_axis     kind (17:16) and channel (15:0): 0 event, 1 tick; TLAST comes with the last tick of a recording
 //     m_axis     per recording: error (18:16) and class (15:0), seven counts, lost spikes; TLAST with the last beat
-//     m_spikes   where `report` is high: a spike, as spike_report numbers them; take them while a recording runs
+//     m_spikes   where `report` is high: a spike, as spike_report.sv numbers it; take them while the recording runs
 //
-// A recording's last beat may be of kind 2, an end and nothing else, or 3, which drops the recording without an answer.
-// Kinds 2 and 3 anywhere else, and bits above the kind, are answered with error 6 at the end of their recording.
+// A recording's last beat may also be of kind 2, which is an end and nothing else, or 3, which drops the recording without an
+// answer. Kinds 2 and 3 anywhere else, and bits above the kind, are answered with error 6 at the end of their recording.
 module locsnn_axis #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
@@ -42,15 +42,15 @@ module locsnn_axis #(
     output logic [31:0]  m_spikes_tdata
 );
     localparam logic [1:0] END = 2;
-    localparam logic [2:0] NO_WORD = 6;
-    localparam logic [3:0] LAST = 8;
+    localparam logic [2:0] NO_WORD = 6;  // an error of this module; 1 to 5 are those of event_input.sv
+    localparam logic [3:0] LAST = 8;  // the last of the nine beats of an answer, from 0
 
     logic       reset;
     always_ff @(posedge aclk) reset <= !aresetn;
 
     // Words: those of the stream, and an end after the last one.
-    logic       closing;  // the end is due
-    logic       wrong;    // a word of this recording was none
+    logic       closing;  // the last beat came: an end has to follow it into the core
+    logic       wrong;    // a beat of this recording was not a valid word
     logic       open;     // words of a recording came
     logic       awaited;  // its answer is to come
     wire        bad = s_axis_tdata[31:18] != 0 || (s_axis_tdata[17] && !s_axis_tlast);
@@ -69,7 +69,7 @@ module locsnn_axis #(
             if (bad) wrong <= 1;
             if (s_axis_tlast) closing <= 1;
         end
-        // An end of its own, or a stop, needs no other.
+        // The end that was added, or an end or a stop that came as the last beat: the recording is over for the core.
         if (in_taken && in_kind[1]) begin
             open <= 0;
             awaited <= in_kind == END;

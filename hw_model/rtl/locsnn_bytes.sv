@@ -1,4 +1,5 @@
-// The core behind a protocol of bytes, which a UART or anything else may carry.
+// The core behind a protocol of bytes, which a UART or anything else may carry. The host's bytes are requests, and the
+// board's bytes are replies; docs/reference/hardware/serial-line-and-axi.md describes both.
 //
 //     bytes -> frame_receiver -> commands -> load port, stream -> locsnn_core
 //     bytes <- frame_sender   <- replies  <- answer, spike_report <----'
@@ -40,7 +41,7 @@ module locsnn_bytes #(
         .frame_valid, .frame_ready, .frame_data, .frame_last, .error_valid, .error, .expected
     );
 
-    // The receiver's memory answers late in a cycle, and what commands make of a byte is long.
+    // A register in between, for the clock: the receiver's memory answers late in a cycle, and commands has long paths.
     wire         heard_valid, heard_ready, heard_last;
     wire [7:0]   heard_data;
     one_word #(.WIDTH(9)) heard (
@@ -85,7 +86,7 @@ module locsnn_bytes #(
         /* verilator lint_on PINCONNECTEMPTY */
     );
 
-    wire [15:0] winner = answer_error == 0 ? answer_class : 16'b0;
+    wire [15:0] winner = answer_error == 0 ? answer_class : 16'b0;  // after an error the class is an old one
 
     // Cycles from the first word of a recording to its answer, a slow host included.
     logic [31:0] cycles;
@@ -104,6 +105,7 @@ module locsnn_bytes #(
 
     wire         reply_frame_valid, reply_frame_ready, reply_frame_last;
     wire [7:0]   reply_frame_data;
+    // The parameters as a host reads them (hw_model/rtl/board.py): eleven numbers of three bytes, the last one shared by three.
     localparam logic [263:0] SIZE = {24'(AXONS), 24'(SYNAPSES), 24'(COMPARTMENTS), 24'(SLOTS), 24'(CHARGE), 24'(JOIN),
                                      24'(BITMAP), 24'(VISITS), 24'(ENTRIES), 24'(WORD), 1'(GROUPS), 3'(LATER), 20'(PHASE_WORDS)};
     replies #(.BUFFER(BUFFER), .SIZES(11), .SIZE(SIZE)) reply (
@@ -116,7 +118,7 @@ module locsnn_bytes #(
         .frame_last(reply_frame_last)
     );
 
-    // Memories answer late in a cycle, and the choice of a byte is wide: both have to fit before this register.
+    // A register in between, for the clock: memories answer late in a cycle, and the choice of a byte among 40 is slow.
     wire         said_valid, said_ready, said_last;
     wire [7:0]   said_data;
     one_word #(.WIDTH(9)) said (

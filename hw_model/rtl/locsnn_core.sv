@@ -5,14 +5,25 @@
 //               `-> transpose                        |     v
 //                                       requests ->  delivery <- queue
 //
-// Phases follow each other: the first while the recording arrives, all others from the buffer of its events. A step is:
-// deliver its input spikes, update every compartment of the phase, deliver the spikes of these. Charges of step t go to
-// the slots of t + 1 and later, so the order of deliveries does not matter.
+// Phases follow each other: the first runs while the recording arrives, all others read the buffer of its events (transpose).
+// A step of a phase is: deliver its input spikes, update every compartment of the phase, deliver the spikes of those that
+// fired. Charges of step t go to the slots of t + 1 and later, so the order of deliveries does not matter.
 //
-// A row is what a recording says of one step of its own time: the events between two ticks. A phase that reads them from the
-// buffer has steps of another kind, and may take the rows in another order. A source is whatever sends spikes: a channel of
-// the recording, a row of a visit, or a compartment; each has a list of synapses. A slot is a place for the charges of one
-// step to come. docs/reference/glossary.md has the words of all pages.
+// Some words: A row is what a recording holds for one step of its own time, the events between two ticks. A phase that reads
+// rows from the buffer has steps of another kind, and may take the rows in another order. A source is whatever sends spikes:
+// a channel of the recording, a row of a visit (transpose.sv), or a compartment; each has a list of synapses. A slot is a place
+// for the charges of one step to come. docs/reference/glossary.md has the words of all pages.
+//
+// The sequencer is the state machine in the middle of this file. Its states:
+//
+//     STOPPED   after a reset, until the setting RUN is written
+//     CLEAN     all memories with state are swept, a word per cycle
+//     PHASE     the eight fields of the next phase are read; before that, charges are swept where phases share places
+//     ROW       words are taken: an event is delivered, a tick begins the updates, an end finishes the phase
+//     UPDATE    the compartments of the phase are updated, one per cycle
+//     SPIKES    until all updates are done and all spikes of the step delivered
+//     READOUT   after the last phase: the scores of the classes
+//     ANSWER    until the host takes the answer; then CLEAN for the next recording
 //
 // Memories are filled through the load port, between recordings; setting RUN, the last one, cleans all state and starts.
 // State is cleaned after every recording, answered or stopped. The layouts of all words are in
@@ -23,31 +34,32 @@ module locsnn_core #(
     parameter integer COMPARTMENTS = 512,
     parameter integer SLOTS = 16,           // a power of two, at least the longest delay and 2
     parameter integer CHARGE = 18,          // bits of a charge under way, in units of 64, sign included
-    parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included; 0: compartments are not joined
+    parameter integer JOIN = 26,            // bits of a sum of joined voltages, sign included; 0: compartments are not joined
     parameter integer BITMAP = 1024,        // words of the buffer of events
     parameter integer VISITS = 128,         // visits of channels, of all phases together
     parameter integer ENTRIES = 128,        // compartments that are read out
     parameter integer WORD = 32,            // rows of a word of the buffer, a power of two
     parameter integer PHASE_WORDS = 512,    // eight for each phase; a power of two, at most 512
-    // What makes memories smaller on a chip. 0: no such thing.
-    parameter integer STEP = 0,             // bits of the step from a target to the next, where they are not told in full
-    parameter integer PLACES = 0,           // compartments of a phase, a power of two: states and charges lie from its first on
-    parameter integer SUMS = 0,             // words for joined voltages, a power of two, where parents are close to their children
+    // What makes memories smaller on a chip; each is off where it is 0.
+    parameter integer STEP = 0,             // bits in which a list stores a target, as the step from the one before (stepped.sv)
+    parameter integer PLACES = 0,           // phases share this many places for states and charges, a power of two: a compartment's
+                                            // place is its distance from the first compartment of its phase
+    parameter integer SUMS = 0,             // words for sums of joined voltages, a power of two, that parents share
     // Bits of slots more, in charge memory that a program of few compartments leaves unused. With them, the second phase
     // hears its events when they arrive, not later from the buffer: each event becomes a charge of the step of its visit.
     parameter integer LATER = 0,
     // 1: up to 2^7 rows of a visit may share a source, where their lists are the same.
     parameter integer GROUPS = 0,
-    // 1: the buffer is a memory of one port, which writes what it was told in the cycle in which it would read again.
+    // 1: the buffer is a memory of one port, so a marked word is written a cycle earlier, before the next mark is read.
     parameter integer ONE_PORT = 0,
     // What saves energy on a chip, and costs logic elsewhere.
-    parameter integer AT_ONCE = 0,          // 1: the memory of charges answers in the cycle in which it is asked
-    parameter integer LAZY = 0              // 1: states that the next step does not depend on are neither read nor written
+    parameter integer AT_ONCE = 0,          // 1: the memory of charges answers at once, as in accumulator_at_once.sv
+    parameter integer LAZY = 0              // 1: states that do not matter are neither read nor written, as at_rest.sv says
 ) (
     input  logic               clk,
     input  logic               reset,
     input  logic               load_valid,
-    input  logic [2:0]         load_memory,
+    input  logic [2:0]         load_memory,   // 0 settings, 1 axons, 2 synapses, 3 leaks, 4 fires, 5 visits, 6 weights, 7 phases
     input  logic [23:0]        load_address,
     input  logic [127:0]       load_data,
     input  logic               in_valid,
@@ -59,6 +71,7 @@ module locsnn_core #(
     input  logic               answer_ready,
     output logic [2:0]         answer_error,  // 0: none; see event_input
     output logic [15:0]        answer_class,
+    // What the recording made the core do (activity.sv).
     output logic [31:0]        answer_synapses,
     output logic [31:0]        answer_updates,
     output logic [31:0]        answer_active_updates,
@@ -66,7 +79,7 @@ module locsnn_core #(
     output logic [31:0]        answer_charge_wraps,
     output logic [31:0]        answer_current_wraps,
     output logic [31:0]        answer_voltage_clips,
-    // For test benches: every update, and every score.
+    // For test benches: the results of every update while `probe_valid` is high, and every score.
     output logic                            probe_valid,
     output logic [$clog2(COMPARTMENTS)-1:0] probe_compartment,
     output logic [23:0]                     probe_u,
@@ -80,6 +93,7 @@ module locsnn_core #(
     output logic                            probe_score_valid,
     output logic [63:0]                     probe_score
 );
+    // Bits of the number of a source, a compartment, a slot, the slot of a request (delivery.sv), a tally, a word of phases.
     localparam integer SOURCE = $clog2(AXONS);
     localparam integer NUMBER = $clog2(COMPARTMENTS);
     localparam integer SLOT = $clog2(SLOTS) + LATER;
@@ -88,8 +102,8 @@ module locsnn_core #(
     localparam integer PHASE_WORD = $clog2(PHASE_WORDS);
     localparam integer STATES = PLACES != 0 ? PLACES : COMPARTMENTS;  // compartments whose state is held at a time
     localparam integer PLACE = $clog2(STATES);
-    localparam integer ADDRESS = $clog2(SLOTS) + PLACE - 1;
-    // Between recordings all of the largest memory is swept, and the smaller ones again and again.
+    localparam integer ADDRESS = $clog2(SLOTS) + PLACE - 1;  // of a charge in its bank: two banks share the places
+    // Between recordings all memories with state are swept at once, by one counter with the bits of the largest.
     localparam integer SWEPT = ADDRESS > $clog2(BITMAP) ? ADDRESS : $clog2(BITMAP);
     localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
 
@@ -125,17 +139,17 @@ module locsnn_core #(
     logic [3:0]  field;
     wire [23:0]  next_field;
 
-    // Sequencer.
+    // Sequencer; the head of this file says what its states do.
     localparam logic [2:0] STOPPED = 0, CLEAN = 1, PHASE = 2, ROW = 3, UPDATE = 4, SPIKES = 5, READOUT = 6, ANSWER = 7;
     localparam logic [1:0] EVENT = 0, TICK = 1;
     logic [2:0]        state;
     logic [23:0]       next_step;   // how many steps of the phase there are once this one is over
     logic              first_step;
     logic              from_here;   // this is the first step whose potentials are read out
-    logic              after_here;  // an earlier step was
-    logic [SLOT-1:0]   slot;
+    logic              after_here;  // an earlier step was the first whose potentials are read out
+    logic [SLOT-1:0]   slot;        // of this step: what arrives in it was added here
     logic [SWEEPING:0] sweep_at;
-    logic [NUMBER:0]   number, number_begin;
+    logic [NUMBER:0]   number, number_begin;  // the compartment to update; the first one of the phase
     wire [NUMBER:0]    number_end = phase_fields[NUMBER_END][NUMBER:0];
     logic              buffered;  // the phase is not the first
     wire               clear = reset || state == CLEAN;
@@ -148,6 +162,7 @@ module locsnn_core #(
         .read(state == PHASE), .read_address(PHASE_WORD'({phase, field[2:0]})), .read_data(next_field)
     );
 
+    // Words for the sequencer come from the stream (event) in the first phase, from the buffer (line) in all others.
     wire              row = state == ROW && !hold;
     wire              event_valid, line_valid;
     wire [1:0]        event_kind, line_kind;
@@ -168,11 +183,13 @@ module locsnn_core #(
     logic last_step;
     always_ff @(posedge clk) last_step <= next_step == phase_fields[STEPS];
     wire early = state == SPIKES && !head_valid && !last_step;
-    // Spikes may be looked up a little before the last charge is taken: theirs are added five cycles later.
+    // Spikes may be looked up before the last charge of the step is taken, as their charges are added five cycles after the
+    // request (delivery.sv). `ending` is a register, so it is computed from the number of the cycle before: 6, not 5.
     logic ending;
     always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= number_end;
     wire spike = head_valid && (state == SPIKES || (state == UPDATE && ending));
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
+    // The compartment whose state and charges lie first, and the place of the one that is updated.
     wire [NUMBER-1:0] origin = PLACES != 0 ? number_begin[NUMBER-1:0] : {NUMBER{1'b0}};
     wire [PLACE-1:0]  place = PLACE'(number[NUMBER-1:0] - origin);
     // Where the second phase hears its events when they arrive (`later`), each of its steps has a slot of its own, and the
@@ -198,6 +215,7 @@ module locsnn_core #(
                 .kept(settings[ROWS_KEPT]), .mark, .mark_channel(event_source), .mark_tick,
                 .due, .valid(known), .step, .source
             );
+            // Whether this request is the last one of its event.
             wire asked = buffered || !later || !due || (again && known);
             assign later_ready = early ? is_event && delivery_ready && asked
                 : row && (steps_over && (is_event || is_tick) || (is_event ? delivery_ready && asked : !delivering));
@@ -211,7 +229,7 @@ module locsnn_core #(
             assign later_place = later ? place & {PLACE{1'b1}} >> LATER : place;
             assign later_address = {slot[SLOT-LATER-1:0], later_place[PLACE-1:1]
                 | (PLACE - 1)'(slot[SLOT-1:SLOT-LATER]) << (PLACE - 1 - LATER)};
-            // Banks are far apart where there is so much memory: whose turn it is, is known a cycle ahead.
+            // Banks are far apart where there is so much memory, so the bank of the next number is computed a cycle ahead.
             wire [NUMBER-1:0] following_number = state == UPDATE ? number[NUMBER-1:0] + 1'b1 : number_begin[NUMBER-1:0];
             wire [PLACE-1:0]  following_place = PLACE'(following_number - origin) & {PLACE{1'b1}} >> (later ? LATER : 0);
             logic             odd;
@@ -315,7 +333,7 @@ module locsnn_core #(
         .out_valid(line_valid), .out_ready(word_ready && buffered), .out_kind(line_kind), .out_source(line_source)
     );
 
-    // Spikes to deliver: of lines in a row, of compartments after their update.
+    // Spikes to deliver: of channels and rows while words are taken, and of compartments after their update.
     wire [1:0]             add;
     wire [2*ADDRESS-1:0]   add_address;
     wire [2*CHARGE-1:0]    add_charge, taken;
@@ -342,7 +360,8 @@ module locsnn_core #(
         .add, .add_address, .add_charge, .busy(delivering)
     );
 
-    // Charges under way, in two banks that add at the same time; an update takes from that of its compartment.
+    // Charges under way, in two banks that add at the same time; an update takes the charge from the bank of its compartment.
+    // A charge is `taken` two cycles after its request, so the number of its bank is delayed as much.
     wire  number_bank = LATER != 0 ? later_bank : ^{place, slot[0]};
     logic bank1, bank2;
     always_ff @(posedge clk) {bank1, bank2} <= {number_bank, bank1};

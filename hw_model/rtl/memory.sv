@@ -1,5 +1,8 @@
 // A memory of one write port and one read port. What is read appears in the next cycle, and stays until the next read.
-// A word that is written while it is read comes out old or new, as the device likes: users forward or wait.
+// A word that is written in the same cycle in which it is read may come out old or new, depending on the device, so modules
+// that use it forward the new word themselves or wait. Synthesis maps the array to block RAM.
+//
+// MEMORY_BLOCK, if it is defined, is the number of bits of a block RAM of the device; hw_model/rtl/board_sources.py says for which.
 module memory #(
     parameter integer WIDTH = 8,
     parameter integer DEPTH = 16
@@ -13,8 +16,9 @@ module memory #(
     output logic [WIDTH-1:0]         read_data
 );
 `ifdef MEMORY_BLOCK
-    // Bits of a block of the device. A deep memory is sliced into a few bits each, so that a slice is one block: of wide blocks one
-    // above the other, the choice between their words would be the slowest path.
+    // A deep memory is cut into slices of a few bits each, so that a slice fills one block. Otherwise each of several blocks
+    // would hold some of the words, and the choice between their outputs would be the slowest path of the core.
+    // MOST is the width of a block at this depth. A memory for which it is 8 or more is shallow, and stays in one piece.
     localparam integer MOST = `MEMORY_BLOCK / DEPTH > 1 ? `MEMORY_BLOCK / DEPTH : 1;
     localparam integer SLICE = MOST < 8 && MOST < WIDTH ? MOST : WIDTH;
     genvar low;
@@ -29,7 +33,7 @@ module memory #(
         end
     endgenerate
 `else
-    // Without the attribute Yosys adds logic to each memory that makes such a word the old one.
+    // Without the attribute, Yosys adds logic to each memory that makes a word that is written while it is read the old one.
     (* no_rw_check *) logic [WIDTH-1:0] words[0:DEPTH-1];
 
     always_ff @(posedge clk) begin

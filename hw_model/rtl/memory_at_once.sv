@@ -1,5 +1,5 @@
-// A memory that shows a word while it is read, in the same cycle, as an array of latches does. What is written can be read in
-// the next cycle.
+// A memory that shows a word in the same cycle in which it is read, as an array of latches does. A written word can be read in
+// the next cycle. While nothing is read, the output is 0. accumulator_at_once.sv uses it.
 module memory_at_once #(
     parameter integer WIDTH = 8,
     parameter integer DEPTH = 16

@@ -1,7 +1,8 @@
-// Compartments that fired in a step, by their numbers as sources, in order, until their spikes are delivered. It holds one of
-// each.
+// A first-in first-out queue of the compartments that fired in a step, by their numbers as sources, until their spikes are
+// delivered. It has room for all compartments, so it is never full.
 //
-// The oldest waits in a register. Its successor takes its place two cycles after it was popped.
+// The oldest number waits in the register `head`. Its successor takes its place two cycles after it was popped: one to read
+// the memory, which answers late in its cycle, and one for the register.
 module queue #(
     parameter integer WIDTH = 10,
     parameter integer DEPTH = 512
@@ -10,17 +11,17 @@ module queue #(
     input  logic             clear,
     input  logic             push,
     input  logic [WIDTH-1:0] pushed,
-    output logic             head_valid,
+    output logic             head_valid,  // `head` is the oldest one; pop it then
     output logic [WIDTH-1:0] head,
     input  logic             pop,
-    output logic             empty
+    output logic             empty        // nothing is queued, whether in the head or on its way there
 );
     localparam integer PLACE = $clog2(DEPTH);
 
     logic [PLACE:0]   begin_at, end_at;  // one bit more than a place, which tells full from empty
     logic             coming;            // the memory shows the next head
     logic [WIDTH-1:0] oldest;
-    // Whether the head is popped is known late in a cycle.
+    // Whether the head is popped is known late in a cycle, so both outcomes are prepared and `pop` only chooses between them.
     wire  [PLACE:0]   behind = begin_at + 1'b1;
     wire  [PLACE:0]   next_begin = pop ? behind : begin_at;
     wire              read = pop ? behind != end_at : begin_at != end_at && !(head_valid || coming);

@@ -1,34 +1,39 @@
-// The readout: a tally for each compartment that is read out, and the class whose weighted tallies add up to the most.
+// The readout: a tally for each compartment that is read out, and at the end the class whose weighted tallies add up to the most.
 //
-// A tally counts spikes or, with `by_potential`, holds the largest potential from a step on (0 where there is no such
-// step: all begin with 0). Tallies of a population follow each other, population by population. At the end the score of a class is the sum
-// of weight * tally over populations, multiplied bit by bit; the first of equal classes wins.
+// A tally counts spikes or, with `by_potential`, holds the largest potential from a step on (0 where there is no such step, as
+// all tallies begin with 0). A population that is read out has a compartment per class, and its tallies follow each other,
+// population by population. The score of a class is the sum of weight * tally over the populations. A product is made bit by
+// bit of the weight, one per cycle, from shifted tallies. The first of classes with equal scores wins.
 module readout #(
     parameter integer ENTRIES = 128,
-    parameter integer FAST = 0  // 1: the sign of a weight, late from its memory, waits for the addition; this takes more logic
+    // 1: the sign of a weight, which comes late from its memory, is applied in the addition and not before it. This makes the
+    // slowest path shorter and takes more logic.
+    parameter integer FAST = 0
 ) (
     input  logic                       clk,
     input  logic                       clear,
     input  logic                       load_weight,
     input  logic [23:0]                load_address,
     input  logic [127:0]               load_data,
-    input  logic [23:0]                classes,
-    input  logic [23:0]                populations,
+    input  logic [23:0]                classes,      // compartments of a population
+    input  logic [23:0]                populations,  // that are read out
     input  logic                       from_here,    // this is the first step whose potentials count
-    input  logic                       after_here,   // an earlier step was
+    input  logic                       after_here,   // an earlier step was the first whose potentials count
     input  logic                       sweep,
     input  logic [$clog2(ENTRIES)-1:0] sweep_address,
-    input  logic                       early_read,   // two cycles before the others
+    // A compartment that is read out: whether it has a tally, and which, two cycles before its results, so that the tally can
+    // be read; then its results.
+    input  logic                       early_read,
     input  logic [$clog2(ENTRIES)-1:0] early_entry,
     input  logic                       read_out,
     input  logic                       by_potential,
     input  logic [$clog2(ENTRIES)-1:0] entry,
     input  logic                       fired,
     input  logic signed [23:0]         potential,
-    input  logic                       start,
-    output logic                       done,
+    input  logic                       start,        // after the last phase: compute the scores
+    output logic                       done,         // high for a cycle, when `winner` is known
     output logic [15:0]                winner,
-    // Every score, once it is known.
+    // For test benches: every score, once it is known.
     output logic                       score_valid,
     output logic signed [63:0]         score
 );
@@ -87,7 +92,8 @@ module readout #(
     logic [ENTRY:0]     class_number;
     logic [31:0]        factor;    // bits of the weight's magnitude that are left, the next at bit 0
     logic               negative;  // the weight is
-    // -x is ~x + 1: of a negative weight, inverted bits of `addend` are added, and 1 with them.
+    // A product of a negative weight is subtracted. -x is ~x + 1, so the inverted bits of `addend` are added, and 1 with them,
+    // as the carry that `{score, 1'b1}` and `negative` below the lowest bit make.
     logic [63:0]        addend;
     logic signed [63:0] best;
     logic               better;

@@ -1,21 +1,24 @@
-// Who speaks to the host, a frame at a time: errors of the line first, then replies to commands, spikes, and the answer of
-// a recording once its spikes are gone. Numbers have their highest byte first.
+// Composes the frames for the host and decides which of them is sent next, a frame at a time: errors of the line first, then
+// replies to commands, spikes, and the answer of a recording once its spikes are gone. A frame leaves byte by byte, type and
+// sequence number first. Numbers have their highest byte first.
 //
 //     0x81 hello    version, program there, BUFFER (3 bytes), and the parameters of the core in their order (3 bytes each)
 //     0x82 done     the frame of this sequence number was carried out
 //     0x83 answer   error, class (2), cycles since the first word, seven counts (4 each), lost spikes (3)
 //     0x84 spikes   what spike_report gives (3 bytes each)
-//     0x85 error    the problem; its sequence number is that of the frame or, of problems 1 to 5, the one that must come next
+//     0x85 error    the problem; its sequence number is that of the frame or, for problems 1 to 5, the one that must come next
 module replies #(
     parameter integer BUFFER = 256,
-    parameter integer SIZES = 11,
-    parameter logic [24*SIZES-1:0] SIZE = 0
+    parameter integer SIZES = 11,           // how many parameters a hello lists, of 24 bits each
+    parameter logic [24*SIZES-1:0] SIZE = 0  // the parameters, the first one highest
 ) (
     input  logic         clk,
     input  logic         reset,
+    // From frame_receiver: an error of the line, and the sequence number that must come next.
     input  logic         error_valid,
     input  logic [7:0]   error,
     input  logic [7:0]   expected,
+    // From commands: the reply to the frame of this number. It is taken with the last byte of the reply.
     input  logic         reply_valid,
     output logic         reply_ready,
     input  logic         reply_hello,
@@ -47,10 +50,12 @@ module replies #(
     logic [5:0] index, last;
     logic [3:0] spikes_sent;
 
-    // A cycle old: a byte is taken in every other cycle at most, and the first two of a frame are not of the spike.
+    // A register for the clock. It is a cycle old, but in time: a byte is taken in every other cycle at most, and the first two
+    // bytes of a frame are its type and number.
     logic [23:0] spike_held;
     always_ff @(posedge clk) spike_held <= spike;
 
+    // The bytes of the frame, the first one highest; those of a shorter frame lie at the top.
     logic [8*LONGEST_BYTES-1:0] body;
     always_comb begin
         body = 0;
@@ -68,6 +73,7 @@ module replies #(
 
     wire [8:0] low = {6'd39 - index, 3'b0};
     wire       sent = frame_valid && frame_ready;
+    // After the last byte of a spike (index 4) the next one goes into the same frame, from its first byte (index 2) on.
     wire       again = state == SPIKE && index == 4 && spike_more && spikes_sent != MORE_SPIKES;
     assign frame_valid = state != IDLE;
     assign frame_data = body[low+:8];

@@ -1,19 +1,20 @@
-// Spikes for the host: each as the number of compartments that were updated before it in its recording.
+// Queues the spikes of a recording for the host. A spike is reported as the number of compartments that were updated before it in
+// its recording. Updates follow a fixed order, step by step and by compartment within a step, so the host can tell both from it.
 //
-// Updates follow a fixed order, step by step and in each by compartment, so the number tells both. Steps wait while half of the queue is
-// taken. Spikes of a step that still find it full are counted, and the count is answered with the class.
+// `crowded` makes the steps of the core wait while half of the queue is taken. A step that has begun goes on, so its spikes may
+// still find the queue full; these are counted as `lost`, and the count is answered with the class.
 module spike_report #(
     parameter integer DEPTH = 256  // a power of two
 ) (
     input  logic        clk,
     input  logic        reset,
-    input  logic        wanted,
-    input  logic        running,
-    input  logic        update,
-    input  logic        fired,
+    input  logic        wanted,   // the host has asked for spikes
+    input  logic        running,  // a recording is under way; the counts start with it
+    input  logic        update,   // a compartment was updated
+    input  logic        fired,    // that compartment fired
     output logic        head_valid,
     output logic [23:0] head,
-    output logic        more,   // another one waits behind the head
+    output logic        more,     // another spike waits behind the head
     input  logic        pop,
     output logic [23:0] lost,
     output logic        crowded  // half of the queue is taken: steps should wait

@@ -1,5 +1,5 @@
-// The core on a board: a clock, a serial line and four lights. What it runs is loaded over the line, so one bitstream
-// serves every program that fits its parameters.
+// The core on a board: a clock, a serial line and four lights. The program is loaded over the line, so one bitstream serves
+// every program that fits its parameters. The top of a board (hw_model/rtl/boards/top.sv.in) connects the pins to it.
 module top_uart #(
     parameter integer CLOCK = 12000000,  // Hz
     parameter integer BAUD = 1000000,    // bits per second; CLOCK is at least 8 times as much
@@ -24,9 +24,10 @@ module top_uart #(
     input  logic       button,  // high: reset, as a button or a PLL without lock asks for it; 0 where there is neither
     input  logic       rx,      // from the host
     output logic       tx,      // to the host
-    output logic [3:0] leds     // high: a program is there; a recording runs; turns with every answer; an error since reset
+    // From bit 0: a program is loaded; a recording runs; toggles with every answer; an error since the reset. High: on.
+    output logic [3:0] leds
 );
-    localparam integer BIT = (CLOCK + BAUD / 2) / BAUD;
+    localparam integer BIT = (CLOCK + BAUD / 2) / BAUD;  // cycles per bit, rounded
 
     wire       reset, in_valid, in_broken, out_valid, out_ready, loaded, running, answered, failed;
     wire [7:0] in_data, out_data;

@@ -1,7 +1,9 @@
-// Bytes from a serial line: a start bit, 8 bits, the lowest first, and a stop bit; no parity.
+// Receives bytes from a serial line: a start bit (0), 8 bits, the lowest first, and a stop bit (1); no parity. `valid` is high
+// for one cycle when a byte is complete.
 //
-// Every bit is read once, in its middle, counted from the falling edge of the start bit. So the sender's bits may be 4 %
-// longer or shorter than BIT clocks, and 5 % where BIT is large.
+// Every bit is sampled once, in its middle, counted in clocks from the falling edge of the start bit. The stop bit is sampled
+// 9.5 bits after that edge, and must not be missed by more than half a bit. So the sender's bits may be 4 % longer or shorter than
+// BIT clocks, and 5 % where BIT is large.
 module uart_rx #(
     parameter integer BIT = 104  // clocks per bit, at least 8
 ) (
@@ -15,9 +17,9 @@ module uart_rx #(
     localparam integer COUNT = $clog2(BIT);
     localparam logic [COUNT-1:0] WHOLE = COUNT'(BIT - 1), HALF = COUNT'(BIT / 2 - 1);
 
-    logic [2:0]       line;    // `rx`, synchronised; the newest at bit 0
+    logic [2:0]       line;    // the last three values of `rx`, the newest at bit 0; the first register may be metastable
     logic [COUNT-1:0] left;    // clocks to the middle of the next bit
-    logic [3:0]       bits;    // bits to come; 0: none, wait for the edge of a start bit
+    logic [3:0]       bits;    // bits of this byte still to come, start and stop included; 0: wait for the edge of a start bit
 
     always_ff @(posedge clk) begin
         line <= {line[1:0], rx};
@@ -29,9 +31,9 @@ module uart_rx #(
         end else if (left == 0) begin
             bits <= bits - 1;
             data <= {line[1], data[7:1]};
-            if (bits == 10 && line[1]) bits <= 0;  // a spike on the line, not a start bit
+            if (bits == 10 && line[1]) bits <= 0;  // a glitch on the line, not a start bit
             if (bits == 1) begin
-                data <= data;
+                data <= data;  // the stop bit is not one of the byte
                 valid <= line[1];
                 broken <= !line[1];
             end

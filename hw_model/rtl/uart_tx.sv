@@ -1,4 +1,5 @@
-// Bytes to a serial line: a start bit, 8 bits, the lowest first, and a stop bit; no parity.
+// Sends bytes to a serial line: a start bit (0), 8 bits, the lowest first, and a stop bit (1); no parity. A byte is taken when
+// `valid` and `ready` are high; `ready` is high again when its stop bit has been sent.
 module uart_tx #(
     parameter integer BIT = 104  // clocks per bit
 ) (

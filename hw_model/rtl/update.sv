@@ -1,4 +1,4 @@
-// The step of a compartment, one compartment per cycle, nine cycles from its number to its new state:
+// The step of a compartment. A pipeline takes one compartment per cycle, and needs nine cycles from its number to its new state:
 //
 //     q = charge that is due, wrapped to 21 bits plus sign
 //     u = rz(u, decay_u) + q, wrapped to 23 bits plus sign
@@ -8,21 +8,24 @@
 // u, v, q and bias are in units of the registers; charges arrive, and thresholds are stored, in units of 64 of them. A decay
 // d is a fraction d / 4096, and rz(x, d) is what it leaves of x (leak.sv). Widths are those of hw_model/chips/loihi-sim.yaml.
 //
-// A digit at the end of a name is the cycle, counted from the one in which the compartment is issued:
+// Bias, decays and the like are constants of the compartment, in two memories: `leaks` is read at the beginning, `fires` (limits,
+// threshold, readout) later, when it is needed, so that its words need fewer registers.
+//
+// A digit at the end of a name is the cycle to which a signal belongs, counted from the one in which the compartment is issued:
 //
 //     0  number: state, constants of the leak and charge are read       5  add bias; add joined voltages
 //     1  they arrive                                                    6  v is their sum
 //     2  products of u and v with 4096 - decay                          7  clip v, compare
 //     3  their sums                                                     8  write the state, tell of the spike
-//     4  add q to u
+//     4  add q to u; constants of clip and threshold are read
 module update #(
     parameter integer COMPARTMENTS = 512,
-    parameter integer STATES = COMPARTMENTS,  // words of the memory of states; fewer where phases share them
+    parameter integer STATES = COMPARTMENTS,  // words of the memory of states; fewer than compartments where phases share them
     parameter integer CHARGE = 18,  // bits of a charge, in units of 64, sign included
     parameter integer JOIN = 26,  // bits of a sum of joined voltages, sign included; 0: compartments are not joined
     parameter integer ENTRIES = 128,  // compartments that are read out
-    parameter integer LAZY = 0, // a state that the next step does not depend on is neither read nor written
-    parameter integer SUMS = 0  // words for joined voltages, where they are fewer than states: a parent's is known by its low bits
+    parameter integer LAZY = 0, // 1: a state that the next step does not depend on is neither read nor written (at_rest.sv)
+    parameter integer SUMS = 0  // words for sums of joined voltages; 0: one per state. A parent's word is given by its low bits
 ) (
     input  logic                            clk,
     input  logic                            clear,
@@ -30,24 +33,24 @@ module update #(
     input  logic                            load_fire,
     input  logic [23:0]                     load_address,
     input  logic [127:0]                    load_data,
-    input  logic                            issue,
-    input  logic                            first_step,
+    input  logic                            issue,       // the step of compartment `number` begins
+    input  logic                            first_step,  // of the phase: states are taken for 0, whatever the memory holds
     input  logic [$clog2(COMPARTMENTS)-1:0] number,
-    input  logic [$clog2(COMPARTMENTS)-1:0] origin,  // the compartment whose state is the first
+    input  logic [$clog2(COMPARTMENTS)-1:0] origin,      // the compartment whose state lies first
     // The charge that is due, two cycles after its compartment was issued, in units of 64.
     input  logic [CHARGE-1:0]               charge,
-    output logic                            busy,
-    // What became of a compartment, in the last of its cycles; its number a cycle earlier, too.
+    output logic                            busy,        // a compartment is in the pipeline
+    // Results of a compartment, in the last of its cycles (`done`); its number comes a cycle earlier, too.
     output logic [$clog2(COMPARTMENTS)-1:0] early_number,
     output logic                            done,
     output logic [$clog2(COMPARTMENTS)-1:0] done_number,
     output logic                            fired,
     output logic signed [23:0]              done_u,
     output logic signed [23:0]              done_v,
-    output logic signed [23:0]              potential,
-    output logic                            active,
+    output logic signed [23:0]              potential,  // v before it is set to 0 by a spike
+    output logic                            active,     // there was something to work on: a charge, state, bias or joined voltage
     output logic                            charge_wrap,
-    output logic [1:0]                      current_wraps,
+    output logic [1:0]                      current_wraps,  // how many of u and u + bias wrapped
     output logic                            voltage_clip,
     // Its entry of the readout: whether it has one and its number two cycles before the end, so that it can be read.
     output logic                            early_read,
@@ -57,7 +60,7 @@ module update #(
     output logic [$clog2(ENTRIES)-1:0]      entry
 );
     localparam integer NUMBER = $clog2(COMPARTMENTS);
-    localparam integer ENTRY = $clog2(ENTRIES);
+    localparam integer ENTRY = $clog2(ENTRIES);  // bits of the number of a tally (readout.sv)
     // Words of memories 3 and 4 (docs/reference/hardware/stream-and-memory-map.md): valid, 4096 - decay_u, 4096 - decay_v,
     // bias, has children; threshold, blocked steps, can spike, log2 of 1 - vmin, log2 of vmax + 1, then what follows
     // where compartments are joined (is a child, is the first of its siblings, parent), read out, by potential, entry.
@@ -74,7 +77,9 @@ module update #(
     localparam integer V_SUM = JOIN != 0 ? JOIN + 2 : 25;  // bits that v needs before it is clipped: a sum of three, or of two
 
     wire               pipeline_clock;  // while a compartment is on its way
-    logic [7:0]        issued;  // cycles 1 to 8; a word that is not valid is a gap between a child and its parent
+    // Bit n - 1: cycle n has a number. It is not `valid` where the number is of no compartment, a gap that lets a parent wait
+    // for its children.
+    logic [7:0]        issued;
     logic              valid2, valid3, valid4, valid5, valid6, valid7, valid8;
     logic [NUMBER-1:0] number3, number4, number7, number8;
     logic              first1;
@@ -85,7 +90,8 @@ module update #(
         {number4, number8} <= {number3, number7};
         {valid3, valid4, valid5, valid6, valid7, valid8} <= clear ? 6'b0 : {valid2, valid3, valid4, valid5, valid6, valid7};
     end
-    // Numbers of a sweep follow each other: with LAZY they are counted, so that fewer registers change.
+    // The numbers of a step follow each other. With LAZY they are counted anew at cycles 3 and 7, so that fewer registers change
+    // than if every number moved from cycle to cycle.
     generate
         if (LAZY != 0) begin : counted
             logic [NUMBER-1:0] begins;
@@ -109,9 +115,8 @@ module update #(
     // Where the state of a compartment lies.
     wire [PLACE-1:0] place0 = PLACE'(number - origin), place3 = PLACE'(number3 - origin), place8 = PLACE'(number8 - origin);
 
-    // 0 and 1: state and constants of the leak. With LAZY the voltage of a blocked compartment, which is 0, makes room for how
-    // long it is blocked. at_rest.sv says how such a state is told from others: it is needed, although nothing in it counts as
-    // nonzero.
+    // 0 and 1: state and constants of the leak. With LAZY, a blocked compartment, whose voltage is 0, has the steps for which it
+    // stays blocked stored in the place of the voltage. Its bits in at_rest.sv tell it from others: `needed` without `nonzero`.
     logic [STATE-1:0]   state_word1;
     wire                read0, needed1, nonzero1;
     wire                was_blocked1 = LAZY != 0 && needed1 && !nonzero1;
@@ -140,8 +145,8 @@ module update #(
         .read(issue), .read_address(number), .read_data(leak1)
     );
 
-    // Only a state that was written goes through the leak. Otherwise its registers keep old values to save energy, and what
-    // the leak makes of them is taken for 0. `lasting`: u or v is not forgotten within a step.
+    // Only a state that was written goes through the leak (`leaks`). For others the registers of the leak keep old values to save
+    // energy, and what the leak makes of them is replaced by 0. `lasting`: a decay leaves a part of u or v after a step.
     wire  leaks1 = LAZY == 0 || (needed1 && !first1);
     logic leaks2, leaks3, leaks4, nonzero2, was_blocked2, lasting2, lasting3, lasting4, lasting5, lasting6, lasting7, lasting8;
     always_ff @(posedge pipeline_clock) begin
@@ -165,7 +170,8 @@ module update #(
         end
     endgenerate
 
-    // 2: the charge is here. It wraps to 22 bits; in units of 64 these are 16.
+    // 2: the charge is here. It wraps to 22 bits; in units of 64 these are 16, so it has wrapped where the bits above differ from
+    // the sign at bit 15.
     logic signed [23:0] u2, v2;
     logic [5:0]         blocked2, blocked3, blocked4, blocked5, blocked6, blocked7, blocked8;
     logic [12:0]        keep_u2, keep_v2;
@@ -185,8 +191,9 @@ module update #(
         {has_children2, has_children3, has_children4} <= {has_children1, has_children2, has_children3};
     end
 
-    // Of a compartment that is `live` something may not be 0. Registers whose word is 0 and becomes 0 stand still; what is in
-    // them before the first recording goes while memories are cleaned.
+    // A compartment is `live` in a cycle if its current, voltage or what is added to them may be other than 0. Registers that hold
+    // 0 and would load 0 again get no clock, to save energy. While memories are cleaned (`clear`) they are clocked, which replaces
+    // what they held before the first recording.
     wire signed [JOINED-1:0]  joined4;
     logic signed [JOINED-1:0] joined5;
     logic live3, live4, live5, live6, live7, live8;
@@ -257,7 +264,8 @@ module update #(
     wire [4:0]          vmin_log6 = fire6[28:24];
     wire [4:0]          vmax_log6 = fire6[33:29];
     logic signed [23:0] vmin7, vmax7;
-    // Of each four bits of a limit: whether its logarithm is above them, or among them.
+    // For each group of four bits of a limit: whether the logarithm is above the group (`fours`), or within it (`four`). Every bit
+    // of the limit then needs a few inputs only.
     (* keep *) logic [5:0] vmin_fours, vmin_four, vmax_fours, vmax_four;
     always_comb for (integer i = 0; i < 6; i = i + 1) begin
         {vmin_fours[i], vmin_four[i]} = {vmin_log6[4:2] > 3'(i), vmin_log6[4:2] == 3'(i)};
@@ -282,14 +290,15 @@ module update #(
     logic signed [V_SUM-1:0] sum7;
     wire signed [V_SUM-1:0]  low7 = {{(V_SUM-23){vmin7[23]}}, vmin7[22:0]};
     wire                   below7 = sum7 < low7;
+    // The upper limit is 2^k - 1: a positive sum is above it exactly if it has a bit outside of it.
     wire                   beyond7 = !sum7[V_SUM-1] && (sum7 & ~{{(V_SUM-24){1'b0}}, vmax7}) != 0;
     logic signed [23:0]    clipped8;
     logic                  clip8, above8;
     always_ff @(posedge clock7) sum7 <= rest6 + {{(V_SUM-23){drive6[23]}}, drive6[22:0]};
     always_ff @(posedge clock8) clipped8 <= below7 ? vmin7 : beyond7 ? vmax7 : sum7[23:0];
     always_ff @(posedge pipeline_clock) begin
-        // Limits do not matter here: the lower one is never above a threshold, and where the upper one is not above it, the
-        // loader says that the compartment does not spike.
+        // The sum is compared before it is clipped, to save a cycle. Limits do not matter: the lower one is never above a
+        // threshold, and where the upper one is not above it, the loader says that the compartment does not spike (`spiking`).
         above8 <= $signed({{(V_SUM-23){1'b0}}, fire7[16:0], 6'b0}) < sum7;
         clip8 <= below7 || beyond7;
     end
@@ -310,7 +319,8 @@ module update #(
     assign done_v = fired ? 24'd0 : potential;
     assign done_u = u8;
     assign new_state8 = {fired ? blocks8 : is_blocked8 ? blocked8 - 6'd1 : 6'd0, done_v, u8};
-    // A compartment at rest stays as it is; the first step finds what an earlier recording left.
+    // The state of a compartment at rest is not written, as it stays the same; that of a first step is, as the memory holds what an
+    // earlier recording left.
     assign changed8 = active8 || is_blocked8 || first_step;
     assign done = valid8;
     assign done_number = number8;

@@ -1,9 +1,10 @@
-// The accumulator against one register: what is taken is all that was added to an address since it was taken or swept last,
-// however near each other operations are. An operation may come in every cycle, of any address; charges are as wide as they
-// are, and the memory as deep.
+// Proof of accumulator.sv against a model that is one register: what is taken from an address is the sum of all that was added
+// to it since it was last taken or swept, however close together the operations are. An operation may come in every cycle, for
+// any address. Widths and depth are those of a core: charges of 18 bits in a bank of 4096 words.
 //
-// The memory is watched_memory.sv. Wires with the attribute are those of the module, which flatten finds by their names; but
-// for the address that the memory watches, only induction makes use of them.
+// It is enough to look at one address, chosen freely by the solver: the `watched` one of watched_memory.sv. Its charge in the
+// model is `sum`. The wires with the attribute hierconn are wires of the module under proof, which flatten connects by their
+// names. But for the watched address, only the assertions that make the induction go through use them.
 module accumulator_proof (
     input logic        clk,
     input logic        valid,
@@ -50,6 +51,7 @@ module accumulator_proof (
         {taking2, sum2} <= {taking1, sum1};
     end
 
+    // hitN: the operation in cycle N of the pipeline has the watched address. afterN: the charge once it and all older ones are done.
     wire        hit1 = \dut.valid1 && \dut.address1 == \dut.charges.watched ;
     wire        hit2 = \dut.valid2 && \dut.address2 == \dut.charges.watched ;
     wire        hit3 = \dut.valid3 && \dut.address3 == \dut.charges.watched ;
@@ -58,11 +60,13 @@ module accumulator_proof (
     wire [17:0] after2 = !hit2 ? after3 : \dut.take2 ? 18'd0 : taken + \dut.addend2 ;
     wire [17:0] after1 = !hit1 ? after2 : \dut.take1 ? 18'd0 : after2 + \dut.addend1 ;
     always_comb begin
+        // The core does not sweep during operations, and sweeps all words before the first one.
         assume (!(sweep && valid));
         if (age != 5) assume (!sweep);
         if (!clean) assume (!valid);
+        // The property itself: `taken` comes two cycles after its take.
         if (taking2) assert (taken == sum2);
-        // For induction: what is under way.
+        // For induction: what the pipeline holds agrees with the model.
         assert (age <= 5);
         if (!clean) assert (!taking1 && !taking2);
         if (age == 5) begin

@@ -1,4 +1,4 @@
-// A memory of which nothing is known: what it reads may be anything.
+// Stands in for memory.sv in proofs that hold whatever a memory contains: what it reads may be anything, and differ each time.
 module memory #(
     parameter integer WIDTH = 8,
     parameter integer DEPTH = 16

@@ -1,6 +1,6 @@
 // Carry chains of an ECP5 in fewer logic cells. A CCU2C is two cells, one per bit. nextpnr-ecp5 adds two more where a carry
 // enters a chain, even a constant one, and two wherever a carry is read from it. Here a chain begins with a cell that makes
-// its first carry, and the carry that leaves it is read as one more sum.
+// its first carry, and the carry that leaves it is read as one more sum. ecp5.mk applies these techmap rules during synthesis.
 
 // Half 0 makes the carry, half i + 1 adds bit i, half Y_WIDTH + 1 adds 0 to the carry that leaves.
 (* techmap_celltype = "$alu" *)
@@ -11,6 +11,7 @@ module carry_chain (A, B, CI, BI, X, Y, CO);
     input                CI, BI;  // the first carry; whether B is inverted
     output [Y_WIDTH-1:0] X, Y, CO;
 
+    // Chains of up to four bits are left to the rules of Yosys.
     wire _TECHMAP_FAIL_ = Y_WIDTH <= 4 || A_WIDTH == 0 || B_WIDTH == 0;
 
     localparam CELLS = (Y_WIDTH + 3) / 2, HALVES = 2 * CELLS;
@@ -20,7 +21,7 @@ module carry_chain (A, B, CI, BI, X, Y, CO);
     wire [CELLS:0]     carry;
     genvar i;
     generate for (i = 0; i < CELLS; i = i + 1) begin : cells
-        // INIT0 of the first: the carry is A0. All others: left + right, or left + ~right.
+        // INIT is the truth table of a half. 000A: the carry is A0. 96AA: A + B or, where C (BI) is set, A + ~B.
         if (i == 0)
             CCU2C #(.INIT0(16'h000A), .INIT1(16'h96AA), .INJECT1_0("NO"), .INJECT1_1("NO")) pair (
                 .A0(left[0]), .B0(1'b1), .C0(1'b1), .D0(1'b1), .S0(sum[0]),
@@ -35,7 +36,7 @@ module carry_chain (A, B, CI, BI, X, Y, CO);
     end endgenerate
     assign Y = sum[Y_WIDTH:1];
     assign X = a ^ b ^ {Y_WIDTH{BI}};
-    // A carry within the chain is told from the sum that it went into.
+    // A carry within the chain follows from the sum that it went into: sum = a ^ b ^ carry.
     assign CO = {sum[Y_WIDTH+1], Y ^ X} >> 1;
 endmodule
 

@@ -1,10 +1,10 @@
-// The stream of a recording against its contract, whatever host and core do: what is accepted leaves once, in order and
+// Proof of event_input.sv against the contract of the stream, whatever host and core do: what is accepted leaves once, in order and
 // unchanged; what is offered stays until it is taken; a word is accepted only where there is room for it; errors, marks,
 // stops and silent steps are as docs/reference/hardware/stream-and-memory-map.md says. Settings are any, with as many
 // channels as there are sources at most, and stay as they are.
 //
-// `held` is a queue of one: what was accepted, or is due at the end, and has not been taken. Of the wires of the module,
-// which flatten finds by their names, only induction makes use.
+// The model is a queue of one word, `held`: what was accepted, or is due at the end, and has not been taken. The wires with the
+// attribute hierconn are wires of the module, which flatten connects by their names; only induction uses them.
 module event_input_proof (
     input logic        clk,
     input logic        clear,
@@ -26,7 +26,7 @@ module event_input_proof (
         .out_valid, .out_ready, .out_kind, .out_source, .mark, .mark_tick, .stop, .failed, .error
     );
 
-    // What the recording was so far.
+    // The model: what came of the recording so far.
     logic [23:0] ticks, given;         // ticks that were accepted, and that went out, silent ones included
     logic        in_step, over, gone;  // an event came since the last tick; an end or a stop came; nothing is to come
     logic [15:0] highest;              // channel of that event

@@ -1,9 +1,9 @@
-// The class of a recording, for any tallies, weights, and numbers of classes and populations: the score of a class is the
+// Proof of readout.sv for any tallies, weights, and numbers of classes and populations: the score of a class is the
 // sum of weight * tally over the populations, every class has one score, and the first of those with the most wins.
 //
 // A product is the sum of the tally, shifted, over the bits of the weight. Tallies and weights may be anything
-// (any_memory.sv); which word is read is proved. How tallies come about is not. The wires with the attribute are those of
-// the module, which flatten finds by their names.
+// (any_memory.sv); that the right word is read is proved, how tallies come about is not. The wires with the attribute hierconn
+// are wires of the module, which flatten connects by their names.
 module readout_proof (
     input logic               clk,
     input logic               clear,
@@ -41,13 +41,14 @@ module readout_proof (
     (* hierconn *) wire signed [63:0] \dut.best ;
     (* hierconn *) wire               \dut.better ;
 
+    // The model: it follows the module from word to word, and computes scores and the best class of its own.
     logic               running = 0;
-    logic [23:0]        class_at, population_at;  // whose score is under way, and of which population
-    logic signed [63:0] sum, top;                 // the score so far, and the most of others
-    logic [15:0]        first;                    // who has it
+    logic [23:0]        class_at, population_at;  // the class and the population whose product is being added
+    logic signed [63:0] sum, top;                 // the score of this class so far, and the highest of the classes before
+    logic [15:0]        first;                    // the first class that has the highest score
     logic signed [63:0] tally;
     logic [32:0]        weight;                   // sign and magnitude
-    logic [5:0]         place;                    // bits of it so far
+    logic [5:0]         place;                    // the bit of the magnitude that comes next
     logic [6:0]         tally_at;                 // class_at + population_at * classes
     wire                over = (weight[31:0] >> place) == 0;
     wire                better = class_at == 0 || sum > top;

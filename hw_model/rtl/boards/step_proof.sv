@@ -1,6 +1,6 @@
-// The step of a compartment against the formulas, in wide integers: for every state, charge, constant and joined voltage, and
-// whatever surrounds the compartment in the pipeline. Memories may hold anything (any_memory.sv), so that compartments do
-// not read what others are about to write is not part of this proof.
+// Proof of update.sv: the step of a compartment is that of the formulas, computed in integers of 40 bits, which never overflow,
+// for every state, charge, constant and joined voltage, and whatever surrounds the compartment in the pipeline. Memories may hold
+// anything (any_memory.sv), so this proof does not say that compartments never read what others are about to write.
 //
 //     rz(x, d) = sign(x) * ((|x| * (4096 - d)) >> 12), where the product is 4096 times that of the upper half of x, and that
 //         of the lower half
@@ -9,7 +9,7 @@
 //     v = rz(v, d_v) + (u + bias, wrapped to 24 bits) + joined, clipped to vmin..vmax
 //     spike where v > 64 * threshold and the compartment is not blocked; then v = 0
 //
-// Wires with the attribute are those of the module, which flatten finds by their names.
+// The wires with the attribute hierconn are wires of the module, which flatten connects by their names.
 module step_proof (
     input logic         clk,
     input logic         issue,
@@ -41,7 +41,8 @@ module step_proof (
     (* hierconn *) wire [53:0]        \dut.new_state8 ;
     (* hierconn *) wire               \dut.changed8 ;
 
-    // What a compartment brings with it, from the cycle in which it arrives to the last one.
+    // What a compartment brings with it, from the cycle in which it arrives to the last one: bit or word n belongs to the
+    // compartment in cycle n of the pipeline.
     logic [8:1]        issued = 0;
     logic [8:1][8:0]   numbers;
     logic [8:2]        firsts;
@@ -81,6 +82,7 @@ module step_proof (
         wrapped = {{16{x[23]}}, x[23:0]};
     endfunction
 
+    // The formulas, for the compartment in the last cycle.
     wire                valid = issued[8] && leaks[8][0];
     wire [5:0]          blocked;
     wire signed [23:0]  u, v;
@@ -107,12 +109,14 @@ module step_proof (
     wire [5:0]          blocked_new = spike ? blocks : held ? blocked - 6'd1 : 6'd0;
     wire signed [39:0]  v_new = spike ? 40'sd0 : open;
 
+    // For the leak, which is proved in two steps: its products (cycle 3), then the quotient of their sum (cycle 4), which starts from
+    // the products of the module.
     wire [23:0]         u3 = firsts[3] ? 24'b0 : stored[3][23:0], v3 = firsts[3] ? 24'b0 : stored[3][47:24];
     wire [23:0]         u4 = firsts[4] ? 24'b0 : stored[4][23:0], v4 = firsts[4] ? 24'b0 : stored[4][47:24];
     wire [12:0]         keep_u3 = leaks[3][13:1], keep_v3 = leaks[3][26:14];
     wire signed [39:0]  vmax5 = (40'sd1 <<< \dut.fire5 [33:29]) - 40'sd1;
 
-    logic [3:0] age = 0;
+    logic [3:0] age = 0;  // cycles since the beginning, up to 9, when a compartment has come through the pipeline
     always_ff @(posedge clk) if (age != 9) age <= age + 1;
 
     always_comb begin

@@ -1,4 +1,5 @@
-// A memory of which one word is known, any one. All others read as anything, and so does this one while it is written.
+// Stands in for memory.sv in the proof of the accumulator: a memory of which one word is known, at an address that the solver may
+// choose. All other words read as anything, and so does this one in a cycle in which it is written.
 module memory #(
     parameter integer WIDTH = 8,
     parameter integer DEPTH = 16
