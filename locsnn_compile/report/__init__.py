@@ -1,1 +1,1 @@
-"""The report of a build: its figures, what is said of them, and the forms in which it is shown."""
+"""The report of a build: its figures, the sections that explain them, and the pages that show these."""

@@ -1,4 +1,8 @@
-"""Put the report together: verdicts, notices and sections, in the order in which readers ask."""
+"""Put the report of a build together from its figures: verdicts, notices and sections.
+
+The order is that in which readers ask: what matches, what the program takes, what it costs, then the
+details. ``compose`` gives content without form; ``report/renderers`` turns it into pages.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +22,7 @@ from locsnn_compile.report.sections.worst_time import worst_time
 from locsnn_compile.report.words import listed
 from locsnn_compile.verification.excerpt import Excerpt
 
-_LOOKED_UP = frozenset(
+_FOLDED_SECTIONS = frozenset(
     {
         "activity",
         "comparison",
@@ -33,14 +37,19 @@ _LOOKED_UP = frozenset(
         "range",
     }
 )
-"""Sections of details, which are folded: what a reader decides by stands before them."""
+"""Keys of the sections of details, which are folded until a reader opens them: readers look them up, and decide by the
+sections above them."""
 LONGEST_NAME = 60
-"""Characters of a name in the title; provenance has the names in full."""
+"""Most characters of a name in the title, chosen by hand to fit a heading; provenance has the names in full."""
 
 
 def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
-    """Return the whole report as content without form; ``excerpt`` is the part of a recording to show."""
+    """Return the whole report as content without form.
+
+    ``excerpt`` is the part of one recording whose spikes and potentials are shown; None to show none.
+    """
     energy = report.energy
+    # A function returns None for a section that this report does not have.
     sections = (
         behaviour.agreement(report.match),
         build.resources(report),
@@ -76,26 +85,32 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
             unknowns_of(report),
         ),
         notices=notices(report),
-        sections=tuple(_as_read(section) for section in sections if section),
+        sections=tuple(_folded_if_details(section) for section in sections if section),
         footer="Per recording means the mean over the recordings of the check, unless a range is given.",
         assumptions=report.assumptions,
     )
 
 
-def _as_read(section: Section) -> Section:
-    """Fold what is looked up rather than read."""
-    return replace(section, folded=section.key in _LOOKED_UP)
+def _folded_if_details(section: Section) -> Section:
+    """Return a section, folded if it holds details that are looked up rather than read."""
+    return replace(section, folded=section.key in _FOLDED_SECTIONS)
 
 
 def _cores(report: ReportFigures) -> Section | None:
+    """Return the section on the use of cores; None for targets without energy or times of single cores."""
     if report.energy is None or report.latency.mesh is None:
         return None
     return cores(report, report.energy)
 
 
 def _costs(report: ReportFigures) -> Iterator[Section]:
-    """Yield the sections on energy and time: those of cores on a mesh, or those of the open core."""
-    energy, mesh, activity = report.energy, report.latency.mesh, report.activity
+    """Yield the sections on energy and time: those of cores on a mesh, or those of the open core.
+
+    ``activity`` counts the memory accesses of the open core, which alone has them.
+    """
+    energy = report.energy
+    mesh = report.latency.mesh
+    activity = report.activity
     if mesh is not None:
         yield cost.latency_section(report, mesh)
     if activity is not None:
@@ -107,7 +122,8 @@ def _costs(report: ReportFigures) -> Iterator[Section]:
 
 
 def _subtitle(report: ReportFigures) -> str:
+    """Return the line under the title: width of weights, strategies, and the recordings of the check."""
     strategies = report.strategy.split(", ")
-    called = "strategy" if len(strategies) == 1 else "strategies"
+    noun = "strategy" if len(strategies) == 1 else "strategies"
     recordings = f"{plural(report.match.samples, 'recording')} of {report.match.events_source}"
-    return f"{report.weight_bits}-bit weights, {called} {listed(strategies)}, {recordings}"
+    return f"{report.weight_bits}-bit weights, {noun} {listed(strategies)}, {recordings}"

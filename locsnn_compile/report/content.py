@@ -1,9 +1,12 @@
-"""What a report consists of, apart from its form: sections of text, figures and tables.
+"""The content of a report apart from its form: verdicts, notices, and sections of text, tables and pictures.
 
-    Report -- verdicts (questions answered) -- notices -- sections -- blocks
+    Report
+      verdicts   questions with their answers, at the top
+      notices    warnings before the figures
+      sections   each with a heading, and blocks: paragraphs, lists, tables, plots
 
-The words and numbers are chosen once, in ``verdict.py`` and the section files; ``html.py``, ``markdown.py`` and
-``terminal.py`` only give them form. Strings are unescaped here; each form escapes all of them.
+The words and numbers are chosen once, in ``report/sections``; the renderers ``html.py``, ``markdown.py`` and
+``terminal.py`` (the forms) only give them form. Strings are unescaped here; each form escapes all of them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,6 +18,7 @@ from locsnn_compile.report.pictures.axis import Axis
 Document = dict[str, Any]
 """report.json, as ``figures/document.py`` builds it."""
 Status = Literal["yes", "nearly", "no", "unknown", "modelled"]
+"""The kind of a verdict's answer, which decides its sign and colour; ``modelled``: a number from a cost model."""
 
 
 class Fact(Frozen):
@@ -25,7 +29,11 @@ class Fact(Frozen):
 
 
 class Verdict(Frozen):
-    """A question, its answer in a word or two, the figure that matters most, and the facts behind it."""
+    """A question, such as whether the program fits, with its answer at the top of the report.
+
+    ``answer`` is a word or two, ``figure`` the number that matters most, with its ``figure_label``;
+    ``sentence`` and ``facts`` say what is behind it.
+    """
 
     question: str
     status: Status
@@ -50,7 +58,7 @@ class Facts(Frozen):
 
     @classmethod
     def of(cls, values: Mapping[str, str | None]) -> "Facts":
-        """Return values by their names; empty ones are left out."""
+        """Return a list of values by their names, without the values that are None or empty."""
         return cls(tuple(Fact(label, value) for label, value in values.items() if value))
 
 
@@ -62,11 +70,11 @@ class Bullets(Frozen):
 
 
 class Bar(Frozen):
-    """A cell that draws ``share`` (0..1, None for no share) of a track; ``label`` says it in words.
+    """A cell with a bar, filled to ``share`` (0..1, None for no bar); ``label`` says the share in words.
 
-    ``pattern`` is that of the same part of a ``Stack``. With ``full_at``, forms that are fine
-    enough draw what the share lacks of 1, on a track that is full when it lacks ``full_at``: 97
-    and 100 % look alike, 3 and 0 % do not.
+    ``pattern`` is the number of its hatching, the same as that of its share in a ``Stack``. With
+    ``full_at``, forms with enough resolution draw what the share lacks of 1, and the bar is full when
+    the share lacks ``full_at``: bars of 97 and 100 % look alike, but bars of 3 and 0 % do not.
     """
 
     share: float | None
@@ -76,7 +84,7 @@ class Bar(Frozen):
 
     @property
     def drawn(self) -> float | None:
-        """The part of the track that is filled, 0..1; None for no share."""
+        """The part of the bar that is filled, 0..1; None for no bar."""
         if self.share is None or self.full_at is None:
             return self.share
         return (1.0 - self.share) / self.full_at
@@ -86,10 +94,10 @@ Cell = str | Bar
 
 
 class Table(Frozen):
-    """A table whose first column names the rows; columns without a name are drawn, and all others hold numbers.
+    """A table whose first column names the rows; columns without a heading hold bars, and all others numbers.
 
-    ``total`` marks the last row as the sum of the others. Tables of more than ``MANY_ROWS`` rows, and those marked
-    ``folded``, are folded in forms that can fold.
+    ``total`` marks the last row as the sum of the others. Tables of more than :data:`MANY_ROWS` rows, and
+    tables marked ``folded``, show their caption until a reader opens them, in forms that can fold.
     """
 
     caption: str
@@ -109,7 +117,7 @@ class Stack(Frozen):
 class Span(Frozen):
     """Least, median, mean and most of a quantity over the recordings, along an axis from 0.
 
-    ``values`` are the same as numbers.
+    ``facts`` are these four in words, and ``values`` the same as numbers, in the same order.
     """
 
     title: str
@@ -126,7 +134,10 @@ class Curve(Frozen):
 
 
 class Plot(Frozen):
-    """Curves over common axes, with a line at ``marked`` of the horizontal one. A table has the same figures."""
+    """Curves over common axes, with a vertical line at x = ``marked``, if given.
+
+    Forms without pictures leave it out: a table of the section has the same figures.
+    """
 
     title: str
     x_label: str
@@ -136,12 +147,16 @@ class Plot(Frozen):
     marked: float | None = None
 
     def placed(self, curve: Curve) -> list[tuple[float, float]]:
-        """Return the points of a curve, 0..1 from the lower left corner."""
+        """Return the points of a curve as shares (0..1) of the width and height, from the lower left corner."""
         return [(self.x.place(x), self.y.place(y)) for x, y in curve.points]
 
 
 class Strokes(Frozen):
-    """Spikes of one kind at (column, row): on both sides, on one side only, or of an input."""
+    """Spikes of one kind at (column, row), drawn as short strokes.
+
+    ``equal`` are spikes of both the reference and the chip, ``reference`` and ``chip`` spikes of one of
+    them alone, and ``event`` spikes of the input.
+    """
 
     kind: Literal["equal", "reference", "chip", "event"]
     label: str
@@ -149,9 +164,10 @@ class Strokes(Frozen):
 
 
 class Raster(Frozen):
-    """Spikes over ``columns`` steps and ``rows`` neurons. ``description`` is in words.
+    """A picture of spikes over ``columns`` steps and ``rows`` neurons; ``description`` says it in words.
 
-    ``flag`` is a (column, row) to point at. A table of the section has the same figures.
+    ``flag`` is a (column, row) to point at. Forms without pictures leave it out: a table of the section
+    has the same figures.
     """
 
     title: str
@@ -166,7 +182,10 @@ class Raster(Frozen):
 
 
 class MeshCore(Frozen):
-    """A core at (column, row) among all cores of the mesh, filled to ``share`` (0..1) and labelled with ``text``."""
+    """A core in a picture of the mesh, filled to ``share`` (0..1) and labelled with ``text``.
+
+    ``column`` and ``row`` count cores, not tiles, over the whole mesh.
+    """
 
     column: int
     row: int
@@ -175,7 +194,11 @@ class MeshCore(Frozen):
 
 
 class Mesh(Frozen):
-    """Columns by rows of tiles, with their cores and how full these are. A table has the same figures."""
+    """A picture of a mesh of ``columns`` by ``rows`` tiles, each of ``tile_columns`` by ``tile_rows`` cores.
+
+    It shows how full the used cores are. Forms without pictures leave it out: a table of the section has
+    the same figures.
+    """
 
     title: str
     description: str
@@ -187,28 +210,30 @@ class Mesh(Frozen):
 
 
 class Folded(Frozen):
-    """Blocks that a reader opens by their title, in forms that can fold; others show them all."""
+    """Blocks that show only their title until a reader opens them; forms that cannot fold show them all."""
 
     title: str
     blocks: "tuple[Block, ...]"
 
     @classmethod
     def of(cls, title: str, *blocks: "Block | None") -> "Folded | None":
-        """Return the blocks that are there below their title; None without any."""
-        shown = tuple(block for block in blocks if block)
-        return cls(title, shown) if shown else None
+        """Return the blocks that are neither None nor empty, under a title; None if none is left."""
+        present = tuple(block for block in blocks if block)
+        return cls(title, present) if present else None
 
 
 Block = str | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh | Folded
 """What a section consists of; a string is a paragraph."""
 
 MANY_ROWS = 12
+"""The longest table that is not folded, chosen by hand: about a third of a screen."""
 
 
 class Section(Frozen):
-    """A heading, a lead on what is shown below it, and the blocks. ``key`` is its anchor.
+    """A part of the report: a heading, a lead (the sentence that says what follows), and the blocks.
 
-    A ``folded`` section is opened by its heading, in forms that can fold.
+    ``key`` identifies it, and is its anchor in links. A ``folded`` section shows only its heading until a
+    reader opens it, in forms that can fold.
     """
 
     key: str
@@ -219,12 +244,12 @@ class Section(Frozen):
 
     @classmethod
     def of(cls, key: str, title: str, lead: str, *blocks: Block | None) -> "Section":
-        """Return a section with the blocks that are there: None and empty paragraphs are left out."""
+        """Return a section without the blocks that are None and without empty paragraphs."""
         return cls(key, title, lead, tuple(block for block in blocks if block))
 
     @property
     def unfolded(self) -> tuple[Block, ...]:
-        """All blocks in their order, those of ``Folded`` ones in their place."""
+        """All blocks in their order; a ``Folded`` block is replaced by the blocks in it."""
         return tuple(_unfolded(self.blocks))
 
 
@@ -239,7 +264,7 @@ def _unfolded(blocks: Iterable[Block]) -> Iterator[Block]:
 class Report(Frozen):
     """Everything that the page, the text file and the terminal show, in their order.
 
-    ``kind`` stands above the title of a page, ``footer`` at its end.
+    ``kind`` says above the title of a page what kind of report it is; ``footer`` ends the page.
     """
 
     kind: str
@@ -250,4 +275,4 @@ class Report(Frozen):
     sections: tuple[Section, ...]
     footer: str
     assumptions: tuple[str, ...] = ()
-    """Sentences that stand before anything else that limits the figures."""
+    """What was assumed, in sentences; shown before anything else that limits the figures."""

@@ -1,7 +1,7 @@
-"""Numbers as people read them: one function per quantity, used by every form of the report.
+"""Write numbers as people read them: one function per quantity, used by every form of the report.
 
-They have three significant digits: energies and times are modelled, and more digits would claim too much. A share is
-never rounded up to 100 % or down to 0 %.
+Most numbers get three significant digits: energies and times are modelled, and more digits would claim too much. A
+share is never rounded up to 100 % or down to 0 %: one wrong spike in a million must not look like none.
 """
 
 import math
@@ -14,13 +14,15 @@ NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exis
 """Shown where there is no number."""
 SILENT = "silent"
 """Shown where neither side spikes, so there is no share of equal spikes."""
+_WHOLE_FROM = 99.95
+"""From here on, three significant digits are a whole number: 99.94 is written 99.9, and 99.95 is written 100."""
 _ENERGY_UNITS = ("pJ", "nJ", "µJ", "mJ", "J")
 _TIME_UNITS = ("ns", "µs", "ms", "s")
 _SIZE_UNITS = ("B", "kB", "MB", "GB")
 BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|[kMG]?Hz|%)(?!\w))")
 """The space between a number and its unit, at which no line should break."""
 _MOST_DECIMALS = 6
-"""Most decimals of a percentage; nearer to 0 or 100 % only a bound is shown."""
+"""Most decimals of a percentage, chosen by hand; nearer to 0 or 100 % only a bound is shown."""
 
 
 def energy(pj: float) -> str:
@@ -45,7 +47,7 @@ def memory(bits: int) -> str:
 
 def count(value: float) -> str:
     """Return a count or a mean of counts: whole from 100 on, with commas between thousands."""
-    if value == int(value) or abs(value) >= 99.95:
+    if value == int(value) or abs(value) >= _WHOLE_FROM:
         return f"{value:,.0f}"
     return _three_digits(value)
 
@@ -60,16 +62,16 @@ def share(value: float) -> str:
     if value in (0.0, 1.0):
         return f"{value:.0%}".replace("%", " %")
     percent = 100.0 * value
-    nearer = min(abs(percent), abs(100.0 - percent))
-    decimals = max(1, 1 - math.floor(math.log10(nearer)))
-    if decimals > _MOST_DECIMALS:
-        end = 10.0**-_MOST_DECIMALS
-        return (
-            f"> {100 - end:.{_MOST_DECIMALS}f} %"
-            if percent > 50
-            else f"< {end:.{_MOST_DECIMALS}f} %"
-        )
-    return f"{percent:.{decimals}f} %"
+    # Two significant digits of the distance to the nearer end, so that 99.9987 % does not become
+    # 100.0 %; at least one decimal.
+    distance_to_end = min(abs(percent), abs(100.0 - percent))
+    decimals = max(1, 1 - math.floor(math.log10(distance_to_end)))
+    if decimals <= _MOST_DECIMALS:
+        return f"{percent:.{decimals}f} %"
+    smallest_shown = 10.0**-_MOST_DECIMALS
+    if percent > 50:
+        return f"> {100 - smallest_shown:.{_MOST_DECIMALS}f} %"
+    return f"< {smallest_shown:.{_MOST_DECIMALS}f} %"
 
 
 def percent(value: float, decimals: int) -> str:
@@ -78,12 +80,12 @@ def percent(value: float, decimals: int) -> str:
 
 
 def known(value: T | None, shown: Callable[[T], str], unknown: str = NONE) -> str:
-    """Return a value as ``shown`` writes it, or the word for an unknown one."""
+    """Return a value as the function ``shown`` writes it, or the text ``unknown`` for None."""
     return unknown if value is None else shown(value)
 
 
 def agreed(value: float | None, unknown: str = SILENT) -> str:
-    """Return a share of what was compared, or the word for nothing compared."""
+    """Return the share of equal spikes or predictions, or the text ``unknown`` if nothing was compared."""
     return known(value, share, unknown)
 
 
@@ -93,7 +95,10 @@ def short(value: float) -> str:
         return "0"
     if value < 1e-6:
         return "< 0.000001"
-    return f"{value:.{max(0, 1 - math.floor(math.log10(float(f'{value:.1e}'))))}f}"
+    # Round before counting digits: 9.96 rounds to 10, which needs no decimal.
+    rounded = float(f"{value:.1e}")
+    decimals = max(0, 1 - math.floor(math.log10(rounded)))
+    return f"{value:.{decimals}f}"
 
 
 def points(difference: float) -> str:
@@ -104,12 +109,14 @@ def points(difference: float) -> str:
 
 
 def plural(number: float, one: str, many: str | None = None) -> str:
-    """Return a count with its noun: ``1 core``, ``2 cores``."""
-    return f"{count(number)} {one if number == 1 else many or one + 's'}"
+    """Return a count with its noun: ``1 core``, ``2 cores``; ``many`` is the plural if it is not ``one`` with an s."""
+    noun = one if number == 1 else many or f"{one}s"
+    return f"{count(number)} {noun}"
 
 
 def told_apart(values: Sequence[float]) -> list[str]:
     """Return numbers with six digits, or with enough more for different numbers to look different."""
+    # Not even 16 digits tell all floats apart; repr does, with 17 where they are needed.
     for digits in range(6, 17):
         texts = [f"{value:.{digits}g}" for value in values]
         if len(set(texts)) == len(set(values)):
@@ -121,7 +128,13 @@ def plain(text: str) -> str:
     """Return a string on one line; characters that cannot be printed are shown as escapes."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(_printable(character) for character in text)
+
+
+def _printable(character: str) -> str:
+    if character.isprintable():
+        return character
+    return character.encode("unicode_escape").decode()
 
 
 def shortened(text: str, longest: int) -> str:
@@ -135,6 +148,7 @@ def any_value(value: object) -> str:
         return NONE
     if isinstance(value, list | tuple):
         return ", ".join(any_value(item) for item in value) or NONE
+    # Before int: True is an int as well.
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
@@ -149,6 +163,7 @@ def _scaled(value: float, units: Sequence[str]) -> str:
     if value == 0:
         return f"0 {units[0]}"
     for unit in units[:-1]:
+        # 999.5 rounds to 1000, which is 1 of the next unit.
         if abs(value) < 999.5:
             return f"{_three_digits(value)} {unit}"
         value /= 1000.0
@@ -157,7 +172,9 @@ def _scaled(value: float, units: Sequence[str]) -> str:
 
 def _three_digits(value: float) -> str:
     """Return three significant digits without an exponent; from 100 on whole, with commas between thousands."""
-    if value == 0 or abs(value) >= 99.95:
+    if value == 0 or abs(value) >= _WHOLE_FROM:
         return f"{value:,.0f}"
+    # Round before counting digits: 9.996 rounds to 10.0, which has one decimal.
     rounded = float(f"{value:.2e}")
-    return f"{value:.{2 - math.floor(math.log10(abs(rounded)))}f}"
+    decimals = 2 - math.floor(math.log10(abs(rounded)))
+    return f"{value:.{decimals}f}"

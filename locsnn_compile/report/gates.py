@@ -1,4 +1,8 @@
-"""Gates: bounds that a build must keep, checked against its report, and written as JUnit XML for CI servers."""
+"""Check the gates of a build: bounds on the figures of its report that the user sets as options.
+
+``locsnn build --min-agreement 0.98`` ends with exit code 3 if a gate fails. The results also go into
+report.json and, for CI servers, into a file of JUnit XML.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -11,7 +15,10 @@ from locsnn_compile.verification.error_bounds import within
 
 
 class Gate(NamedTuple):
-    """An option's bound and the value measured, None if nothing was compared; ``found`` says it in words."""
+    """The result of a gate: the option's bound, and the measured value, None if nothing was measured.
+
+    ``found`` is a sentence that says what was measured and on which side of the bound it lies.
+    """
 
     option: str
     bound: float
@@ -21,10 +28,12 @@ class Gate(NamedTuple):
 
 
 class _Rule(Frozen):
-    """What an option bounds.
+    """A figure of the report that an option bounds.
 
-    ``measured`` takes the value from a report, and ``in_words`` says it; ``why_unknown`` says why a report has none.
-    A value must not be above the bound or, if ``at_least``, not below it.
+    - ``measured``: returns the figure of a report, None if the report has none
+    - ``in_words``: returns the figure in words
+    - ``why_unknown``: the words for a report without the figure
+    - ``at_least``: the figure must not be below the bound; otherwise it must not be above
     """
 
     option: str
@@ -87,18 +96,21 @@ _RULES = (
     ),
 )
 GATES: tuple[str, ...] = tuple(rule.option for rule in _RULES)
-"""The options that are gates, in the order in which they are told."""
+"""The options that are gates, in the order in which their results are listed."""
 
 
 def check_gates(report: SharedFigures, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
-    """Return a gate for each bound by option, in the order of :data:`GATES`; without a measured value it fails."""
+    """Return the result of each option in ``bounds``, in the order of :data:`GATES`.
+
+    A gate without a measured value fails: a build that compared nothing has not shown that it is good.
+    """
     return tuple(
         _gate(rule, report, bounds[rule.option]) for rule in _RULES if rule.option in bounds
     )
 
 
 def _gate(rule: _Rule, report: SharedFigures, bound: float) -> Gate:
-    """Return whether a report keeps the bound of a rule; a value that is not known does not."""
+    """Return the result of one rule; an unknown value fails."""
     measured = rule.measured(report)
     if measured is None:
         return Gate(rule.option, bound, None, False, rule.why_unknown)
@@ -106,7 +118,8 @@ def _gate(rule: _Rule, report: SharedFigures, bound: float) -> Gate:
         holds = measured >= bound
         side = "not below" if holds else "below"
     else:
-        # An error is 1 minus an agreement, so its last digits are those of a difference of floats.
+        # An error is computed as 1 minus an agreement, which leaves an error of rounding: in floats,
+        # 1 - 0.99 is above 0.01. ``within`` forgives that.
         holds = within(measured, bound)
         side = "not above" if holds else "above"
     sentence = f"{rule.in_words(measured)}, {side} {bound:g}"
@@ -119,7 +132,10 @@ def gates_entry(gates: Sequence[Gate]) -> tuple[GateFigures, ...]:
 
 
 def junit_file(gates: Sequence[Gate], build: str) -> bytes:
-    """Return JUnit XML: a test case per gate, of class ``build``; it has no times, so equal builds give equal bytes."""
+    """Return JUnit XML with a test case per gate, whose class is the name of the build.
+
+    All times are 0, so that equal builds give equal bytes.
+    """
     failures = sum(not gate.holds for gate in gates)
     counts = f'tests="{len(gates)}" failures="{failures}" errors="0" skipped="0" time="0"'
     cases = "".join(_test_case(gate, build) for gate in gates)
@@ -132,6 +148,7 @@ def junit_file(gates: Sequence[Gate], build: str) -> bytes:
 
 
 def _test_case(gate: Gate, build: str) -> str:
+    """Return a gate as an element of JUnit XML."""
     sentence = escaped(gate.found)
     if gate.holds:
         result = f"<system-out>{sentence}</system-out>"

@@ -1,4 +1,9 @@
-"""What a report rests on besides the model file: the length of a step, and everything that was assumed."""
+"""Collect the grounds of a report: what its figures rest on besides the model file.
+
+These are the length of a time step, the origin of the recordings that were played in the check, and
+one sentence for every assumption made on the way, such as a default that no file states. The report
+shows the sentences above all else that limits its figures.
+"""
 
 from collections.abc import Collection, Iterable, Iterator
 
@@ -11,11 +16,13 @@ from locsnn_compile.network.quantized import QuantizedPopulation
 
 
 class Grounds(Frozen):
-    """The length of a time step, None if it is not known; the origin of the recordings; and what was assumed.
+    """What the figures of a report rest on besides the model file.
 
-    ``assumptions`` are sentences in the order in which they were made: by the frontend, then on the registers, the
-    recordings and the step, then on what weights were rounded for. ``binned`` says what was left out on reading the
-    recordings.
+    - ``step_seconds``: the length of a time step in seconds, None if unknown
+    - ``events_origin``: where the recordings of the check come from
+    - ``assumptions``: sentences, in the order in which the assumptions were made: by the frontend, then
+      on the registers, the recordings and the step, then on the recordings that weights were rounded for
+    - ``binned``: what was left out when events were sorted into time steps, None if nothing was sorted
     """
 
     step_seconds: float | None
@@ -39,33 +46,38 @@ def grounds_of(
     ``chosen``: settings were chosen on ``calibration`` as well. ``rounded``: the populations in integers.
     """
     # The bins of made-up recordings say nothing about a sensor.
-    of_bins = None if recordings.origin == "made up" else recordings.step_seconds
-    known = network.stated_step_seconds if of_bins is None else of_bins
-    rest = (
-        *(() if registers is None else _of_registers(network, registers)),
-        *_of_floors(rounded),
-        *_of_recordings(network, recordings),
-        *_of_step(network, recordings, known),
-    )
-    last: tuple[str, ...] = ()
+    bin_seconds = None if recordings.origin == "made up" else recordings.step_seconds
+    step_seconds = network.stated_step_seconds if bin_seconds is None else bin_seconds
+    assumptions = list(network.assumptions)
+    if registers is not None:
+        assumptions += _on_registers(network, registers)
+    assumptions += _on_floors(rounded)
+    assumptions += _on_recordings(network, recordings)
+    assumptions += _on_step(network, recordings, step_seconds)
     if chosen or _is_rounded_for_recordings(network, rounded):
-        last = tuple(_of_calibration(recordings, calibration))
-    return Grounds(
-        known, recordings.origin, (*network.assumptions, *rest, *last), recordings.binned
-    )
+        assumptions += _on_calibration(recordings, calibration)
+    return Grounds(step_seconds, recordings.origin, tuple(assumptions), recordings.binned)
 
 
 def _is_rounded_for_recordings(network: Network, rounded: Collection[QuantizedPopulation]) -> bool:
-    """Tell whether other recordings could give other weights.
+    """Whether other recordings could give other weights.
 
-    Those of neurons that no strategy lowers, and those of strategy ``reset``, round one by one.
+    Most strategies (ways to lay out a neuron in compartments) round the weights of a neuron together,
+    so that their errors cancel on the calibration recordings. Strategy ``reset``, and neurons that
+    need no strategy, round each weight to the nearest value of the grid, whatever the recordings.
     """
-    strategies = {each.strategy for each in rounded if each.population.neuron.by_strategy}
+    strategies = {
+        population.strategy for population in rounded if population.population.neuron.by_strategy
+    }
     return network.by_strategy and strategies != {"reset"}
 
 
-def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
-    """The reference wraps and clips like the chip of the program, which may not be that of the training."""
+def _on_registers(network: Network, registers: Registers) -> Iterator[str]:
+    """Say for which chip the network was trained if this chip's registers have other widths.
+
+    The reference computes with the registers of this chip, so it wraps and clips where this chip does,
+    which need not be where the training did.
+    """
     bits_here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
     for chip, bits in network.trained_on.items():
         if bits != bits_here:
@@ -77,31 +89,38 @@ def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
             )
 
 
-def _of_floors(rounded: Iterable[QuantizedPopulation]) -> Iterator[str]:
-    """Say where floors of potentials are, and where the chip's registers have them."""
-    names: dict[tuple[str, str], list[str]] = {}
+def _on_floors(rounded: Iterable[QuantizedPopulation]) -> Iterator[str]:
+    """Say at which floor potentials stop falling in the network, and at which floor on the chip.
+
+    Populations with the same two floors share a sentence.
+    """
+    names_by_floors: dict[tuple[str, str], list[str]] = {}
     for q in rounded:
-        wanted: FloatArray | None = getattr(q.population.neuron, "floor", None)
+        network_floor: FloatArray | None = getattr(q.population.neuron, "floor", None)
         vmin = q.neuron.limits.get("vmin")
-        if wanted is not None and vmin is not None:
-            pair = _numbers(wanted), _numbers(vmin / q.scale)
-            names.setdefault(pair, []).append(repr(q.population.name))
-    for (wanted_text, held_text), of_pair in names.items():
+        if network_floor is not None and vmin is not None:
+            # The scale is in units of the register per unit of the network's potential.
+            chip_floor = vmin / q.scale
+            floors = _range_text(network_floor), _range_text(chip_floor)
+            names_by_floors.setdefault(floors, []).append(repr(q.population.name))
+    for (network_text, chip_text), names in names_by_floors.items():
         yield (
-            f"Potentials of {listed(of_pair)} stop falling at {wanted_text} from where they start "
-            f"(--floor), on the chip at {held_text}: a core's voltage ends below at 1 - 2^k. What "
+            f"Potentials of {listed(names)} stop falling at {network_text} from where they start "
+            f"(--floor), on the chip at {chip_text}: a core's voltage ends below at 1 - 2^k. What "
             "stops there is counted among the clips."
         )
 
 
-def _numbers(values: FloatArray) -> str:
-    """Return the one number of equal ones, or the least and the largest."""
+def _range_text(values: FloatArray) -> str:
+    """Return the least and the largest value as text, or a single number if they look the same."""
+    # Adding 0.0 turns -0.0 into 0.0, which prints without a sign.
     low = f"{values.min() + 0.0:.7g}"
     high = f"{values.max() + 0.0:.7g}"
     return low if low == high else f"{low} to {high}"
 
 
-def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
+def _on_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
+    """Say what was assumed about the recordings: their origin, the threshold of their bins, their length."""
     if recordings.origin == "made up":
         yield (
             f"The check plays made-up recordings ({recordings.source}): accuracy is not known, and "
@@ -127,43 +146,47 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
         )
 
 
-def _of_step(network: Network, recordings: Recordings, known: float | None) -> Iterator[str]:
-    """Say where the length of a step comes from, unless both sides or the user state it."""
+def _on_step(network: Network, recordings: Recordings, step_seconds: float | None) -> Iterator[str]:
+    """Say where the length of a step comes from, unless the model and the recordings agree or the user states it."""
     stated = network.usual_step_seconds or network.step_seconds
-    if known is None:
+    if step_seconds is None:
         yield (
             "How long a step lasts is not known, because neither the model nor the recordings say it "
             "(--step-seconds): there is no comparison with the pace of a sensor."
         )
     elif recordings.binned is not None and recordings.binned.step_is_default:
         yield (
-            f"A step lasts {known:g} s, the default, because neither the model nor the recordings say "
+            f"A step lasts {step_seconds:g} s, the default, because neither the model nor the recordings say "
             "(--step-seconds)."
         )
     elif stated is None:
         yield (
-            f"A step lasts {known:g} s, like the bins of the recordings, because the model does not "
+            f"A step lasts {step_seconds:g} s, like the bins of the recordings, because the model does not "
             "say."
         )
-    elif not same(known, stated):
+    elif not same(step_seconds, stated):
         yield (
-            f"A step lasts {known:g} s, like the bins of the recordings; the model states "
+            f"A step lasts {step_seconds:g} s, like the bins of the recordings; the model states "
             f"{stated:g} s."
         )
     elif network.usual_step_seconds is not None:
         yield (
-            f"A step lasts {known:g} s, as the model states it, unless --step-seconds gives another."
+            f"A step lasts {step_seconds:g} s, as the model states it, unless --step-seconds gives another."
         )
 
 
-def _of_calibration(recordings: Recordings, calibration: Recordings) -> Iterator[str]:
-    if calibration.origin != "given" or calibration is recordings:
-        on = f"{counted(len(calibration), 'recording')} that the model carries"
-        if calibration is recordings:
-            on = "the recordings of the check itself"
-        elif calibration.origin == "made up":
-            on = f"{counted(len(calibration), 'made-up recording')} ({calibration.source})"
-        yield (
-            f"The program was calibrated on {on}: its weights and settings suit these. "
-            "Give others with --calibration."
-        )
+def _on_calibration(recordings: Recordings, calibration: Recordings) -> Iterator[str]:
+    """Say what the program was calibrated on, unless the user chose recordings for it."""
+    if calibration is recordings:
+        calibrated_on = "the recordings of the check itself"
+    elif calibration.origin == "given":
+        return
+    elif calibration.origin == "made up":
+        number = counted(len(calibration), "made-up recording")
+        calibrated_on = f"{number} ({calibration.source})"
+    else:
+        calibrated_on = f"{counted(len(calibration), 'recording')} that the model carries"
+    yield (
+        f"The program was calibrated on {calibrated_on}: its weights and settings suit these. "
+        "Give others with --calibration."
+    )

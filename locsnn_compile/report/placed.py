@@ -1,4 +1,9 @@
-"""The report of a build, with what a device has left with the open core placed on it."""
+"""Add the resources of an FPGA to the report of a build that was written earlier.
+
+``locsnn rtl fit`` places the open core on a device and learns which cells it takes and which clock it
+reaches. This module replaces the parts of report.json, report.md and report.html that a placement
+changes, and leaves the rest as it was written.
+"""
 
 import json
 from collections.abc import Mapping
@@ -19,15 +24,15 @@ from locsnn_compile.report.renderers.markdown import section_markdown, verdicts_
 from locsnn_compile.report.sections.placed import KEY
 
 PAGES = ("report.md", "report.html")
-_BEFORE = "resources"
-"""The section after which that on the device stands."""
+_SECTION_BEFORE = "resources"
+"""The section that is always there and after which the section on the device stands."""
 
 
 class WrittenReport(Frozen, eq=False):
     """A report as it was written: its document, the figures in it, and the texts of :data:`PAGES`, by name.
 
-    Pictures of a recording are in the pages, but not among the figures. So the pages are not written
-    again as a whole: the parts that a placement changes are replaced.
+    The pages show pictures of a recording, whose spikes are not among the figures. So the pages cannot
+    be written again as a whole: only the parts that a placement changes are replaced.
     """
 
     document: Document
@@ -36,35 +41,42 @@ class WrittenReport(Frozen, eq=False):
 
     @classmethod
     def of(cls, folder: Path, document: Document) -> Self | None:
-        """Return the report of a build, given its report.json; None without its pages.
+        """Return the report in the folder of a build, given its report.json; None if it lacks a page.
 
-        A page that does not say what report.json says is an ``InputError``.
+        Raise InputError if a page does not agree with report.json.
         """
         paths = {name: folder / name for name in PAGES}
         if not all(path.is_file() for path in paths.values()):
             return None
         pages = {name: path.read_text("utf-8", "replace") for name, path in paths.items()}
         written = cls(document, typed(ReportFigures, document), pages)
+        # Replacing the device by itself changes nothing, but raises the error if a page disagrees.
+        # So the user hears of it before the minutes that placing takes.
         written.with_placed(written.figures.placed)
         return written
 
     def with_placed(self, placed: PlacedFigures | None) -> dict[str, bytes]:
-        """Return the files of the report with another device, or none."""
+        """Return the files of the report with ``placed`` as its device, or without a device if it is None."""
         before = compose(self.figures)
         after = compose(replace(self.figures, placed=placed))
+        # Taken out and added again, so that the key is always the last.
         document = {key: value for key, value in self.document.items() if key != "placed"}
         if placed is not None:
             document["placed"] = plain(placed)
         plain_text = json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
-        texts = {
-            "report.json": plain_text + "\n",
-            "report.md": self._page("report.md", _in_markdown(before), _in_markdown(after)),
-            "report.html": self._page("report.html", _in_html(before), _in_html(after)),
-        }
+        markdown = self._with_replaced(
+            "report.md", _parts_of_markdown(before), _parts_of_markdown(after)
+        )
+        html = self._with_replaced("report.html", _parts_of_html(before), _parts_of_html(after))
+        texts = {"report.json": plain_text + "\n", "report.md": markdown, "report.html": html}
         return {name: _as_written(text).encode() for name, text in texts.items()}
 
-    def _page(self, name: str, before: tuple[str, ...], after: tuple[str, ...]) -> str:
-        """Return a page in which parts are replaced, each of which it must have once."""
+    def _with_replaced(self, name: str, before: tuple[str, ...], after: tuple[str, ...]) -> str:
+        """Return a page with each part of ``before`` replaced by its counterpart in ``after``.
+
+        Raise InputError if the page does not have a part exactly once: then somebody edited it, or
+        another version wrote it.
+        """
         page = self.pages[name]
         for old, new in zip(map(_as_written, before), map(_as_written, after), strict=True):
             if page.count(old) != 1:
@@ -79,15 +91,15 @@ def _as_written(text: str) -> str:
     return text.encode(errors="backslashreplace").decode()
 
 
-def _in_markdown(report: Report) -> tuple[str, ...]:
-    """Return the parts of report.md that say what the device is."""
-    sections = "".join(section_markdown(section) for section in _on_resources(report))
+def _parts_of_markdown(report: Report) -> tuple[str, ...]:
+    """Return the parts of report.md that depend on the device."""
+    sections = "".join(section_markdown(section) for section in _resource_sections(report))
     return verdicts_markdown(report), sections
 
 
-def _in_html(report: Report) -> tuple[str, ...]:
-    """Return the parts of report.html that say what the device is, or link to it."""
-    sections = _on_resources(report)
+def _parts_of_html(report: Report) -> tuple[str, ...]:
+    """Return the parts of report.html that depend on the device, or link to its section."""
+    sections = _resource_sections(report)
     return (
         verdicts_html(report),
         "".join(link_html(section) for section in sections),
@@ -95,5 +107,10 @@ def _in_html(report: Report) -> tuple[str, ...]:
     )
 
 
-def _on_resources(report: Report) -> list[Section]:
-    return [section for section in report.sections if section.key in (_BEFORE, KEY)]
+def _resource_sections(report: Report) -> list[Section]:
+    """Return the section on resources and, if the report has a device, the section on the device.
+
+    The two are neighbours and are replaced together. A report without a device has no text of its own
+    at the place where the device's section belongs; the section before it marks that place.
+    """
+    return [section for section in report.sections if section.key in (_SECTION_BEFORE, KEY)]

@@ -1,31 +1,39 @@
-"""The vocabulary of reports: words for keys of the document, units, and stages of the error budget."""
+"""The vocabulary of reports: English for the keys of report.json, their units, and the stages of the error budget.
+
+The words lie in ``words.yaml``. The sections of the report look them up here, so that a key such as
+``hops_x`` is called the same in every table.
+"""
 
 from hw_model.errors import listed as listed
 from hw_model.texts.templates import yaml_table
 
 ASSUMED = "What was assumed:"
-"""Stands above the assumptions wherever they are shown."""
+"""The heading of the assumptions, in every form of the report."""
 SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
-"""Stand before the answers of verdicts."""
+"""The sign in front of a verdict's answer, by the status of the verdict."""
 _VOCABULARY: dict[str, dict[str, str]] = yaml_table(__package__, "words.yaml")
 STAGES = _VOCABULARY["stages"]
-"""Stages of the error budget in words, in the order of the compiler."""
+"""The stages of compiling that may change spikes, with their names in words, in the order of the compiler."""
 UNITS = _VOCABULARY["units"]
-"""The unit that the last word of a key stands for."""
+"""The unit of a figure by the last word of its key: ``energy_pj`` is in pJ."""
 
 
 def stage_words(stage: str) -> str:
-    """Return a stage of the error budget in words."""
+    """Return the name of a stage of the error budget in words."""
     return STAGES.get(stage, stage)
 
 
 def words(key: str) -> str:
-    """Return a key of the document in words; an unknown key with spaces for underscores."""
+    """Return a key of report.json in words; an unknown key gets spaces for its underscores."""
     return str(_VOCABULARY["words"].get(key, key.replace("_", " ")))
 
 
 def limit_words(name: str, *, of_cores: bool) -> str:
-    """Return a limit of the chip in words; ``of_cores``: its cores have limits of their own."""
+    """Return the name of a limit of the chip in words.
+
+    ``of_cores``: the limits hold for each core, as on a mesh of cores, and not for the whole chip, as
+    on the open core.
+    """
     if name == "synapses" and not of_cores:
         return "places for synapses, two in a word"
     if name == "cores" or not of_cores:
@@ -34,5 +42,9 @@ def limit_words(name: str, *, of_cores: bool) -> str:
 
 
 def share_of(value: float, whole: float) -> float:
-    """Return a part as a share of its whole, without what summing in another order changes; 0 if the whole is 0."""
-    return round(value / whole, 12) if whole else 0.0
+    """Return ``value / whole``, or 0 if ``whole`` is 0."""
+    if not whole:
+        return 0.0
+    # Summing floats in another order changes their last digits. Rounding keeps these out of the
+    # report, so that equal builds give equal bytes.
+    return round(value / whole, 12)

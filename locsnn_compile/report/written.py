@@ -1,4 +1,4 @@
-"""The three forms of a report as files, the same for every target."""
+"""Write a report to its three files: report.json, report.md and report.html. All kinds of targets use this."""
 
 import json
 
@@ -8,12 +8,17 @@ from locsnn_compile.report.renderers.markdown import render_markdown
 
 
 def report_files(document: Document, composed: Report) -> dict[str, bytes]:
-    """Return report.json, report.md and report.html as bytes; equal reports give equal bytes."""
+    """Return the bytes of report.json, report.md and report.html by name; equal reports give equal bytes.
+
+    ``document`` is the content of report.json, and ``composed`` what the two pages show.
+    """
+    # NaN is not JSON: a figure that does not exist must be null, so that any JSON reader takes the file.
     plain = json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
     texts = {
         "report.json": plain + "\n",
         "report.md": render_markdown(composed),
         "report.html": render_html(composed),
     }
-    # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
+    # A file name may hold bytes that are not UTF-8, which Python represents as lone surrogates. These
+    # cannot be encoded; as backslash escapes they can, and JSON readers turn them back.
     return {name: text.encode(errors="backslashreplace") for name, text in texts.items()}

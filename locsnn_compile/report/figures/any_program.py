@@ -1,4 +1,8 @@
-"""The contents of a program of any arithmetic as figures, by which two builds are compared."""
+"""Summarise a program for any chip as figures, so that ``locsnn diff`` can say how two builds differ.
+
+Programs for the mesh and the open core have detailed figures (``figures/program.py``). Programs for chips
+with an arithmetic of their own, such as Xylo and SpiNNaker, have the sizes and checksums of this module.
+"""
 
 from collections.abc import Mapping
 from hashlib import sha256
@@ -11,14 +15,14 @@ from locsnn_compile.report.figures.program import ProgramFigures, program_figure
 
 
 class SmallGroup(Entry):
-    """Neurons of a population, and the synapses onto it."""
+    """The number of neurons of a population, and of synapses onto it."""
 
     neurons: int
     synapses: int
 
 
 class OtherProgramFigures(Entry):
-    """Sizes of a program of another arithmetic; ``contents`` has a checksum of each of its arrays."""
+    """Sizes of a program for a chip with its own arithmetic; ``contents`` has a checksum of each array."""
 
     cores: int
     groups: Mapping[str, SmallGroup]
@@ -31,11 +35,12 @@ class OtherProgramFigures(Entry):
 
 
 def any_program_figures(program: AnyProgram) -> ProgramFigures | OtherProgramFigures:
-    """Return the figures of a program."""
+    """Return the figures of a program, by which it is compared with another."""
     if isinstance(program, ChipProgram):
         return program_figures(program)
     contents_of = kind_of(program).contents
-    assert contents_of is not None  # only chip programs are told core by core
+    # Every kind of program except ChipProgram, which is handled above, lists its arrays.
+    assert contents_of is not None
     return _figures(contents_of(program))
 
 
@@ -51,4 +56,5 @@ def _figures(contents: ProgramContents) -> OtherProgramFigures:
 
 
 def _checksum(array: AnyArray) -> str:
+    """Return a checksum short enough to read: 12 digits are 48 bits, enough to tell versions of an array apart."""
     return sha256(array.tobytes()).hexdigest()[:12]

@@ -1,6 +1,7 @@
-"""Entry of report.json on bounds.
+"""Entry of report.json on worst cases: bounds on time and queues that hold for any input.
 
-They are the most that any input up to a rate of events can take, next to what was measured.
+A bound is stated for a rate, the most events in a step. It is computed from the program alone, so it
+also holds for recordings that nobody played. The report shows it next to what was measured.
 """
 
 from typing import NamedTuple
@@ -13,9 +14,9 @@ from locsnn_compile.verification.matching import Match
 
 
 class Bounded(Entry):
-    """A bound, the largest value measured over the recordings of the check, and its share of the bound.
+    """A bound, the largest value measured over the recordings of the check, and that value's share of the bound.
 
-    ``measured`` and ``share`` are None if not known.
+    ``measured`` and ``share`` are None if unknown; ``share`` is also None where the bound is 0.
     """
 
     bound: float
@@ -26,9 +27,9 @@ class Bounded(Entry):
 class RateBounds(Entry):
     """Bounds for any recording with at most ``events_per_step`` events in a step.
 
-    ``answer_ns`` is the time from the last row to the answer. ``queued_packets`` are those
-    of a link of the mesh in a step or, on the open core, the spikes in its queue. ``buffered_events`` are in the
-    transpose buffer.
+    - ``answer_ns``: the time from the last row (step of the recording) to the answer
+    - ``queued_packets``: packets of one link of the mesh in a step or, on the open core, the spikes in its queue
+    - ``buffered_events``: events in the transpose buffer
     """
 
     events_per_step: int
@@ -40,13 +41,14 @@ class RateBounds(Entry):
 
 
 class BoundFigures(Entry):
-    """``bounds``: at the rate of the busiest step of the recordings, and if all ``channels`` always have events.
+    """``bounds``: worst cases at two or three rates of events.
 
-    ``as_stated``: at the rate that ``--events-per-step`` states; nothing is measured at it.
-
-    ``sustained_events_per_step``: the most events whose step is always done within ``step_ns``; None
-    if even inner spikes may take longer, if the length of a step is not known, or if no phase plays
-    rows as they arrive.
+    - ``as_recorded``: at the rate of the busiest step of the recordings
+    - ``any_input``: if all ``channels`` have an event in every step, which no input can exceed
+    - ``as_stated``: at the rate that ``--events-per-step`` states; nothing is measured at this rate
+    - ``sustained_events_per_step``: the most events per step with which the chip always finishes a step
+      within ``step_ns``. None if the chip may need longer even without events, because of spikes between
+      its neurons, if the length of a step is unknown, or if no phase plays rows as they arrive
     """
 
     channels: int
@@ -58,7 +60,7 @@ class BoundFigures(Entry):
 
     @property
     def expected(self) -> RateBounds:
-        """The bounds at the rate that recordings are expected to have: as stated, or else as recorded."""
+        """The bounds at the rate that the user expects: the stated rate, or else that of the recordings."""
         return self.as_recorded if self.as_stated is None else self.as_stated
 
 
@@ -72,7 +74,13 @@ class _Measured(NamedTuple):
     buffered_events: float | None
 
 
-_NOT_MEASURED = _Measured(None, None, None, None, None)
+_NOT_MEASURED = _Measured(
+    slowest_step_ns=None,
+    answer_ns=None,
+    recording_ns=None,
+    queued_packets=None,
+    buffered_events=None,
+)
 
 
 def bound_figures(
@@ -82,7 +90,7 @@ def bound_figures(
     peaks: EventPeaks | None,
     step_seconds: float | None,
 ) -> BoundFigures | None:
-    """Return ``bounds`` for recordings of ``steps`` steps; None if nobody asked, or no time is known."""
+    """Return ``bounds`` for recordings of ``steps`` steps; None if not asked for, or for a chip without times."""
     target = target_of(program.chip)
     if peaks is None or not target.timed:
         return None
@@ -92,6 +100,7 @@ def bound_figures(
     any_input = hw.worst_case(program, steps, channels)
     step_ns = None if step_seconds is None else step_seconds * 1e9
     sustained = None
+    # The slowest step has no time if no phase plays rows as they arrive.
     if step_ns is not None and any_input.slowest_step_ns:
         sustained = hw.sustained_events(program, steps, step_ns)
     as_stated = None
@@ -108,7 +117,10 @@ def bound_figures(
 
 
 def _measured(match: Match, peaks: EventPeaks, *, times_cores: bool) -> _Measured:
-    """Return what was measured; ``times_cores``: whether the chip has times of steps, or of whole recordings alone."""
+    """Return the largest values over the recordings of the check.
+
+    ``times_cores``: whether the chip has times of single cores and steps, or of whole recordings only.
+    """
     recording_ns = max(latency.total_ns for latency in match.latencies)
     if not times_cores:
         return _Measured(
@@ -118,7 +130,7 @@ def _measured(match: Match, peaks: EventPeaks, *, times_cores: bool) -> _Measure
             queued_packets=None,
             buffered_events=peaks.of_buffer,
         )
-    most_packets_by_phase = [int(used.link_most.max(initial=0)) for used in match.usage.values()]
+    most_packets_by_phase = [int(usage.link_most.max(initial=0)) for usage in match.usage.values()]
     return _Measured(
         slowest_step_ns=max(latency.slowest_step_ns for latency in match.latencies),
         answer_ns=max(latency.after_last_row_ns for latency in match.latencies),
@@ -140,6 +152,7 @@ def _bounds(worst: hw.WorstCase, measured: _Measured) -> RateBounds:
 
 
 def _bounded(bound: float, measured: float | None) -> Bounded:
+    # Counts become floats, so that report.json has one type for all bounds.
     if measured is None:
         return Bounded(float(bound), None, None)
     share = measured / bound if bound else None

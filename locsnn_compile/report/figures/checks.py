@@ -1,4 +1,10 @@
-"""Entries of report.json on the checks beyond the match: error budget, margins, predictions over time, settings."""
+"""Entries of report.json on the checks beyond the match.
+
+- error budget: which stage of compiling, such as rounding weights, changes which spikes
+- margins: how far potentials stay from their thresholds, next to the error of the chip's arithmetic
+- predictions over time: how soon a prediction is right
+- choice of settings: what ``auto`` compared before it chose
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal
@@ -18,14 +24,23 @@ from locsnn_compile.verification.over_time import OverTime
 from locsnn_compile.verification.savings import Savings, savings
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
+"""Figures on the use of registers, by their names in ``diagnosis.RegisterUse``."""
 _POINTS = 50
-"""Steps of a recording for which figures are kept, evenly spread up to the last one."""
-_ORDER = ("together", "time", "location", "time_weighted")
+"""Most steps of a recording for which predictions are kept, evenly spread up to the last; chosen by hand."""
+_PREDICTIONS = ("together", "time", "location", "time_weighted")
+"""The ways to predict from the two branches of a network, in the order of the report."""
 _TAKEN = Inlined(tuple((dial.name, dial.taken_key) for dial in DIALS))
+"""The chosen setting stands among the keys of its entry; each dial (option of the compiler) has a key of its own."""
 
 
 class CauseFigures(Entry):
-    """What each stage adds to the potential that decided the first spike that differs."""
+    """Why the first spike differs: what each stage of compiling adds to the potential that decided it.
+
+    - ``moved_by``: by each stage alone, in the network's units
+    - ``moved_by_interaction``: what remains of ``moved_together``, the sum over all stages at once
+    - ``largest``: the stage that adds most in the direction of the difference
+    - ``enough_alone``: stages each of which changes the spike without the others
+    """
 
     moved_by: Mapping[str, float]
     moved_by_interaction: float
@@ -35,7 +50,7 @@ class CauseFigures(Entry):
 
 
 class Sample(Entry):
-    """The recordings of a diagnosis, out of those of the check."""
+    """The recordings on which a check was made, by number, out of ``recordings_available``."""
 
     recordings: tuple[int, ...]
     recordings_available: int
@@ -49,7 +64,7 @@ class SpikeErrors(Entry):
 
 
 class DeviationFigures(Entry):
-    """How a variant differs from the float network."""
+    """How a variant of the network, with some stages of compiling applied, differs from the float network."""
 
     spikes: Annotated[SpikeErrors, INLINED]
     predictions_changed: int
@@ -58,7 +73,11 @@ class DeviationFigures(Entry):
 
 
 class BudgetFigures(Entry):
-    """``error_budget``: what each stage changes by itself, and what all others change without it."""
+    """``error_budget``: what each stage of compiling changes alone, and what all other stages change without it.
+
+    ``unexplained_spikes`` is 0 if the stages account for every difference. ``kernel_tail`` is what cutting
+    kernels would change, as slayerPytorch does in training; None where the network has no such kernels.
+    """
 
     sample: Annotated[Sample, INLINED]
     alone: Mapping[str, DeviationFigures]
@@ -69,7 +88,14 @@ class BudgetFigures(Entry):
 
 
 class MarginsOfPopulation(Entry):
-    """Distances and errors in thresholds, by the share of neurons and steps that have none larger."""
+    """How far potentials of a population are from the threshold, and how far the chip's potentials are off.
+
+    Both are taken for every neuron at every step, without sign, in units of the threshold.
+
+    - ``nearest``, ``error``: by a share of the neuron steps, the distance or error that this share does not exceed
+    - ``within_error``: the share of neuron steps whose distance is not larger than their error
+    - ``decided_otherwise``: the share in which a spike does change
+    """
 
     neuron_steps: int
     nearest: Mapping[str, float]
@@ -81,7 +107,12 @@ class MarginsOfPopulation(Entry):
 
 
 class RegisterFigures(Entry):
-    """How full the registers of a group of compartments get."""
+    """How full the registers of a group of compartments get.
+
+    ``peak_u`` and ``peak_v`` are the largest magnitudes of current and voltage, and ``share_u`` and
+    ``share_v`` their shares of the registers' limits. ``headroom_bits`` is how often the fuller of the two
+    registers could double; None if neither was ever used.
+    """
 
     peak_u: int
     share_u: float
@@ -93,7 +124,7 @@ class RegisterFigures(Entry):
 
 
 class MarginFigures(Entry):
-    """``margins``; distances and errors are in thresholds."""
+    """``margins``: distances from the threshold, errors, and registers; ``histogram_edges`` are in thresholds."""
 
     sample: Annotated[Sample, INLINED]
     histogram_edges: tuple[float, ...]
@@ -108,7 +139,13 @@ class NotFollowed(Entry):
 
 
 class OverTimeFigures(Entry):
-    """``over_time``: the share of right predictions after some of the steps, and where each could stop."""
+    """``over_time``: the share of right predictions after some of the steps.
+
+    - ``right``: the shares after each of ``steps``, by the way to predict: from both branches together, from the
+      time or the location branch alone, or from both with time-dependent weights (Kang et al. 2022)
+    - ``psi``: the parameter of these weights
+    - ``proven_stop``: what it saves to stop once no further event can change the prediction
+    """
 
     sample: Annotated[Sample, INLINED]
     right_is: Literal["the label", "the prediction after the last step"]
@@ -120,7 +157,7 @@ class OverTimeFigures(Entry):
 
 
 class CandidateFigures(Entry):
-    """A setting that was compared, and what it loses."""
+    """A setting of the compiler that ``auto`` compared, what it loses and what it costs."""
 
     setting: Annotated[Setting, INLINED]
     prediction_agreement: float | None
@@ -144,7 +181,12 @@ class CandidateFigures(Entry):
 
 
 class ChoiceFigures(Entry):
-    """``strategy_choice``: the settings compared, and the one that was taken."""
+    """``strategy_choice``: the settings that ``auto`` compared, and the one that it took.
+
+    - ``budget``: what a setting may lose; ``kept``: whether the taken one keeps it
+    - ``spike_worth``: to get another percent of the spikes wrong, a setting has to save this many percent
+      of the cost; absent where errors are not weighed
+    """
 
     calibration_source: str
     calibration_samples: int
@@ -155,11 +197,16 @@ class ChoiceFigures(Entry):
     spike_worth: IfKnown[float] = None
 
     def weighed(self, candidate: CandidateFigures) -> float | None:
-        """Return what a candidate costs relative to the cheapest, errors weighed in; None if they are not."""
+        """Return the cost of a candidate relative to the cheapest, plus what its errors are worth.
+
+        None if errors are not weighed, or if no candidate keeps the budget.
+        """
         if self.spike_worth is None:
             return None
-        costs = [each.losses.cost for each in self.candidates if each.within_budget]
-        return candidate.losses.weighed(min(costs), self.spike_worth) if costs else None
+        costs = [rival.losses.cost for rival in self.candidates if rival.within_budget]
+        if not costs:
+            return None
+        return candidate.losses.weighed(min(costs), self.spike_worth)
 
 
 def budget_figures(diagnosis: Diagnosis) -> BudgetFigures | None:
@@ -196,6 +243,7 @@ def margin_figures(diagnosis: Diagnosis) -> MarginFigures:
     margins = diagnosis.margins
     return MarginFigures(
         sample=_sample(diagnosis),
+        # Six digits, because the last digits of numpy's powers of ten may differ between machines.
         histogram_edges=tuple(float(f"{edge:.6g}") for edge in EDGES),
         by_population={
             name: _margins(population) for name, population in margins.populations.items()
@@ -241,20 +289,24 @@ def _margins(margins: PopulationMargins) -> MarginsOfPopulation:
 def over_time_figures(
     followed: OverTime | str, program: ChipProgram, step_seconds: float | None
 ) -> OverTimeFigures | NotFollowed:
-    """Return ``over_time``; if predictions were not followed, only the reason."""
+    """Return ``over_time``; if predictions were not followed, only the reason, which is then in ``followed``."""
     if isinstance(followed, str):
         return NotFollowed(followed)
     length = len(next(iter(followed.right.values())))
-    steps = np.unique(np.ceil(np.arange(1, _POINTS + 1) * length / _POINTS).astype(np.int64))
+    # The numbers of steps after which predictions are kept. A recording with fewer steps than points
+    # would have some twice; ``unique`` keeps each once.
+    ends = np.arange(1, _POINTS + 1) * length / _POINTS
+    steps = np.unique(np.ceil(ends).astype(np.int64))
     return OverTimeFigures(
         sample=Sample(followed.recordings, followed.available),
         right_is="the label" if followed.labelled else "the prediction after the last step",
         psi=followed.psi,
         step_seconds=step_seconds,
         steps=tuple(steps.tolist()),
+        # The prediction after n steps is entry n - 1. A network without a location branch lacks some ways.
         right={
             name: tuple(followed.right[name][steps - 1].tolist())
-            for name in _ORDER
+            for name in _PREDICTIONS
             if name in followed.right
         },
         proven_stop=savings(program, followed.proven),

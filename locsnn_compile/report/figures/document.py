@@ -1,4 +1,8 @@
-"""report.json as a type: all figures, which the other forms of the report show."""
+"""Build the figures of a report: :class:`ReportFigures` has a field for every key of report.json.
+
+``report_figures`` takes what the compiler and the check produced and calls one function per key, each in
+a module of this folder. The pages and the terminal show the same figures in words.
+"""
 
 import math
 from collections.abc import Mapping
@@ -74,12 +78,14 @@ from locsnn_compile.verification.over_time import OverTime
 from locsnn_compile.verification.wide_registers import WideComparison
 
 SCHEMA = "locsnn-report/1"
+"""The name and version of the format of report.json; its first entry."""
 
 
 class MemberFigures(Entry):
-    """A network of a committee: its cores, the energy of its compartments, and its time by itself.
+    """A member of a committee (networks whose class scores are added up): its cores, energy and time.
 
-    Energy and time are None if not known, as where one core hosts all members, one after the other.
+    The energy is that of its compartments, and the time is what it would take without the others. Both
+    are None if unknown, as where one core hosts all members, one after the other.
     """
 
     member: Annotated[Member, INLINED]
@@ -89,7 +95,7 @@ class MemberFigures(Entry):
 
 
 class ModelFigures(Entry):
-    """The network that was compiled; ``members`` are those of a committee."""
+    """The network that was compiled; ``members`` is empty unless it is a committee."""
 
     name: str
     sha256: str | None
@@ -97,7 +103,7 @@ class ModelFigures(Entry):
 
 
 class GateFigures(Entry):
-    """A bound that the build must keep, and the value measured; None if nothing was compared."""
+    """A gate: a bound that the user sets on a figure, and the measured value, None if nothing was measured."""
 
     name: str
     bound: float
@@ -106,7 +112,10 @@ class GateFigures(Entry):
 
 
 class ReportFigures(Entry):
-    """report.json; every ``per_sample`` figure is a mean over the recordings of the check."""
+    """All figures of report.json, in the order of its keys; ``per_sample`` is a mean over the recordings of the check.
+
+    The annotations say which keys are absent, null or inlined; see ``figures/entries.py``.
+    """
 
     schema: str
     model: ModelFigures
@@ -140,26 +149,26 @@ class ReportFigures(Entry):
 
     @property
     def energy_pj(self) -> float | None:
-        """Mean energy per recording; None if it is not known."""
+        """Mean energy per recording; None if unknown."""
         return None if self.energy is None else self.energy.per_sample_pj
 
     @property
     def energy_profile(self) -> str | None:
-        """What tells the energy; None if it is not known."""
+        """The name of the cost profile that the energy is computed with; None if the energy is unknown."""
         return None if self.energy is None else self.energy.profile
 
     @property
     def latency_ns(self) -> float | None:
-        """Mean time per recording; None if it is not known."""
+        """Mean time per recording; None if unknown."""
         return self.latency.per_sample_ns if self.latency.timed else None
 
     def with_gates(self, gates: tuple[GateFigures, ...]) -> Self:
-        """Return the same with these gates."""
+        """Return the same figures with these gates."""
         return replace(self, gates=gates)
 
 
 class SharedFigures(Protocol):
-    """What the reports of all kinds of targets have."""
+    """The figures that the reports of all kinds of targets have, by which gates and commands read any of them."""
 
     @property
     def schema(self) -> str:
@@ -183,7 +192,7 @@ class SharedFigures(Protocol):
 
     @property
     def match(self) -> MatchFigures:
-        """What both sides do."""
+        """How the program on the chip compares with the network."""
 
     @property
     def accuracy(self) -> Accuracy | None:
@@ -199,15 +208,15 @@ class SharedFigures(Protocol):
 
     @property
     def energy_pj(self) -> float | None:
-        """Mean energy per recording; None if it is not known."""
+        """Mean energy per recording; None if unknown."""
 
     @property
     def energy_profile(self) -> str | None:
-        """What tells the energy; None if it is not known."""
+        """The name of the cost profile that the energy is computed with; None if the energy is unknown."""
 
     @property
     def latency_ns(self) -> float | None:
-        """Mean time per recording; None if it is not known."""
+        """Mean time per recording; None if unknown."""
 
     @property
     def resources(self) -> ProgramUse:
@@ -219,7 +228,7 @@ class SharedFigures(Protocol):
 
     @property
     def input(self) -> InputFigures:
-        """When recordings start."""
+        """How many steps recordings have before their first event, where a phase waits for it."""
 
     @property
     def assumptions(self) -> tuple[str, ...]:
@@ -230,16 +239,18 @@ class SharedFigures(Protocol):
         """Bounds that the build must keep."""
 
     def with_gates(self, gates: tuple[GateFigures, ...], /) -> Self:
-        """Return the same with these gates."""
+        """Return the same figures with these gates."""
 
 
 class Findings(Frozen, eq=False):
-    """What a check found beyond the match, each None if it was not looked for.
+    """The results of further checks beyond the match; None for a check that was not made.
 
-    A diagnosis gives the error budget, the margins and the cause of the first divergence;
-    ``followed`` are predictions over time, or why there are none. ``wide`` is the match with wide
-    registers, or why there is none, and ``search`` what settings do without wraps and clips.
-    ``peaks`` are the rates of events that bounds are stated for.
+    - ``diagnosis``: the error budget, the margins, and the cause of the first divergence
+    - ``followed``: predictions over time, or the reason why there are none
+    - ``choice``: the settings that ``auto`` compared, and the one that it chose
+    - ``wide``: the match with registers too wide to wrap or clip, or the reason why there is none
+    - ``search``: other settings that were tried because registers wrapped or clipped
+    - ``peaks``: the rates of events that bounds on time are stated for
     """
 
     diagnosis: Diagnosis | None = None
@@ -256,9 +267,15 @@ _NOTHING = Findings()
 def report_figures(
     levels: Levels, match: Match, grounds: Grounds, findings: Findings = _NOTHING
 ) -> ReportFigures:
-    """Return the figures of a build; ``gates`` are checked against them."""
-    network, program = levels.network, levels.program
-    target, counts = target_of(program.chip), total(match.counts)
+    """Return the figures of a build.
+
+    ``levels`` is the network at all levels of compiling, and ``match`` the comparison of the program with
+    the network. The gates are still empty: they are checked against these figures and added afterwards.
+    """
+    network = levels.network
+    program = levels.program
+    target = target_of(program.chip)
+    counts = total(match.counts)
     diagnosis = findings.diagnosis
     energy = energy_figures(program, match, network, grounds.step_seconds)
     operations = operation_figures(match)
@@ -314,12 +331,17 @@ def _member(
     member: Member, levels: Levels, match: Match, energy: EnergyFigures | None
 ) -> MemberFigures:
     target = target_of(levels.program.chip)
+    # Everything of a member is named ``member/...``. Members do not share a core, so the first group
+    # of compartments on a core says whose it is.
     prefix = f"{member.name}/"
     cores = [core for core in levels.program.cores if core.slices[0].group.startswith(prefix)]
-    per_sample_pj, per_sample_ns = None, None
+    per_sample_pj = None
+    per_sample_ns = None
     if energy is not None:
         populations = energy.by_population_pj.items()
-        per_sample_pj = math.fsum(used.pj for name, used in populations if name.startswith(prefix))
+        per_sample_pj = math.fsum(
+            population.pj for name, population in populations if name.startswith(prefix)
+        )
     if target.timed and target.times_cores:
         per_sample_ns = match.member_ns[member.name] / match.samples
     return MemberFigures(member, len(cores), per_sample_pj, per_sample_ns)

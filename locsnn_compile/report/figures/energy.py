@@ -1,7 +1,8 @@
 """Entry of report.json on energy: total, spread, breakdowns, and each constant with its source.
 
-Energy is broken down by recordings, classes, steps, cores and populations. Every breakdown adds up to the total; what
-is counted without a step and a core is only in ``elsewhere_pj``.
+Energy is the sum of counts times costs: the simulator counts operations, and a profile of the chip has published costs
+per operation. It is broken down by recordings, classes, steps, cores and populations. Every breakdown adds up to the
+total; operations that are counted without a step and a core are only in ``elsewhere_pj``.
 """
 
 import math
@@ -36,11 +37,11 @@ from locsnn_compile.report.figures.spread import (
 from locsnn_compile.verification.matching import Match
 
 _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
-"""Counts that are known for every step, core and population."""
+"""Names of the counts that are known for every step, core and population; the last two are derived from others."""
 
 
 class PopulationEnergy(Entry):
-    """The energy of a population, and of its own and its joined groups of compartments."""
+    """The energy of a population, in all and by its groups of compartments, such as somata and dendrites."""
 
     pj: float
     compartments: Mapping[str, float]
@@ -78,7 +79,11 @@ class ClassEnergy(ClassCost):
 
 
 class StaticEnergy(Entry):
-    """The energy of whole chips at rest, over the time of the chip and over that of the sensor."""
+    """The energy that whole chips take at rest, which is not part of the other figures.
+
+    ``at_latency_pj`` is over the time that the chip takes for a recording, None if that is unknown;
+    ``at_real_time_pj`` is over the time that the sensor takes, None if the length of a step is unknown.
+    """
 
     chip_mw: float
     source: str
@@ -96,7 +101,10 @@ class NotIncluded(Entry):
 
 
 class ConstantFigures(Entry):
-    """The energy and the time of an operation in a profile; an end of a range is None if it is not known."""
+    """The energy and the time of an operation in a profile; an end of a range is None if unknown.
+
+    ``count`` is the name of the operation: how often it happens is counted under this name.
+    """
 
     count: str
     energy_pj: float | None
@@ -107,7 +115,7 @@ class ConstantFigures(Entry):
 
 
 class ProfileFigures(Entry):
-    """A profile with the source and the range of each constant."""
+    """A profile (a set of published costs per operation), with the source and the range of each constant."""
 
     source: str
     basis: str
@@ -117,7 +125,11 @@ class ProfileFigures(Entry):
 
 
 class EnergyFigures(Entry):
-    """``energy`` by the default profile of the chip; means per recording, except for the spread."""
+    """``energy`` by the default profile of the chip; means per recording, except in the fields on its spread.
+
+    A branch is a phase of the program: its neurons step over time or over location. ``by_step_pj`` adds up
+    the steps of a phase in bins. ``over_samples_pj`` is the spread over recordings.
+    """
 
     profile: str
     source: str
@@ -147,20 +159,28 @@ def energy_figures(
     program: ChipProgram, match: Match, network: Network, step_seconds: float | None
 ) -> EnergyFigures | None:
     """Return the energy by the default profile of the chip; None for a chip without a profile."""
-    name, profile = program.chip.default_profile, program.chip.costs
+    name = program.chip.default_profile
+    profile = program.chip.costs
     if name is None:
         return None
-    counts, samples = total(match.counts), match.samples
+    counts = total(match.counts)
+    samples = match.samples
     breakdown = _breakdown(counts, profile, samples)
-    costs = np.array([math.fsum(hw.energy_pj(one, profile).values()) for one in match.counts])
-    pieces = _pieces_pj(program, match, profile)
-    recording_ns = None if step_seconds is None else network.steps * step_seconds * 1e9
-    static = _static(program, match, recording_ns, profile)
+    recordings_pj = np.array(
+        [math.fsum(hw.energy_pj(recording, profile).values()) for recording in match.counts]
+    )
+    pieces_pj = _pieces_pj(program, match, profile)
+    sensor_ns = None if step_seconds is None else network.steps * step_seconds * 1e9
+    static = _static(program, match, sensor_ns, profile)
     by_branch = {
-        phase: _breakdown(of_phase, profile, samples)
-        for phase, of_phase in match.counts_by_phase.items()
+        phase: _breakdown(phase_counts, profile, samples)
+        for phase, phase_counts in match.counts_by_phase.items()
     }
-    others = {other: costs for other, costs in program.chip.profiles.items() if other != name}
+    other_profiles = {
+        other_name: other
+        for other_name, other in program.chip.profiles.items()
+        if other_name != name
+    }
     left_out = rows_left_out(counts, profile, samples, static)
     return EnergyFigures(
         profile=name,
@@ -172,35 +192,42 @@ def energy_figures(
         breakdown_pj=breakdown,
         by_branch_pj={phase: math.fsum(parts.values()) for phase, parts in by_branch.items()},
         by_branch_breakdown_pj=by_branch,
-        by_population_pj=_by_population(program, network, pieces),
+        by_population_pj=_by_population(program, network, pieces_pj),
         by_core_pj=by_core(
             program,
-            {phase: _cores_pj(program, phase, pj) for phase, pj in pieces.items()},
+            {phase: _cores_pj(program, phase, pj) for phase, pj in pieces_pj.items()},
             CoreEnergy,
         ),
-        by_step_pj={phase: course(pj.sum(axis=1)) for phase, pj in pieces.items()},
+        by_step_pj={phase: course(pj.sum(axis=1)) for phase, pj in pieces_pj.items()},
         elsewhere_pj=math.fsum(pj for count, pj in breakdown.items() if count not in _PLACED),
-        over_samples_pj=quantiles(costs),
-        worst_recording=worst_recording(costs, match.labels, CostliestEnergy),
-        by_class=by_class(costs, match.labels, ClassEnergy),
+        over_samples_pj=quantiles(recordings_pj),
+        worst_recording=worst_recording(recordings_pj, match.labels, CostliestEnergy),
+        by_class=by_class(recordings_pj, match.labels, ClassEnergy),
         other_profiles_pj={
-            other: _energy_pj(counts, priced, samples) for other, priced in others.items()
+            other_name: _energy_pj(counts, other, samples)
+            for other_name, other in other_profiles.items()
         },
         other_profiles_by_branch_pj={
-            other: _by_branch_pj(match, priced) for other, priced in others.items()
+            other_name: _by_branch_pj(match, other) for other_name, other in other_profiles.items()
         },
         static=static,
         not_included=tuple(item.what for item in left_out),
         not_included_bounds=left_out,
-        profiles={other: _profile(priced) for other, priced in program.chip.profiles.items()},
+        profiles={
+            any_name: _profile(any_profile)
+            for any_name, any_profile in program.chip.profiles.items()
+        },
     )
 
 
 def _breakdown(counts: Counts, profile: hw.Profile, samples: int) -> dict[str, float]:
+    """Return the mean energy per recording by operation, given the counts of all recordings together."""
     return {name: pj / samples for name, pj in hw.energy_pj(counts, profile).items()}
 
 
 def _energy_pj(counts: Counts, profile: hw.Profile, samples: int) -> float:
+    """Return the mean energy per recording, given the counts of all recordings together."""
+    # fsum adds exactly, so the total does not depend on the order of the breakdown.
     return math.fsum(_breakdown(counts, profile, samples).values())
 
 
@@ -212,7 +239,11 @@ def _by_branch_pj(match: Match, profile: hw.Profile) -> dict[str, float]:
 
 
 def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> Ends:
-    """Return the least and the most of the mean energy; None if a constant that was used has no such bound."""
+    """Return the least and the most that the mean energy can be, given the ranges of the constants.
+
+    An end is None if a constant that was used has a range without that end. A constant without a range
+    is taken as exact.
+    """
 
     def end(index: int) -> float | None:
         costs = {
@@ -227,54 +258,63 @@ def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> Ends:
 
 
 def _pieces_pj(program: ChipProgram, match: Match, profile: hw.Profile) -> dict[str, FloatArray]:
-    """Return the mean energy by phase, (steps, pieces)."""
-    return {
-        phase: sum(
-            (
-                counted(used.counts, name) * pj
-                for name, pj in profile.energy_pj.items()
-                if name in _PLACED
-            ),
-            start=np.zeros(used.counts["spikes"].shape),
-        )
-        / match.samples
-        for phase, used in match.usage.items()
-    }
+    """Return the mean energy per recording by phase, arrays (steps, pieces).
+
+    A piece is the part of a group of compartments that lies on one core. Nothing finer is counted.
+    """
+    by_phase = {}
+    for phase, usage in match.usage.items():
+        pj = np.zeros(usage.counts["spikes"].shape)
+        for name, cost_pj in profile.energy_pj.items():
+            if name in _PLACED:
+                pj = pj + counted(usage.counts, name) * cost_pj
+        by_phase[phase] = pj / match.samples
+    return by_phase
 
 
 def _by_population(
-    program: ChipProgram, network: Network, pieces: dict[str, FloatArray]
+    program: ChipProgram, network: Network, pieces_pj: dict[str, FloatArray]
 ) -> dict[str, PopulationEnergy]:
     """Return the energy of each population by its groups of compartments."""
     names = [population.name for population in network.populations]
-    sums = dict.fromkeys(names, 0.0)
-    groups: dict[str, dict[str, float]] = {name: {} for name in names}
-    for phase, pj in pieces.items():
-        of_pieces = zip(pieces_of(program, phase).group, pj.sum(axis=0).tolist(), strict=True)
-        for group, piece_pj in of_pieces:
+    sums_pj = dict.fromkeys(names, 0.0)
+    groups_pj: dict[str, dict[str, float]] = {name: {} for name in names}
+    for phase, pj in pieces_pj.items():
+        groups = pieces_of(program, phase).group
+        for group, piece_pj in zip(groups, pj.sum(axis=0).tolist(), strict=True):
             name = _population_of(group, names)
-            sums[name] += piece_pj
-            groups[name][group] = groups[name].get(group, 0.0) + piece_pj
-    return {name: PopulationEnergy(sums[name], groups[name]) for name in names}
+            sums_pj[name] += piece_pj
+            groups_pj[name][group] = groups_pj[name].get(group, 0.0) + piece_pj
+    return {name: PopulationEnergy(sums_pj[name], groups_pj[name]) for name in names}
 
 
 def _population_of(group: str, names: Sequence[str]) -> str:
-    """Return the population of a group of compartments: the same name, or the longest that it extends."""
-    return (
-        group
-        if group in names
-        else max((name for name in names if group.startswith(f"{name}/")), key=len)
-    )
+    """Return the population to which a group of compartments belongs.
+
+    A group is named like its population, or begins with the population's name and a slash, such as
+    ``hidden/dendrite``. Names of populations may hold slashes themselves, so the longest counts.
+    """
+    if group in names:
+        return group
+    return max((name for name in names if group.startswith(f"{name}/")), key=len)
 
 
 def _cores_pj(program: ChipProgram, phase: str, pj: FloatArray) -> list[tuple[float]]:
-    by_core = np.add.reduceat(pj.sum(axis=0), pieces_of(program, phase).of_core[:-1])
-    return [(value,) for value in by_core.tolist()]
+    """Return the energy of each core of a phase, in tuples as :func:`by_core` takes them."""
+    # ``of_core`` has the first piece of each core, and at its end the number of pieces.
+    first_pieces = pieces_of(program, phase).of_core[:-1]
+    cores_pj = np.add.reduceat(pj.sum(axis=0), first_pieces)
+    return [(core_pj,) for core_pj in cores_pj.tolist()]
 
 
 def _static(
-    program: ChipProgram, match: Match, recording_ns: float | None, profile: hw.Profile
+    program: ChipProgram, match: Match, sensor_ns: float | None, profile: hw.Profile
 ) -> StaticEnergy | None:
+    """Return the energy at rest; None if the profile has no static power.
+
+    ``sensor_ns`` is the time that the sensor takes for a recording. A chip counts in full once any of
+    its cores is in use.
+    """
     power = profile.static_power
     if power is None:
         return None
@@ -285,22 +325,23 @@ def _static(
         source=power.source,
         chips=chips,
         at_latency_pj=power.pj(chips, match.mean_ns) if is_timed else None,
-        at_real_time_pj=None if recording_ns is None else power.pj(chips, recording_ns),
+        at_real_time_pj=None if sensor_ns is None else power.pj(chips, sensor_ns),
     )
 
 
 def rows_left_out(
     counts: Counts, profile: hw.Profile, samples: int, static: StaticEnergy | None
 ) -> tuple[NotIncluded, ...]:
-    """Return what the energy leaves out; static energy is left out of the dynamic one."""
+    """Return what the energy leaves out: what the profile does not price, and the energy at rest, if known."""
     rows = []
     for item in profile.not_included:
-        bound = (
-            item.bound_recording_pj
-            + math.fsum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
+        counted_pj = math.fsum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
+        bound_pj = item.bound_recording_pj + counted_pj
+        # Without bounds in the profile, the sum is 0, which is not a bound.
+        has_bound = bool(item.bound_pj) or bound_pj > 0
+        rows.append(
+            NotIncluded(item.what, bound_pj if has_bound else None, item.bound_source or None)
         )
-        known = bool(item.bound_pj) or bound > 0
-        rows.append(NotIncluded(item.what, bound if known else None, item.bound_source or None))
     if static is not None:
         what = f"static power ({static.chip_mw:g} mW per chip, {static.source})"
         at_rest = static.at_real_time_pj
@@ -310,6 +351,7 @@ def rows_left_out(
 
 
 def _profile(profile: hw.Profile) -> ProfileFigures:
+    # Each operation once, in order: one may have an energy, a time or both.
     names = dict.fromkeys((*profile.energy_pj, *profile.time_ns))
     return ProfileFigures(
         source=profile.source,

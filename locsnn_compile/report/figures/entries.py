@@ -1,7 +1,13 @@
-"""Entries of report.json as types, with one writer for all of them.
+"""Types for the parts of report.json, called entries, and the function that writes any of them as plain JSON values.
 
-The fields of an entry are keys of the document, in its order. Annotations say where a key differs
-from its field: :class:`Inlined`, :class:`LeftOut` and :data:`NULLS`.
+An entry is a frozen dataclass. Its fields, in their order, are the keys of a JSON object. An annotation
+says where the object differs from the fields:
+
+- :class:`Inlined`: the keys of a nested entry stand next to those of the outer one, without nesting
+- :class:`LeftOut`: a key is absent, rather than null, where the field is None
+- :data:`NULLS`: where a nested entry is None, all its keys are null
+
+``figures/typed.py`` reads the objects back.
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,20 +32,26 @@ T = TypeVar("T")
 
 
 class Entry(Shown):
-    """A part of report.json; entries of equal figures are equal."""
+    """A part of report.json; entries with equal figures are equal, although ``Shown`` compares by identity."""
 
     def __init_subclass__(cls, **options: bool) -> None:
         super().__init_subclass__(**{"eq": True, **options})
 
 
 class LeftOut(NamedTuple):
-    """The key is absent where the field is None; ``without``: only if that field is None as well."""
+    """Marks a field whose key is absent where the field is None.
+
+    ``without`` names another field of the entry: the key is absent only if that field is None as well.
+    """
 
     without: str = ""
 
 
 class Inlined(NamedTuple):
-    """The keys of the field's own entry stand in its place; ``renamed`` are pairs of its and theirs."""
+    """Marks a field that holds an entry whose keys stand among those of the outer entry.
+
+    ``renamed`` are pairs: a key of the inner entry, and what the document calls it.
+    """
 
     renamed: tuple[tuple[str, str], ...] = ()
 
@@ -50,36 +62,38 @@ class Inlined(NamedTuple):
 
 INLINED: Final = Inlined()
 NULLS: Final = "nulls"
-"""Where the field is None, the document has all keys of the entry, and each is null."""
+"""Marks a field that holds an entry or None: where it is None, the document has all keys of the entry, each null."""
 IfKnown = Annotated[T | None, LeftOut()]
-"""A field whose key is absent where it is None."""
+"""The type of a field whose key is absent where the field is None."""
 
 
 class Field(Frozen):
-    """A field of an entry, its key in the document, and what its annotation says.
+    """A field of an entry, with what its annotation says.
 
-    ``kinds`` are the types that its value may have, without None.
+    - ``hint``: the annotation as it stands in the class
+    - ``kinds``: the types that a value may have, without None
+    - ``marks``: what ``Annotated`` adds to the type, such as :data:`INLINED`
     """
 
     name: str
     hint: Any
     kinds: tuple[Any, ...]
-    said: tuple[Any, ...]
+    marks: tuple[Any, ...]
 
     @property
     def key(self) -> str:
-        """The key in the document: a name that is a word of Python ends in an underscore."""
+        """The key in the document. Keys such as ``class`` are keywords of Python, so their field is ``class_``."""
         return self.name.removesuffix("_")
 
     @property
     def left_out(self) -> LeftOut | None:
-        """Whether the key may be absent."""
-        return next((word for word in self.said if isinstance(word, LeftOut)), None)
+        """The mark that the key may be absent, None if it may not."""
+        return next((mark for mark in self.marks if isinstance(mark, LeftOut)), None)
 
     @property
     def inlined(self) -> Inlined | None:
-        """Whether the keys of its entry stand in its place."""
-        return next((word for word in self.said if isinstance(word, Inlined)), None)
+        """The mark that the keys of the field's entry stand in its place, None if they do not."""
+        return next((mark for mark in self.marks if isinstance(mark, Inlined)), None)
 
     @property
     def keys(self) -> list[str]:
@@ -91,23 +105,26 @@ class Field(Frozen):
 
 def fields_of(kind: Any) -> tuple[Field, ...]:
     """Return the fields of a type of entry, in order."""
+    # Not cached itself: mypy takes a class as an argument here, but not as a key of a cache.
     return _fields_of(kind)
 
 
 @cache
 def _fields_of(kind: Any) -> tuple[Field, ...]:
     hints = get_type_hints(kind, include_extras=True)
-    return tuple(_field(item.name, hints[item.name]) for item in fields(kind))
+    return tuple(_field(field.name, hints[field.name]) for field in fields(kind))
 
 
 def _field(name: str, hint: Any) -> Field:
-    metadata = getattr(hint, "__metadata__", ())
-    bare = get_args(hint)[0] if metadata else hint
-    return Field(name, hint, tuple(k for k in alternatives(bare) if k is not NoneType), metadata)
+    # ``Annotated[T, mark]`` has the marks in __metadata__, and T as its first argument.
+    marks = getattr(hint, "__metadata__", ())
+    bare_type = get_args(hint)[0] if marks else hint
+    kinds = tuple(kind for kind in alternatives(bare_type) if kind is not NoneType)
+    return Field(name, hint, kinds, marks)
 
 
 def alternatives(hint: Any) -> tuple[Any, ...]:
-    """Return the types of a union, or the only type."""
+    """Return the types of a union such as ``int | None``; of any other type, the type itself."""
     return get_args(hint) if get_origin(hint) in (UnionType, Union) else (hint,)
 
 
@@ -117,7 +134,7 @@ def keys_of(kind: Any) -> list[str]:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as the document has it: entries and mappings as dictionaries, tuples as lists."""
+    """Return a value as plain JSON values: entries and mappings become dictionaries, tuples become lists."""
     if is_dataclass(value) and not isinstance(value, type):
         return dict(_items(value))
     if isinstance(value, Mapping):
@@ -133,8 +150,8 @@ def _items(entry: Any) -> Iterator[tuple[str, Any]]:
         value = getattr(entry, field.name)
         if value is None and _is_absent(field, entry):
             continue
-        if value is None and NULLS in field.said:
-            value = dict.fromkeys(keys_of(field.kinds[0]))
+        if value is None and NULLS in field.marks:
+            value = dict.fromkeys(keys_of(field.kinds[0]))  # every key null
         if field.inlined is None:
             yield field.key, plain(value)
             continue
@@ -143,6 +160,8 @@ def _items(entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _is_absent(field: Field, entry: Any) -> bool:
+    """Whether the document has no key for a field that is None."""
     if field.left_out is None:
         return False
-    return not field.left_out.without or getattr(entry, field.left_out.without) is None
+    other_field = field.left_out.without
+    return not other_field or getattr(entry, other_field) is None

@@ -1,4 +1,4 @@
-"""Nested values as one list of figures, and rows of figures as a table."""
+"""Flatten nested figures into dotted keys, and write rows of figures as CSV."""
 
 import csv
 import io
@@ -8,17 +8,19 @@ from typing import Any
 from locsnn_compile.report.format import plain
 
 Figures = dict[str, Any]
-"""Leaves by dotted keys, in order."""
+"""The values in nested dictionaries and lists, by dotted keys such as ``energy.by_core_pj.0.pj``, in order."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""A spreadsheet may read a text that begins with one of these as a formula."""
+"""Beginnings of texts that a spreadsheet may run as a formula (OWASP: CSV injection)."""
 
 
 def flatten(value: object, key: str = "") -> Figures:
-    """Return the leaves of nested dictionaries and lists by dotted keys, in order."""
+    """Return the values in nested dictionaries and lists by dotted keys, in order; ``key`` begins all keys."""
     leaves: Figures = {}
-    waiting = [(key, value)]
-    while waiting:
-        key, value = waiting.pop()
+    # A stack rather than recursion: a file may nest deeper than Python recurses. Items are pushed in
+    # reverse, so that the first is taken next.
+    stack = [(key, value)]
+    while stack:
+        key, value = stack.pop()
         if isinstance(value, dict):
             items = [(str(name), item) for name, item in value.items()]
         elif isinstance(value, list):
@@ -26,20 +28,22 @@ def flatten(value: object, key: str = "") -> Figures:
         else:
             leaves[key] = value
             continue
-        waiting += [(f"{key}.{name}" if key else name, item) for name, item in reversed(items)]
+        prefix = f"{key}." if key else ""
+        stack += [(prefix + name, item) for name, item in reversed(items)]
     return leaves
 
 
 def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows as a table with a column for each key of any row; nothing for no rows."""
+    """Return rows as CSV with a column for each key of any row, in order of first use; nothing for no rows."""
+    if not rows:
+        return b""
+    # A dictionary rather than a set, because it keeps the order.
     columns = dict.fromkeys(key for row in rows for key in row)
-    return (
-        table_bytes(columns, ([row.get(key) for key in columns] for row in rows)) if rows else b""
-    )
+    return table_bytes(columns, ([row.get(key) for key in columns] for row in rows))
 
 
 def table_bytes(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:
-    """Return a table for a spreadsheet or a script; texts are on one line and never formulas."""
+    """Return CSV for a spreadsheet or a script; texts are on one line, and none can run as a formula."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -48,5 +52,8 @@ def table_bytes(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:
 
 
 def _cell(value: Any) -> Any:
-    line = plain(value) if isinstance(value, str) else ""
-    return f"'{line}" if line.startswith(_FORMULA) else line or value
+    """Return a value as the CSV writer takes it; a leading apostrophe makes a spreadsheet read a text as text."""
+    if not isinstance(value, str):
+        return value
+    line = plain(value)
+    return f"'{line}" if line.startswith(_FORMULA) else line

@@ -1,4 +1,8 @@
-"""Entries of report.json on the match: spikes, predictions and class scores of both sides, and the input."""
+"""Entries of report.json on the match: how the program on the chip compares with the trained network.
+
+Both sides play the same recordings. The reference is the network in float64 or, if it was trained in
+integers, in these. Compared are spikes, predicted classes and class scores.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal
@@ -23,7 +27,10 @@ class SpikesCompared(Entry):
 
 
 class ClassScores(Entry):
-    """Class scores in the network's units: their spread in the reference, and the error of the chip's."""
+    """Class scores in the network's units, as means over the recordings.
+
+    ``mean_spread`` is how far the reference's scores lie apart, and ``mean_error`` how far the chip's are off.
+    """
 
     mean_spread: float
     mean_error: float
@@ -37,7 +44,11 @@ class FirstDivergence(Entry):
 
 
 class ReadoutFigures(Entry):
-    """What predicts: spikes or potentials of these populations; silent if neither side has any."""
+    """What the class is predicted from: spikes or potentials of the output populations.
+
+    ``potentials_of`` names those read by potential, and is absent unless others are read by spikes.
+    ``silent``: neither side predicts anything, or none of the populations spikes.
+    """
 
     populations: tuple[str, ...]
     by: Literal["spikes", "potentials", "spikes and potentials"]
@@ -57,7 +68,12 @@ class ReadoutFigures(Entry):
 
 
 class MatchFigures(Entry):
-    """``match``: what both sides do, over all recordings of the check."""
+    """``match``: how the program compares with the network, over all recordings of the check.
+
+    - ``tied_predictions``: recordings in which all class scores of both sides tie, so nothing is predicted
+    - ``score_error``: the mean error of class scores as a share of their spread
+    - ``helper_neurons``: populations that a reader of model files added; they count nowhere else
+    """
 
     reference: Literal["float64", "integers"]
     events_origin: Origin
@@ -85,14 +101,18 @@ class Accuracy(Entry):
 
 
 class ChanceFigures(Entry):
-    """Whether the accuracy can be told from guessing the commonest label."""
+    """Whether the accuracy differs significantly from guessing the commonest label (``told_apart``)."""
 
     test: Annotated[Chance, INLINED]
     told_apart: bool
 
 
 class BinningFigures(Entry):
-    """What reading left out of the events in files."""
+    """What became of the events in files when they were sorted into bins, one per channel and step.
+
+    Of ``events``, ``outside`` lay outside the steps, ``below`` in bins with at most ``threshold`` events,
+    which are 0, and ``elsewhere`` in streams that are not read; ``dropped`` is the sum, and ``words`` says it.
+    """
 
     threshold: int | None
     events: int
@@ -104,17 +124,20 @@ class BinningFigures(Entry):
 
 
 class InputFigures(Entry):
-    """Mean steps before the start of recordings: of the phase that starts last, and of each that aligns."""
+    """How many steps recordings have before their first event, where phases begin at that event (align).
+
+    Means over the recordings: of the phase that waits longest, and of each that aligns.
+    """
 
     aligned_steps: float
     aligned_steps_by_branch: Mapping[str, float]
 
 
 class Overflows(Frozen):
-    """How often numbers of the chip did not fit their registers, over all recordings of the check.
+    """How often numbers on the chip did not fit their registers, over all recordings of the check.
 
-    Of ``wraps`` the rest was kept, and ``clips`` stopped at the end. ``events`` has what happened
-    by place, such as a population or a phase, in the chip's own terms.
+    ``wraps`` went on at the other end of the register, and ``clips`` stopped at its end. ``events`` counts
+    them by place, such as a population or a phase, under the names that the chip has for them.
     """
 
     wraps: int
@@ -129,7 +152,7 @@ def match_figures(
     overflows: Overflows,
     cause: CauseFigures | None = None,
 ) -> MatchFigures:
-    """Return how the program compares with the network; ``cause`` is that of the first divergence."""
+    """Return how the program compares with the network; ``cause`` explains the first spike that differs."""
     first = match.first_divergence
     return MatchFigures(
         reference="float64" if network.has_float_weights else "integers",
@@ -165,14 +188,17 @@ def spikes_compared(spikes: PopulationMatch) -> SpikesCompared:
 
 def _readout(network: Network, match: Agreement) -> ReadoutFigures:
     populations = tuple(network.readout.populations)
-    read = tuple(network.readout.from_step)
-    spiked = any(match.by_population[name].agreement is not None for name in populations)
-    silent = match.tied_predictions == match.samples if read else not spiked
-    if not read:
-        return ReadoutFigures(populations, "spikes", None, silent)
-    if read == populations:
+    # ``from_step`` has the populations that are read by their potentials.
+    by_potential = tuple(network.readout.from_step)
+    if not by_potential:
+        # The agreement of spikes is None where neither side spikes.
+        spiked = any(match.by_population[name].agreement is not None for name in populations)
+        return ReadoutFigures(populations, "spikes", None, silent=not spiked)
+    # Potentials may decide without any spike.
+    silent = match.tied_predictions == match.samples
+    if by_potential == populations:
         return ReadoutFigures(populations, "potentials", None, silent)
-    return ReadoutFigures(populations, "spikes and potentials", read, silent)
+    return ReadoutFigures(populations, "spikes and potentials", by_potential, silent)
 
 
 def accuracy_figures(accuracy: Mapping[str, float] | None) -> Accuracy | None:
@@ -186,7 +212,7 @@ def chance_figures(chance: Chance | None) -> ChanceFigures | None:
 
 
 def binning_figures(binned: Binned | None) -> BinningFigures | None:
-    """Return what reading left out; None if it took everything as it is."""
+    """Return what became of events in files; None if the recordings were not read from events."""
     if binned is None:
         return None
     return BinningFigures(
@@ -201,12 +227,12 @@ def binning_figures(binned: Binned | None) -> BinningFigures | None:
 
 
 def input_figures(network: Network, match: Match) -> InputFigures:
-    """Return the mean steps before the start of recordings."""
-    aligned = any(view.align_events for view in network.views)
-    steps = {}
-    if aligned:
-        steps = {
+    """Return the mean steps before the first event of recordings; 0 for a network that does not wait for it."""
+    has_aligned_views = any(view.align_events for view in network.views)
+    steps_by_phase = {}
+    if has_aligned_views:
+        steps_by_phase = {
             name: counts.aligned_steps / match.samples
             for name, counts in match.counts_by_phase.items()
         }
-    return InputFigures(max(steps.values(), default=0.0), steps)
+    return InputFigures(max(steps_by_phase.values(), default=0.0), steps_by_phase)

@@ -1,7 +1,8 @@
-"""Entries of report.json on operations, of three kinds.
+"""Entries of report.json on operations, counted in three ways.
 
-They are those that the chip counts, those on paper, as publications count them from spikes and
-fan-out, and those of conventional (not spiking) networks on the same input.
+- on the chip: what the simulator counts while it plays recordings
+- on paper: how publications on such networks count, as spikes times fan-out
+- for comparison: the operations of conventional (not spiking) networks on the same input
 """
 
 import math
@@ -16,7 +17,7 @@ from locsnn_compile.verification.matching import Match
 
 
 class OperationCounts(Entry):
-    """What the chip counts, mean per recording."""
+    """What the simulator counts on the chip, as means per recording."""
 
     synaptic_ops: float
     neuron_updates: float
@@ -26,7 +27,10 @@ class OperationCounts(Entry):
 
 
 class PublishedOperations(Entry):
-    """Operations on paper: spikes of the reference times fan-out, and events through the transpose buffer."""
+    """Operations as publications count them: spikes of the reference times fan-out, plus buffered events.
+
+    The events are those that go through the transpose buffer, from which location neurons read.
+    """
 
     additions: float
     additions_by_branch: Mapping[str, float]
@@ -35,7 +39,7 @@ class PublishedOperations(Entry):
 
 
 class OperationFigures(Entry):
-    """``operations``: of the chip, in all and by branch, and of the published method.
+    """``operations``: on the chip, in all and by branch, and as publications count them.
 
     A branch is a phase of the program, such as steps over time. ``extra_spikes`` are those beyond
     the first of a neuron in a step, on chips whose cores can send several.
@@ -48,11 +52,11 @@ class OperationFigures(Entry):
 
 
 class ConventionalNetwork(Entry):
-    """A conventional network on the same input.
+    """What a conventional network takes on the same input.
 
-    Ratios say how many times as much it takes as the spiking network: ``ratio`` in operations on
-    paper, ``chip_ratio`` in synaptic operations of the chip, and ``energy_ratio`` in energy. A
-    ratio to nothing is None. Energies are by kind of arithmetic, such as fp32.
+    A ratio says how many times as much it takes as the spiking network: ``ratio`` in operations on
+    paper, ``chip_ratio`` in synaptic operations on the chip, and ``energy_ratio`` in energy. It is None
+    where the spiking network takes nothing. Energies are by kind of arithmetic, such as fp32.
     """
 
     operations: int
@@ -68,7 +72,7 @@ class ConventionalNetwork(Entry):
 
 
 class NotDefined(Entry):
-    """A conventional network that is not defined for this network's input."""
+    """Stands for a conventional network that is not defined for the input of the spiking network."""
 
     operations: None = None
     ratio: None = None
@@ -76,6 +80,7 @@ class NotDefined(Entry):
 
 
 Conventional = Mapping[str, ConventionalNetwork | NotDefined]
+"""Conventional networks by name."""
 
 
 def operation_figures(match: Match) -> OperationFigures:
@@ -86,7 +91,7 @@ def operation_figures(match: Match) -> OperationFigures:
             name: _per_sample(counts, match.samples)
             for name, counts in match.counts_by_phase.items()
         },
-        # A neuron of these chips sends at most one spike in a step.
+        # A neuron of the chips that this module reports on sends at most one spike per step.
         extra_spikes=None,
         published_method=_published(match),
     )
@@ -115,17 +120,17 @@ def _published(match: Match) -> PublishedOperations:
 
 
 def conventional_networks(
-    network: Network, operations: OperationFigures, own_pj: float | None
+    network: Network, operations: OperationFigures, spiking_pj: float | None
 ) -> Conventional:
-    """Return the published comparison at this network's input size, by conventional network.
+    """Return the comparison with each conventional network of the publication, at this network's input size.
 
-    ``own_pj`` is the energy of the spiking network per recording, None where it is not known.
+    ``spiking_pj`` is the energy of the spiking network per recording, None if unknown.
     """
-    return {name: _conventional(name, network, operations, own_pj) for name in paper.ANN_NAMES}
+    return {name: _conventional(name, network, operations, spiking_pj) for name in paper.ANN_NAMES}
 
 
 def _conventional(
-    name: str, network: Network, operations: OperationFigures, own_pj: float | None
+    name: str, network: Network, operations: OperationFigures, spiking_pj: float | None
 ) -> ConventionalNetwork | NotDefined:
     counts = _ann_counts(name, network)
     if counts is None:
@@ -142,7 +147,7 @@ def _conventional(
         additions=counts.additions,
         energy_pj=energy_by_arithmetic,
         energy_ratio={
-            arithmetic: _ratio(pj, own_pj) for arithmetic, pj in energy_by_arithmetic.items()
+            arithmetic: _ratio(pj, spiking_pj) for arithmetic, pj in energy_by_arithmetic.items()
         },
         energy_source=paper.ANN_ENERGY_SOURCE,
         energy_not_included=tuple(paper.ANN_NOT_INCLUDED),
@@ -150,17 +155,18 @@ def _conventional(
 
 
 def _ratio(conventional: float, spiking: float | None) -> float | None:
-    """Return how many times as much a conventional network takes; None if the other takes nothing."""
+    """Return how many times as much a conventional network takes; None if the spiking one takes nothing known."""
     return conventional / spiking if spiking else None
 
 
 def _ann_counts(name: str, network: Network) -> paper.AnnCounts | None:
-    """Return the operations of an artificial network on this input; None if it is not defined for it."""
+    """Return the operations of a conventional network on the input of ``network``; None if it is not defined for it."""
     if network.sensor is None:
         return None
     try:
         return paper.ann_counts(
             name, sensor=network.sensor, steps=network.steps, classes=network.classes
         )
-    except hw.InputError:  # no frames, or a recording too short for that network's kernels
+    except hw.InputError:
+        # The input has no frames, or the recording is too short for the kernels of the conventional network.
         return None

@@ -1,4 +1,8 @@
-"""Entry of report.json on wraps and clips: whether they matter, and which settings have none."""
+"""Entry of report.json on wraps and clips: whether they matter, and which settings have none.
+
+A charge or current that leaves its register wraps to the other end, and a voltage clips at the end. The
+check replays the affected recordings with registers too wide for either, and compares.
+"""
 
 from typing import Annotated, Literal
 
@@ -18,11 +22,18 @@ Matters = Literal[
     "predictions",
     "not known",
 ]
-"""What wraps and clips change; ``as in the network``: its own integers have the same registers."""
+"""What wraps and clips change in the result.
+
+``as in the network``: the network was trained in integers with the same registers, so it wraps and clips as well.
+"""
 
 
 class WideFigures(Entry):
-    """What wide registers change in the recordings that overflow, and the match of all recordings with them."""
+    """What changes with registers that are wide enough.
+
+    The two counts are over the recordings that overflow. Agreements and the score error compare the
+    program with wide registers to the network, over all recordings of the check.
+    """
 
     spikes_changed: int
     predictions_changed: int
@@ -32,7 +43,10 @@ class WideFigures(Entry):
 
 
 class SettingFigures(Entry):
-    """What a setting loses and costs; ratios are to the setting of the program, None where that is 0."""
+    """What a setting of the compiler loses and costs.
+
+    A ratio is to the energy or time of the program's own setting, None where that is 0 or unknown.
+    """
 
     setting: Annotated[Setting, INLINED]
     wraps_and_clips: int
@@ -44,7 +58,13 @@ class SettingFigures(Entry):
 
 
 class SearchFigures(Entry):
-    """Settings tried on ``recordings`` of those that overflow; ``without`` are those in which nothing does."""
+    """Other settings that were tried because something overflows.
+
+    - ``recordings``: how many of the overflowing recordings they were tried on
+    - ``taken``: the setting of the program
+    - ``tried``: the number of other settings
+    - ``without``: the settings among them with which nothing wraps or clips
+    """
 
     recordings: int
     taken: SettingFigures
@@ -53,7 +73,10 @@ class SearchFigures(Entry):
 
 
 class OverflowFigures(Entry):
-    """``overflows``: whether it matters that registers wrapped or clipped in ``recordings`` recordings."""
+    """``overflows``: whether it matters that registers wrapped or clipped in ``recordings`` recordings.
+
+    ``not_known`` is the reason if that is unknown.
+    """
 
     matters: Matters
     recordings: int
@@ -68,12 +91,21 @@ def overflow_figures(
     wide: WideComparison | str | None,
     search: OverflowSearch | None,
 ) -> OverflowFigures | None:
-    """Return ``overflows``; None if nobody looked."""
+    """Return ``overflows``; None if the check with wide registers was not made.
+
+    ``wide`` is its result, or the reason why it has none.
+    """
     if wide is None:
         return None
     recordings = sum(counts.wraps + counts.clips > 0 for counts in match.counts)
     if isinstance(wide, str):
-        return OverflowFigures("not known", recordings, wide, None, None)
+        return OverflowFigures(
+            matters="not known",
+            recordings=recordings,
+            not_known=wide,
+            wide_registers=None,
+            settings=None,
+        )
     return OverflowFigures(
         matters=_matters(network, wide),
         recordings=recordings,
@@ -88,6 +120,7 @@ def _matters(network: Network, wide: WideComparison) -> Matters:
         return "nothing overflows"
     if not matters(wide):
         return "no"
+    # A network of integers was trained with these wraps and clips, so they are not an error.
     if not network.has_float_weights:
         return "as in the network"
     return "predictions" if wide.predictions_changed else "spikes or scores"

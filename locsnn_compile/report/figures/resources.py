@@ -1,4 +1,8 @@
-"""Entries of report.json on the program itself: use of the chip, what was left out, rounding, and proven ranges."""
+"""Entries of report.json on the program itself, not on recordings.
+
+They are the use of the chip's limits, what compiling left out, how numbers were rounded, and which
+registers are proven never to overflow.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated
@@ -20,14 +24,14 @@ from locsnn_compile.verification.matching import Match
 
 
 class LimitUse(Entry):
-    """How much of a limit is in use; of a limit of a core, by its fullest core."""
+    """How much of a limit is in use; for a limit that each core has, the use of the fullest core."""
 
     used: int
     limit: int
 
 
 class MemoryFigures(Entry):
-    """The words of a memory that a program fills, all of them, and the bits of a word."""
+    """How full a memory is: the words that the program fills, the words that it has, and the bits of a word."""
 
     used_words: int
     words: int
@@ -45,7 +49,7 @@ class MemoryFigures(Entry):
 
 
 class MeshSize(Entry):
-    """The chips of a target, their cores, and the tiles of a chip in columns and rows."""
+    """The number of chips of a target, the cores of each, and the tiles of a chip in columns and rows."""
 
     chips: int
     cores_per_chip: int
@@ -53,7 +57,7 @@ class MeshSize(Entry):
 
 
 class CoreContents(Entry):
-    """What a core holds."""
+    """How many compartments, synapses, axons and table entries a core holds."""
 
     compartments: int
     synapses: int
@@ -66,14 +70,14 @@ class CoreContents(Entry):
 
 
 class CoreUse(Entry):
-    """A core and what it holds."""
+    """The place of a core, and what it holds."""
 
     place: Annotated[Place, INLINED]
     contents: Annotated[CoreContents, INLINED]
 
 
 class ProgramUse(Entry):
-    """What a program takes of a chip of any kind."""
+    """What a program takes of a chip of any kind; ``limits`` are by name, such as ``compartments``."""
 
     cores: int
     compartments: int
@@ -96,7 +100,11 @@ class ResourceFigures(ProgramUse):
 
 
 class SkippedFigures(Entry):
-    """``skipped``: steps skipped, events dropped, synapses and compartments pruned, biases lost."""
+    """``skipped``: steps skipped, events dropped, synapses and compartments pruned, biases lost.
+
+    ``steps`` are those that the engine skipped because they could not change anything. Biases are lost
+    where they round to 0. ``binning`` is absent where recordings were not sorted from events.
+    """
 
     steps: int
     events_dropped: int
@@ -111,7 +119,11 @@ Shared = int | float | tuple[int | float, int | float]
 
 
 class PopulationNumbers(Entry):
-    """A population in the chip's integers; the fit is None where there are no kernels."""
+    """How a population was rounded to the chip's integers.
+
+    ``scale`` is the number of register units per unit of the network's potential. ``weight_exponents``
+    are those of the projections onto it, in order. ``kernel_fit`` is None for neurons without kernels.
+    """
 
     strategy: str
     scale: Shared
@@ -123,7 +135,12 @@ class PopulationNumbers(Entry):
 
 
 class ProvenRange(Entry):
-    """What is proven of the registers of a group; the period is the longest that a compartment needs."""
+    """What is proven about the registers of a group of compartments, for any input.
+
+    ``cannot_wrap`` and ``cannot_clip`` count the compartments that no input can bring to wrap or clip.
+    If every source spikes at most once in ``safe_period_steps`` steps, none of the compartments does
+    either; None if no period that was tried is long enough.
+    """
 
     compartments: int
     cannot_wrap: int
@@ -137,12 +154,12 @@ def resource_figures(program: ChipProgram, steps: int) -> ResourceFigures:
     by_core = tuple(_core_use(program, core) for core in program.cores)
     contents = [core.contents for core in by_core]
     uses = target.limits_used(program, steps)
+    synapse_words = sum(core.synapse_words for core in contents)
     return ResourceFigures(
         cores=target.cores_used(program),
         compartments=sum(core.compartments for core in contents),
         synapses=sum(core.synapses for core in contents),
-        synapse_bits=sum(core.synapse_words for core in contents)
-        * program.chip.synapse_memory.word_bits,
+        synapse_bits=synapse_words * program.chip.synapse_memory.word_bits,
         axons_in=sum(core.axons_in for core in contents),
         axons_out=sum(core.axons_out for core in contents),
         limits={name: LimitUse(use.used, use.limit) for name, use in uses.items()},
@@ -153,7 +170,7 @@ def resource_figures(program: ChipProgram, steps: int) -> ResourceFigures:
 
 
 def _memories(uses: Mapping[str, MemoryUse]) -> dict[str, MemoryFigures] | None:
-    """Return the figures of memories; None if the target does not tell any."""
+    """Return the figures of memories by name; None for a target that has limits instead."""
     figures = {name: MemoryFigures(*use) for name, use in uses.items()}
     return figures or None
 
@@ -174,7 +191,9 @@ def _core_use(program: ChipProgram, core: Core) -> CoreUse:
 
 def skipped_figures(levels: Levels, match: Match, grounds: Grounds) -> SkippedFigures:
     """Return what was skipped, dropped, pruned or lost."""
-    counts, program = total(match.counts), levels.program
+    counts = total(match.counts)
+    program = levels.program
+    # Every compartment gets a core, so the difference is 0; it is computed so that the report shows it.
     built = sum(group.size for group in levels.compartments.groups)
     placed = sum(core.compartments for core in program.cores)
     return SkippedFigures(
@@ -188,7 +207,7 @@ def skipped_figures(levels: Levels, match: Match, grounds: Grounds) -> SkippedFi
 
 
 def population_numbers(quantized: QuantizedNetwork) -> dict[str, PopulationNumbers]:
-    """Return ``quantization``, by population."""
+    """Return ``quantization``: how each population was rounded, by its name."""
     return {
         population.population.name: _numbers(quantized, population)
         for population in quantized.populations
@@ -210,32 +229,39 @@ def _numbers(quantized: QuantizedNetwork, population: QuantizedPopulation) -> Po
 
 
 def shared_value(values: AnyArray) -> Shared:
-    """Return the value that all neurons share, or else the least and the largest."""
-    low, high = values.min().item(), values.max().item()
+    """Return the value that all neurons share, or else the least and the largest, as Python's own numbers."""
+    low = values.min().item()
+    high = values.max().item()
     return low if low == high else (low, high)
 
 
 def proven_ranges(program: ChipProgram) -> dict[str, ProvenRange]:
-    """Return ``range``, by group of compartments."""
-    proven = {
-        core.number: bounds
-        for core, bounds in zip(program.cores, hw.prove_range(program), strict=True)
+    """Return ``range``: what is proven about each group of compartments, by its name.
+
+    The proof goes core by core, but a group may spread over several cores. So its results are first
+    brought to columns: one entry per compartment of a phase, in which each group is a contiguous range.
+    """
+    proofs = {
+        core.number: core_range
+        for core, core_range in zip(program.cores, hw.prove_range(program), strict=True)
     }
 
     def by_column(phase: str, key: str) -> IntArray:
-        return program.by_column(phase, lambda core: getattr(proven[core.number], key))
+        return program.by_column(phase, lambda core: getattr(proofs[core.number], key))
 
     ranges = {}
     for phase in program.phases:
-        wrap = by_column(phase.name, "cannot_wrap")
-        clip = by_column(phase.name, "cannot_clip")
-        period = by_column(phase.name, "safe_period")
+        cannot_wrap = by_column(phase.name, "cannot_wrap")
+        cannot_clip = by_column(phase.name, "cannot_clip")
+        safe_period = by_column(phase.name, "safe_period")
         for group, columns in program.columns_of(phase.name).items():
-            of_group = period[columns]
+            periods = safe_period[columns]
+            # A period of 0 means that no period that was tried is long enough for the compartment.
+            has_safe_period = periods.all()
             ranges[group] = ProvenRange(
                 compartments=program.populations[group],
-                cannot_wrap=int(wrap[columns].sum()),
-                cannot_clip=int(clip[columns].sum()),
-                safe_period_steps=int(of_group.max()) if of_group.all() else None,
+                cannot_wrap=int(cannot_wrap[columns].sum()),
+                cannot_clip=int(cannot_clip[columns].sum()),
+                safe_period_steps=int(periods.max()) if has_safe_period else None,
             )
     return ranges

@@ -1,5 +1,10 @@
-"""How energy and latency spread: over recordings and classes, over the steps of a phase, and over cores."""
+"""Spread of a cost over recordings, classes, steps and cores, the same for energy (pJ) and latency (ns).
 
+``figures/energy.py`` and ``figures/latency.py`` derive their entries from the classes of this module, and
+pass these entries' types to its functions.
+"""
+
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -10,7 +15,7 @@ from hw_model.values import FloatArray, IntArray
 from locsnn_compile.report.figures.entries import Entry
 
 BINS = 64
-"""Most bins of steps in a course over time."""
+"""Most bins of a cost over the steps of a phase, chosen by hand: enough for a chart as wide as a page."""
 Ends = tuple[float | None, float | None]
 """Least and largest possible value; None is an unknown end."""
 T = TypeVar("T")
@@ -50,14 +55,18 @@ class ClassCost(Entry):
 
 
 class Course(Entry):
-    """A cost over the steps of a phase, added up in bins of ``bin_steps`` steps; the last may have fewer."""
+    """A cost over the steps of a phase, added up in bins of ``bin_steps`` steps; the last bin may have fewer."""
 
     bin_steps: int
     bins: tuple[float, ...]
 
 
 class Place(Entry):
-    """The number, phase and place of a core."""
+    """Where a core lies.
+
+    ``core`` is its number in the program, ``slot`` its place among all cores of the chips, and ``tile``
+    the (column, row) of its tile in the mesh. It runs in one phase of a recording.
+    """
 
     core: int
     phase: str
@@ -66,7 +75,7 @@ class Place(Entry):
 
 
 def quantiles(costs: FloatArray) -> Quantiles:
-    """Return how the costs (recordings,) spread."""
+    """Return how the costs, an array (recordings,), spread."""
     return Quantiles(
         min=float(costs.min()),
         p50=float(np.median(costs)),
@@ -78,7 +87,10 @@ def quantiles(costs: FloatArray) -> Quantiles:
 def worst_recording(
     costs: FloatArray, labels: IntArray | None, entry: Callable[[int, int | None, float], T]
 ) -> T:
-    """Return the entry of the costliest recording: its number, its class if it has one, and its cost."""
+    """Return the entry of the costliest recording: its number, its class if it has one, and its cost.
+
+    ``entry`` is the type of the entry, a subclass of :class:`RecordingCost`.
+    """
     costliest = int(costs.argmax())
     label = None if labels is None else int(labels[costliest])
     return entry(costliest, label, float(costs[costliest]))
@@ -89,26 +101,31 @@ def by_class(
     labels: IntArray | None,
     entry: Callable[[int, int, float, float, float], T],
 ) -> tuple[T, ...] | None:
-    """Return an entry for each class: its recordings, and their least, mean and largest cost. None without labels."""
+    """Return an entry for each class: its recordings, and their least, mean and largest cost. None without labels.
+
+    ``entry`` is the type of the entries, a subclass of :class:`ClassCost`.
+    """
     if labels is None:
         return None
     entries = []
     for label in np.unique(labels):
-        of_class = costs[labels == label]
-        ends = float(of_class.min()), float(of_class.mean()), float(of_class.max())
-        entries.append(entry(int(label), len(of_class), *ends))
+        class_costs = costs[labels == label]
+        least = float(class_costs.min())
+        mean = float(class_costs.mean())
+        largest = float(class_costs.max())
+        entries.append(entry(int(label), len(class_costs), least, mean, largest))
     return tuple(entries)
 
 
 def course(by_step: FloatArray) -> Course:
     """Add up values (steps,) in at most :data:`BINS` bins, all but the last of equal length."""
-    length = max(1, -(-len(by_step) // BINS))
-    bins = np.add.reduceat(by_step, np.arange(0, len(by_step), length))
-    return Course(length, tuple(bins.tolist()))
+    bin_steps = max(1, math.ceil(len(by_step) / BINS))
+    bins = np.add.reduceat(by_step, np.arange(0, len(by_step), bin_steps))
+    return Course(bin_steps, tuple(bins.tolist()))
 
 
 def place(program: ChipProgram, core: Core) -> Place:
-    """Return the number, phase and place of a core."""
+    """Return where a core of a program lies."""
     column, row = program.chip.tile_of(core.slot)
     return Place(core.number, core.phase, core.slot, (column, row))
 
@@ -118,12 +135,14 @@ def by_core(
     figures: Mapping[str, Iterable[tuple[Any, ...]]],
     entry: Callable[..., T],
 ) -> tuple[T, ...]:
-    """Return the figures of all phases, given core by core, in the order of the cores' numbers.
+    """Return an entry for each core of all phases, in the order of the cores' numbers.
 
-    ``entry`` makes one of the place of a core and its figures.
+    ``figures`` has, for each phase, a tuple of figures for each of its cores. ``entry`` is the type of the
+    entries, made from the place of a core and its figures.
     """
     entries = []
-    for phase, of_phase in figures.items():
-        for core, of_core in zip(program.cores_of(phase), of_phase, strict=True):
-            entries.append((core.number, entry(place(program, core), *of_core)))
-    return tuple(figure for _, figure in sorted(entries, key=lambda numbered: numbered[0]))
+    for phase, phase_figures in figures.items():
+        for core, core_figures in zip(program.cores_of(phase), phase_figures, strict=True):
+            entries.append((core.number, entry(place(program, core), *core_figures)))
+    by_number = sorted(entries, key=lambda numbered: numbered[0])
+    return tuple(figure for _, figure in by_number)

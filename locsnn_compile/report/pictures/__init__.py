@@ -1,1 +1,1 @@
-"""Drawings of the page and pictures in files of their own, as SVG."""
+"""Draw SVG: the pictures inside report.html, and charts in files of their own."""
