@@ -47,13 +47,15 @@ _PACKET_HEAD = struct.Struct("<HHIIIIII")
 """Kind of the events, source, bytes of an event, where in it its time is, how often times had wrapped,
 room in events, events, and how many of these are valid."""
 _POLARITY_PACKET = 1
-"""The kind of events of pixels."""
+"""The kind of packets that hold events of pixels."""
 _EVENT_BYTES = 8
+"""Bytes of an event of a pixel: data, then time, 32 bits each."""
 _AEDAT3_TIME_BITS = 31
 
 
 def parse_aedat(data: bytes, where: str) -> EventStream:
     """Return the events of an ``.aedat`` file; ``InputError`` for other versions and damage."""
+    # The first line is a dozen bytes; 40 are enough to show another one in the error.
     first_line = data[:40].split(b"\n")[0].strip()
     if first_line in _AEDAT2_FIRST_LINES:
         return _aedat2_stream(split_header(data, b"#", "end of ascii header"), where)
@@ -165,7 +167,7 @@ def _check_raw_format(header: FileHeader, where: str) -> None:
 
 
 def _packet_events(packets: list[_Packet], unplaced: int) -> CameraEvents:
-    """Return the valid events of packets, and a number of events of others."""
+    """Return the valid events of packets; ``unplaced`` is the number of events of further cameras."""
     no_words = np.zeros((0, 2), dtype=np.int64)
     words = np.concatenate([no_words, *(packet.words for packet in packets)])
     event_counts = [len(packet.words) for packet in packets]
@@ -189,7 +191,7 @@ def _source_line(header: FileHeader, source: int) -> str:
 
 
 def _pixel_packets(body: bytes, where: str) -> Iterator[_Packet]:
-    """Yield the packets of pixels in the bytes behind a header, those without events left out."""
+    """Yield the packets of pixel events in the bytes behind a header, except empty ones."""
     begin = 0
     events = 0
     while begin < len(body):
@@ -213,7 +215,7 @@ def _pixel_packets(body: bytes, where: str) -> Iterator[_Packet]:
 
 
 def _check_event_bytes(event_bytes: int, where: str) -> None:
-    """Refuse events of pixels that have another size than theirs."""
+    """Refuse a packet whose pixel events do not have the size that the format gives them."""
     if event_bytes != _EVENT_BYTES:
         measured = f"{event_bytes} bytes against {_EVENT_BYTES}"
         what = "its events of pixels have another size"

@@ -14,8 +14,11 @@ it cannot read, as any script does after an exception.
 import sys
 
 MAX_ADDRESS_BYTES = 2 << 30
+"""Limit on the address space of this process, 2 GiB."""
 CPU_SECONDS = 10
+"""Limit on the processor time of this process."""
 DAMAGED_FILE = 1
+"""The exit code for a file that cannot be read, the same as after an uncaught exception."""
 OUT_OF_MEMORY = 3
 """The exit code where an inherited limit leaves too little memory: that is no fault of the file."""
 LIBRARY_FIELDS = {"t": "t", "x": "x", "y": "y", "p": "on"}
@@ -35,9 +38,9 @@ except (ImportError, MemoryError, OSError):
 
 
 def lower(kind: int, limit: int) -> bool:
-    """Lower a limit of this process; tell whether it is now ``limit``.
+    """Lower a limit of this process, and return whether it is now ``limit``.
 
-    It is less where the process inherited a lower one, which stays.
+    If the process inherited a lower one, that stays, because a limit cannot be raised.
     """
     inherited = [bound for bound in resource.getrlimit(kind) if bound != resource.RLIM_INFINITY]
     lowest = min([limit, *inherited])
@@ -48,8 +51,8 @@ def lower(kind: int, limit: int) -> bool:
 def read(path: str, most: int) -> None:
     """Write what the file holds to standard output.
 
-    Packets are kept until they hold more than ``most`` events: whoever counts them sees that they
-    are too many.
+    Events are kept until they are more than ``most``: the parent process then sees that the file has
+    too many, and refuses it.
     """
     decoder = aedat.Decoder(path)
     # Sorted, because the library lists the streams in another order each time.

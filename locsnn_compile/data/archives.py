@@ -1,4 +1,8 @@
-"""Recordings, one per file of a folder or zip archive: ``.npy`` arrays (taxels, polarities, steps), or events."""
+"""Read folders and zip archives with one recording per file.
+
+The files are ``.npy`` arrays (taxels, polarities, steps), or files of events of one format. Labels come from their
+names, or else from the folders that they lie in.
+"""
 
 from pathlib import Path, PurePosixPath
 
@@ -32,7 +36,7 @@ def archive_parts(path: Path) -> tuple[str, ...]:
 
 
 def is_archive(path: Path) -> bool:
-    """Tell archives and folders from single files."""
+    """Return whether a path is an archive or a folder, rather than a single file."""
     return path.is_dir() or path.suffix == ".zip"
 
 
@@ -69,24 +73,27 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
 
 
 def _labels_in_names(members: Members, names: list[str]) -> IntArray | None:
-    """Return the label in the name of every recording, None if no name has one."""
+    """Return the labels in the names of recordings, (names,); None if no name has one.
+
+    Raises ``InputError`` if only some names have one.
+    """
     labels = [label_in_name(PurePosixPath(name).name) for name in names]
     if set(labels) == {None}:
         return None
     if None in labels:
-        place, what = (
-            members.place(names[labels.index(None)]),
-            "its name has no label, although others have one",
-        )
+        place = members.place(names[labels.index(None)])
+        what = "its name has no label, although others have one"
         raise InputError(place, what, fix="Name it like the others, or move it away.")
     return np.array(labels, dtype=np.int64)
 
 
 def _chosen(members: Members, split: str | None) -> list[str]:
-    """Return the names of the recordings of a part, in order."""
+    """Return the sorted names of the recordings of a part; ``InputError`` for none, and for several kinds."""
     chosen = members.of_part(members.known_part(split))
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
     others = members.other_arrays
+    # A .npy file of another name next to .npy recordings is more likely misnamed than meant to be left
+    # out. Next to files of events, it may be anything.
     if others and set(kinds) <= {".npy"}:
         fix = "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away."
         raise InputError(
@@ -101,12 +108,13 @@ def _chosen(members: Members, split: str | None) -> list[str]:
 
 
 def _several(members: Members, kinds: str) -> InputError:
+    """Return the error for recordings of several kinds."""
     fix = "Give recordings of one kind."
     return InputError(members.where, "its recordings are of several kinds", measured=kinds, fix=fix)
 
 
 def _read(members: Members, names: list[str], binning: Binning) -> Bins:
-    """Return the recordings of these files in bins."""
+    """Return the recordings of these files in bins: all are files of bins, or all are files of events."""
     streams: list[EventStream] = []
     arrays: list[ByteArray] = []
     channels: Channels | None = None
@@ -122,18 +130,17 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
         if holds_events(array):
             streams.append(parse_events(array, place, binning.unit))
         else:
+            # The last file decides for all: _check_fits refuses another number of channels.
             channels = pixels_of(array, place, expected, binning.axes)
             array = to_step_major(array, place, expected, binning.axes)
             check_same(len(array), 1, place, "it is not one recording", fix="Give one per file.")
             arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
     if not arrays:
-        spans = [one.span_seconds for one in streams]
+        spans = [stream.span_seconds for stream in streams]
         if None in spans and set(spans) != {None}:
-            place, what = (
-                streams[spans.index(None)].place,
-                "it has no .startend file, although others have one",
-            )
+            place = streams[spans.index(None)].place
+            what = "it has no .startend file, although others have one"
             raise InputError(
                 place, what, fix=f"Give it in folder {TIMES!r}, or leave the recording out."
             )
@@ -141,13 +148,13 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
     if streams:
         raise _several(members, "binned arrays and structured ones")
     spikes = np.zeros((len(arrays), max(map(len, arrays)), arrays[0].shape[1]), dtype=np.uint8)
-    for row, one in zip(spikes, arrays, strict=True):
-        row[: len(one)] = one
+    for row, array in zip(spikes, arrays, strict=True):
+        row[: len(array)] = array
     return Bins(spikes, binning.step_seconds, None, channels)
 
 
 def _check_times(binning: Binning, file: PurePosixPath, row: EventFormat) -> None:
-    """Refuse options on times that the format of a file does not leave open."""
+    """Refuse an option for the unit of times, or for their start, if the format of the file fixes it."""
     if binning.time_unit is not None and row.time_unit:
         what = f"times in {file.name!r} are in {row.time_unit}, as its format has them"
         raise InputError("time_unit", what, fix="Leave it out.")
@@ -159,7 +166,7 @@ def _check_times(binning: Binning, file: PurePosixPath, row: EventFormat) -> Non
 def _events(
     members: Members, name: str, row: EventFormat, time_unit: TimeUnit | None
 ) -> EventStream:
-    """Return the events of a file; some have a file of their start and end next to them."""
+    """Return the events of a file, using its file of times if there is one."""
     file = PurePosixPath(name)
     place = members.place(name)
     times = file
@@ -178,11 +185,13 @@ def _events(
 
 
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:
-    """Refuse the last array if its channels differ from the first, and ``samples`` arrays that would be too large."""
-    steps, channels = max(map(len, arrays)), arrays[0].shape[1]
-    what, fix = (
-        "its channels are not those of the first recording",
-        "Give recordings of one sensor.",
-    )
+    """Refuse the last array if its channels differ from the first.
+
+    Also refuse all recordings, before the rest is read, if ``samples`` of the longest so far are too large.
+    """
+    steps = max(map(len, arrays))
+    channels = arrays[0].shape[1]
+    what = "its channels are not those of the first recording"
+    fix = "Give recordings of one sensor."
     check_same(arrays[-1].shape[1], channels, place, what, fix=fix)
     check_size(samples, steps, channels, where)

@@ -1,4 +1,9 @@
-"""Files of arrays, format by format: from bytes to arrays by name."""
+"""Files of arrays, format by format: from untrusted bytes to arrays by name.
+
+An entry is *ours* if its name is ``spikes`` or in :data:`BESIDE`. Other entries are only read if there is no
+``spikes``, because one of them may then be the recordings (:mod:`.arrays` decides that). A name that is almost one of
+``BESIDE`` is refused, so that a typing error does not silently drop the labels.
+"""
 
 import io
 from collections.abc import Collection
@@ -20,14 +25,17 @@ from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, counted
 
-#: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
+#: Entries that belong to the recordings but are not the recordings themselves.
 BESIDE = ("labels", "step_seconds", "class_names", "axes", "sensor_size")
 _TEXTS = ("class_names", "axes")
+"""Entries that hold texts."""
 _OWN = ("spikes", *BESIDE)
 _ALIKE = 0.82
-"""From which likeness on a name is one of these with an error in it: 0.83 for ``lables``, 0.8 for ``taxels``."""
+"""The likeness, of :func:`difflib.get_close_matches`, from which on a name counts as mistyped. It lies
+between that of ``lables`` to ``labels``, 0.83, and that of ``taxels``, an honest name, to ``axes``, 0.8.
+"""
 MOST_MICROSECONDS = 1e16
-"""Latest time of a spike, some centuries after 1970."""
+"""Latest time of a spike: 317 years. It leaves room for times that count from 1970."""
 
 
 def npy_content(file: ArrayFile) -> ArrayContent:
@@ -43,7 +51,9 @@ def npz_content(file: ArrayFile) -> ArrayContent:
         parsing(where, "it is damaged, truncated or not a .npz file", fix=fix),
         BoundedZip(io.BytesIO(file.data), where, fix) as archive,
     ):
-        files, unpacked = archive.namelist(), archive.unpacked_bytes
+        files = archive.namelist()
+        unpacked = archive.unpacked_bytes
+        # 8 bytes per value are enough for the widest type, and 100 entries for any file of ours.
         if unpacked > 8 * MAX_ELEMENTS or len(files) > 100:
             measured = f"{unpacked} bytes in {counted(len(files), 'entry', 'entries')}"
             raise InputError(
@@ -91,6 +101,7 @@ def torch_content(file: ArrayFile) -> ArrayContent:
 
 
 def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
+    """Return the values of a tensor; ``InputError`` for anything else, and for a tensor that numpy cannot hold."""
     measured, fix = type(entry).__name__, "Give the recordings as one tensor."
     if isinstance(entry, Tensor):
         if (array := entry.array()) is not None:
@@ -102,6 +113,7 @@ def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
 
 
 def _plain_array(entry: object, where: str, name: str) -> AnyArray:
+    """Return a plain number, text or list as an array of texts or of float64, depending on the entry's name."""
     try:
         return np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -111,7 +123,10 @@ def _plain_array(entry: object, where: str, name: str) -> AnyArray:
 
 
 def _check_names(names: Collection[str], where: str) -> None:
-    """Refuse a name that differs by a few letters from one that a file lacks; other names may be anybody's."""
+    """Refuse a name that is almost one of :data:`BESIDE`, if the file lacks that one; it is probably mistyped.
+
+    Names that are nothing like these are left alone: files may have entries of their own.
+    """
     for name in names:
         close = get_close_matches(
             name.lower(), [known for known in BESIDE if known not in names], 1, _ALIKE
@@ -122,7 +137,7 @@ def _check_names(names: Collection[str], where: str) -> None:
 
 
 def _is_read(name: str, names: Collection[str]) -> bool:
-    """Tell whether an entry is one of ours, or may be the recordings because no entry is called ``spikes``."""
+    """Return whether an entry is one of ours, or may be the recordings because no entry is called ``spikes``."""
     return name in _OWN or "spikes" not in names
 
 
@@ -160,6 +175,7 @@ def hdf5_content(file: ArrayFile) -> ArrayContent:
 
 
 def _streams(group: Group, where: str, time_unit: TimeUnit) -> list[EventStream]:
+    """Return the recordings in a group of the layout of Heidelberg's data sets, one stream each."""
     times, units = group.rows("times"), group.rows("units")
     if [len(row) for row in times] != [len(row) for row in units]:
         raise InputError(
@@ -172,10 +188,11 @@ def _streams(group: Group, where: str, time_unit: TimeUnit) -> list[EventStream]
         place = f"{where}, recording {index}"
         microseconds = np.rint(row * TIME_UNITS[time_unit])
         # Written so that NaN is refused as well.
-        timed = (microseconds >= 0) & (microseconds < MOST_MICROSECONDS)
-        good = timed & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
-        if not good.all():
-            at = int(np.argmin(good))
+        is_time = (microseconds >= 0) & (microseconds < MOST_MICROSECONDS)
+        is_channel = (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
+        is_good = is_time & is_channel
+        if not is_good.all():
+            at = int(np.argmin(is_good))
             what = "it does not hold a time and a channel"
             measured = f"spike {at}: {row[at]} {time_unit}, unit {unit[at]}"
             fix = "Give times and units from 0 up."

@@ -1,4 +1,8 @@
-"""Recordings in one ``.npy``, ``.npz``, ``.pt`` or HDF5 file: arrays of 0 and 1, or events, with labels or without."""
+"""Recordings in one ``.npy``, ``.npz``, ``.pt`` or HDF5 file: arrays of 0 and 1, or events, with labels or without.
+
+:mod:`.array_files` turns the bytes of each format into arrays by name; this module decides which of them are the
+recordings, their labels, their axes and the width of their bins.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -75,7 +79,11 @@ def read_arrays(
 
 
 class _Bins(Frozen, eq=False):
-    """Recordings in bins, (samples, steps, channels), and what is known of them."""
+    """Recordings in bins, (samples, steps, channels), and what is known of them.
+
+    The fields mean the same as in :class:`~locsnn_compile.data.event_stream.Bins`, whose spikes are always uint8 0 or
+    1; these are not checked yet.
+    """
 
     spikes: ByteArray
     channels: Channels | None
@@ -87,7 +95,7 @@ class _Bins(Frozen, eq=False):
 def _bins_of_events(
     streams: Sequence[EventStream], binning: Binning, stored_seconds: float | None, where: str
 ) -> _Bins:
-    """Return single events in bins of the width asked for, or else of the file's."""
+    """Return single events in bins of the width that ``binning`` states, or else of the file's."""
     if binning.step_seconds is None:
         binning = replace(binning, step_seconds=stored_seconds)
     bins = bin_streams(streams, where, binning)
@@ -110,7 +118,7 @@ def _bins_of_array(
 
 
 def _check_width(stored_seconds: float | None, asked_seconds: float | None, where: str) -> None:
-    """Refuse a width of bins other than that of the file."""
+    """Refuse an option for the width of bins that contradicts the file."""
     if stored_seconds is None or asked_seconds is None or same(stored_seconds, asked_seconds):
         return
     raise InputError(
@@ -137,7 +145,7 @@ def _content(file: ArrayFile, suffix: str) -> ArrayContent:
 
 
 def _fields(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
-    """Return arrays called t, x, y (optional) and p as the fields of one; ``InputError`` if they are not columns."""
+    """Return arrays called t, x, y (optional) and p as one structured array; ``InputError`` for unequal sizes."""
     columns = {name: entries[name] for name in ("t", "x", "y", "p") if name in entries}
     events = len(columns["t"]) if columns["t"].ndim else 0
     for name, column in columns.items():
@@ -150,7 +158,7 @@ def _fields(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
 
 
 def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
-    """Return the order of axes that is asked for, or that the file gives; ``InputError`` if they differ."""
+    """Return the order of axes that an option or the file states; ``InputError`` if they differ, None if none does."""
     names = _texts(entries, "axes", where)
     if names is None:
         return asked
@@ -175,6 +183,7 @@ def _texts(entries: Mapping[str, AnyArray], name: str, where: str) -> tuple[str,
 
 
 def _number(stored: AnyArray, where: str) -> float:
+    """Return the entry ``step_seconds``; ``InputError`` if it is not one number."""
     if stored.size != 1 or stored.dtype.kind not in "iuf":
         raise InputError(
             where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin."
@@ -185,7 +194,10 @@ def _number(stored: AnyArray, where: str) -> float:
 def _sensor_of(
     entries: Mapping[str, AnyArray], of_axes: Channels | None, count: int, where: str
 ) -> Channels | None:
-    """Return the pixels that the entry ``sensor_size`` states, or else those of the axes; refuse other sizes."""
+    """Return the pixels that the entry ``sensor_size`` states, or else those of the axes, ``of_axes``.
+
+    Raises ``InputError`` if it is not three sizes that multiply to ``count`` channels, or contradicts the axes.
+    """
     if "sensor_size" not in entries:
         return of_axes
     sizes = entries["sensor_size"].reshape(-1)
@@ -199,6 +211,7 @@ def _sensor_of(
 
 
 def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
+    """Return the entry ``spikes``, or the only entry that may be the recordings; ``InputError`` if it is not clear."""
     if "spikes" in entries:
         return entries["spikes"]
     others = [name for name in entries if name not in BESIDE]

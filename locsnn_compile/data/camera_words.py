@@ -1,7 +1,9 @@
-"""What the readers of cameras' binary events share: whole records, times that wrap, and the sensor.
+"""What the readers of cameras' binary files share: whole records, times that wrap, and the sensor.
 
-Some records are no events: they set a time or a place, which holds for all events behind them until
-the next record of that kind.
+These files (:mod:`.aedat`, :mod:`.prophesee`, :mod:`.prophesee_evt3`) are sequences of records of
+equal size. Some records are not events: they set a time or a row, which holds for all events behind
+them until the next record of that kind. All functions work on whole arrays of records at once,
+because a file may have millions.
 """
 
 import numpy as np
@@ -32,8 +34,8 @@ class CameraEvents(Frozen, eq=False):
     - ``times``: microseconds
     - ``x``, ``y``: column and row of the pixel, counted from 0
     - ``polarity``: 1 is brighter, 0 is darker
-    - ``unplaced``: how many more events the file has that are not among these: those before its first
-      time or place, and those of further cameras
+    - ``unplaced``: number of further events of the file that are not among these, because they precede
+      its first time or place, or belong to further cameras
     """
 
     times: IntArray
@@ -44,7 +46,7 @@ class CameraEvents(Frozen, eq=False):
 
 
 def records(body: bytes, layout: str, where: str) -> AnyArray:
-    """Return the records, of a layout of numpy such as ``<u4``, that fill the bytes behind a header.
+    """Return the bytes behind a header as an array of records; ``layout`` is a numpy dtype such as ``<u4``.
 
     Raises ``InputError`` if the bytes end within a record.
     """
@@ -62,9 +64,9 @@ def check_event_count(events: int, where: str) -> None:
 
 
 def latest_set(values: IntArray, is_set: BoolArray, initial: int) -> IntArray:
-    """Return at each record the value that was set last, (records,); ``initial`` before the first.
+    """Return for each record the value that was set last, (records,); ``initial`` before the first.
 
-    ``values`` (records,) count only where ``is_set``. A record that sets a value already has it.
+    Record i sets ``values[i]`` if ``is_set[i]``, and the value then holds from record i itself on.
     """
     # Position 0 stands for the initial value, so positions of records begin at 1.
     positions = np.arange(1, len(values) + 1)
@@ -73,9 +75,9 @@ def latest_set(values: IntArray, is_set: BoolArray, initial: int) -> IntArray:
 
 
 def unwrapped(counter: IntArray, bits: int) -> IntArray:
-    """Return a counter of so many bits without its wraps, (records,).
+    """Return a counter of ``bits`` bits continued beyond its wraps, (records,).
 
-    A fall by half of its range or more is a wrap. A smaller one is time that runs backward a little,
+    A fall by half of its range or more is a wrap. A smaller fall is time that runs backward a little,
     as it does where a camera sends events out of order.
     """
     half_range = 1 << (bits - 1)
@@ -84,7 +86,7 @@ def unwrapped(counter: IntArray, bits: int) -> IntArray:
 
 
 def camera_stream(events: CameraEvents, size: SensorSize, where: str) -> EventStream:
-    """Return the events of a camera as a stream whose step 0 begins at the first of them.
+    """Return the events of a camera as a stream whose step 0 begins at the first event.
 
     Raises ``InputError`` if there are no events, or if one lies outside of the sensor.
     """
@@ -107,7 +109,7 @@ def camera_stream(events: CameraEvents, size: SensorSize, where: str) -> EventSt
 
 
 def _check_on_sensor(axis: str, coordinates: IntArray, pixels: int, where: str) -> None:
-    """Refuse coordinates (events,) that reach the pixels of a side, unless these are not known."""
+    """Refuse coordinates (events,) beyond a side of ``pixels`` pixels; 0 means that the size is unknown."""
     is_outside = coordinates >= pixels
     if pixels == 0 or not is_outside.any():
         return

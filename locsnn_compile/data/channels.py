@@ -1,4 +1,7 @@
-"""What channels are: pixels with a polarity, and how recordings and the inputs of a network number them.
+"""Which pixel and which polarity a channel is, and how recordings and the inputs of a network number channels.
+
+A pixel of an event camera, or a taxel of a tactile sensor, has one or two polarities (brighter and
+darker, or rising and falling pressure), and each is a channel.
 
 Two numberings are in use, named by their axes from the slowest to the fastest:
 
@@ -23,9 +26,11 @@ IMAGE_AXES = 3
 class Channels(Frozen):
     """Channels that are pixels: ``columns`` x ``rows`` of them, each with ``polarities``.
 
-    Taxels in a row are a grid of one row. ``reached``: the size is only that which events reach, and the sensor may be
-    larger. ``polarity``: the number that the polarity of these events has, if it is the only one that occurs and
-    nothing says how many the sensor has.
+    - Taxels that have no rows are a grid of one row.
+    - ``numbering``: see the module
+    - ``reached``: whether the size is only as large as the pixels that have events, so that the sensor may be larger
+    - ``polarity``: the only polarity that occurs in the events, if nothing says how many polarities the sensor has.
+      ``polarities`` is then 1, although the sensor may have two.
     """
 
     columns: int
@@ -54,8 +59,8 @@ class Channels(Frozen):
     def words(self) -> str:
         """The size, as messages show it: ``34 x 34 pixels of 2 polarities``."""
         size = f"{self.columns} x {self.rows} pixels" if self.is_grid else f"{self.columns} places"
-        one = "1 polarity" if self.polarities == 1 else f"{self.polarities} polarities"
-        return f"{size} of {one}"
+        polarities = "1 polarity" if self.polarities == 1 else f"{self.polarities} polarities"
+        return f"{size} of {polarities}"
 
     @property
     def formula(self) -> str:
@@ -73,11 +78,14 @@ class Channels(Frozen):
         return channels.reshape(self.rows, self.columns, self.polarities)
 
     def places_in(self, whole: "Channels") -> IntArray:
-        """Return the channel of ``whole`` for every channel, (count,), where pixel (0, 0) is the same.
+        """Return for each channel of these pixels its number in ``whole``, (count,).
 
-        A single polarity is put where its number says; see ``polarity``.
+        ``whole`` is a sensor of at least this size, with the same pixel (0, 0) and any numbering. If these events have
+        a single polarity (see ``polarity``) and ``whole`` has two, they become events of that polarity.
         """
-        first = self.polarity or 0 if whole.polarities > 1 else 0
+        first = 0
+        if whole.polarities > 1 and self.polarity is not None:
+            first = self.polarity
         corner = whole.numbers()[: self.rows, : self.columns, first : first + self.polarities]
         places = np.empty(self.count, dtype=np.int64)
         places[self.numbers().ravel()] = corner.ravel()
@@ -85,9 +93,10 @@ class Channels(Frozen):
 
 
 def image_channels(shape: tuple[int, ...]) -> Channels | None:
-    """Return the channels of an input of shape (C, H, W), in which polarities come first.
+    """Return the channels of a network's input of shape (C, H, W), where C counts polarities.
 
-    Leading axes of one entry, such as that of a batch, say nothing. None for a shape that is not one of an image.
+    Leading axes of one entry, such as that of a batch, are ignored. None for a shape that is not an image: one with
+    other axes, or with a single pixel.
     """
     axes = tuple(shape)
     while len(axes) > IMAGE_AXES and axes[0] == 1:
@@ -101,9 +110,10 @@ def image_channels(shape: tuple[int, ...]) -> Channels | None:
 def flat_channels(
     count: int, polarities: int | None, columns: int | None, numbering: Numbering | None, where: str
 ) -> Channels | None:
-    """Return ``count`` channels of so many polarities, on a grid of so many columns if these are given.
+    """Return ``count`` channels as pixels of ``polarities``, in a grid of ``columns``, or in one row if None.
 
-    None if nothing says what the channels are; ``InputError`` if the numbers do not fit.
+    None if ``polarities`` is None, because then nothing says what the channels are; ``InputError`` if the numbers do
+    not make whole rows.
     """
     if polarities is None:
         return None
@@ -126,7 +136,7 @@ def parse_numbering(text: str | None) -> Numbering | None:
 def frames_as_channels(array: AnyArray) -> tuple[AnyArray, Channels | None]:
     """Return frames (samples, steps, polarities, rows, columns) as (samples, steps, channels), and their pixels.
 
-    Arrays of other numbers of axes are returned as they are: nothing says what their channels are.
+    Arrays with another number of axes are returned unchanged, with None: nothing says which pixels their channels are.
     """
     if array.ndim != 2 + IMAGE_AXES or 0 in array.shape:
         return array, None

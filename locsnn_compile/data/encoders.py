@@ -1,7 +1,7 @@
-"""Plain numbers as spikes: by rate, by latency, or where a signal crosses levels.
+"""Encode plain numbers as spikes: by rate, by latency, or where a signal crosses levels.
 
-Each encoder loses something, and says what: the result also has the numbers that a decoder would read
-from the spikes, and how far these are from the numbers that went in.
+Every encoding loses precision. The result therefore also has the numbers that a decoder would read
+from the spikes, and how far these are from the numbers that were encoded.
 """
 
 import numpy as np
@@ -111,13 +111,14 @@ def level_spikes(signals: FloatArray, threshold: float) -> Encoded:
         has_fallen = distance <= -threshold
         spikes[:, step, 1::2] = has_risen
         spikes[:, step, 0::2] = has_fallen
+        # By one threshold per step at most, because there is one spike per step at most.
         level += threshold * (has_risen.astype(np.float64) - has_fallen)
         decoded[:, step] = level
     return Encoded(spikes, signals, decoded, Channels(signal_count, 1, 2))
 
 
 def _shares(values: FloatArray) -> FloatArray:
-    """Return numbers (samples, channels) from 0 to 1; ``InputError`` for others."""
+    """Return numbers (samples, channels) from 0 to 1 in float64; ``InputError`` for others."""
     numbers = _numbers(values, _RATE_AXES)
     # Written so that a number that is not finite is out of range as well.
     is_share = (numbers >= 0.0) & (numbers <= 1.0)

@@ -1,10 +1,13 @@
-"""Formats of single events: structured arrays as Tonic has them, the five bytes of SLAYER and N-MNIST, and AEDAT4.
+"""Formats of single events: structured arrays, the five bytes of SLAYER and N-MNIST, and AEDAT4.
 
-Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` (optional) and ``p``. The five bytes are:
+Readers return an :class:`~locsnn_compile.data.event_stream.EventStream`, writers the bytes of a file.
+Structured arrays, as the library Tonic has them, have the fields ``t`` in microseconds, ``x``, ``y`` (optional) and
+``p``. In the binary files of SLAYER and N-MNIST, an event takes five bytes:
 
 - ``.bs1``: neuron number, 16 bits, high byte first; ``.bs2`` and ``.bin``: x, then y, 8 bits each
 - all: polarity, 1 bit, and time in microseconds, 23 bits, so no event is later than 8.388607 s
-- ``.bs1`` and ``.bs2`` belong to SLAYER, which rounds times to the nearest step; all other formats have bins
+- ``.bs1`` and ``.bs2`` belong to SLAYER, which rounds times to the nearest step; events of all other formats belong to
+  the bin that they lie in
 
 In a ``.bin`` of N-MNIST or N-Caltech101, an entry with y 240 is not an event: it shifts all later times by 8,192
 microseconds (Orchard et al. 2015, and their Read_Ndataset). AEDAT4 is the format of iniVation's cameras, which the
@@ -42,39 +45,45 @@ from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.errors import InputError, check_most, counted
 
 _FIX = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
-#: Largest x and y.
+#: Largest x and y: far above any sensor.
 MAX_PLACE = 1 << 20
-#: Narrowest bin that times in whole microseconds tell apart.
+#: Narrowest bin that is written: its middle, rounded down to whole microseconds, still lies in the bin.
 MIN_EVENT_STEP_SECONDS = 2e-6
 #: The fields that are written; readers accept any order and any size.
 DTYPE = np.dtype([("t", "<i8"), ("x", "<i8"), ("p", "<i8")])
 EVENT_BYTES = 5
+"""Bytes of an event in the files of SLAYER and N-MNIST."""
 OVERFLOW_ROW, OVERFLOW_MICROSECONDS = 240, 1 << 13
+"""The y of an entry of a ``.bin`` file that shifts time, and by how much."""
 MAX_MICROSECONDS = (1 << 23) - 1
+"""The latest time that 23 bits hold."""
 SLAYER_RULE: StepRule = "nearest"
 """How ``.bs1`` and ``.bs2`` files count steps: ``np.round(t / Ts)`` in slayerPytorch's and lava-dl's own readers."""
 #: Columns of the grid for recordings without a shape of their own: each row holds the taxels of one fingertip.
 COLUMNS = 39
 _AEDAT4_CHILD = Path(__file__).with_name("aedat4_child.py")
+"""The script that reads an AEDAT4 file in a process of its own."""
 _AEDAT4_SECONDS = 60
+"""Time by the clock after which that process is killed: generous, because a busy machine may let it wait."""
 AEDAT4_OUT_OF_MEMORY = 3
-"""The exit code of that process where this one has too little memory to share."""
+"""The exit code of that process if it inherited a limit on memory that is too low for it."""
 AEDAT4_CPU_SECONDS = 10
-"""The processor time that it allows itself, where this one has as much."""
+"""The processor time that it allows itself, unless it inherited a lower limit."""
 OUT_OF_TIME_CODES = (-9, -24)
 """SIGKILL and SIGXCPU, by which the system ends a process whose processor time is used up."""
 
 
 def holds_events(array: AnyArray) -> bool:
-    """Tell whether an array holds single events: in fields, or in the columns of a table."""
+    """Return whether an array holds single events: in fields, or in the columns of a table."""
     return array.dtype.names is not None or is_table(array)
 
 
 def parse_events(array: AnyArray, where: str, time_unit: TimeUnit | None = None) -> EventStream:
-    """Return the events of a structured array, (events,), or of a table, (events, columns), from the first event on.
+    """Return the events of a structured array, (events,), or of a table, (events, columns).
 
-    ``time_unit``: the unit of t, by default whole microseconds. Polarity -1 counts as 0. Raises ``InputError`` for
-    other fields, for columns that are not clear, and for numbers that are not times, places or polarities.
+    Bin 0 begins at the first event. ``time_unit``: the unit of t, by default whole microseconds. Polarity -1 counts as
+    0. Raises ``InputError`` for other fields, for a table whose columns cannot be told apart, and for numbers that are
+    not times, places or polarities.
     """
     if array.dtype.names is None and is_table(array):
         columns = columns_of(array, where)
@@ -113,10 +122,11 @@ def _microseconds(values: AnyArray, unit: TimeUnit | None, where: str) -> IntArr
             what = "its times are not in whole microseconds"
             fix = "Give their unit: --time-unit ms or s."
             raise InputError(where, what, measured=f"{values[event]:g} of event {event}", fix=fix)
-    return _whole(values, "t", 0, 2**53, where)
+    return _whole(values, "t", 0, 2**53, where)  # Above 2**53, float64 does not hold every integer.
 
 
 def _whole(values: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
+    """Return a field as int64; ``InputError`` if it has a number that is not whole or not in low..high."""
     if values.ndim != 1 or values.dtype.kind not in "biuf":
         raise InputError(
             where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX
@@ -140,7 +150,7 @@ def structured_events(times: IntArray, x: IntArray, polarity: IntArray) -> AnyAr
 def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     """Return the events in the bytes of a ``.bs1``, ``.bs2`` or ``.bin`` file, in file order.
 
-    Any five bytes are an event. Raises ``InputError`` for bytes that end within an event.
+    Any five bytes are a valid event. Raises ``InputError`` for bytes that end within an event.
     """
     if len(data) % EVENT_BYTES:
         measured = f"{counted(len(data), 'byte')}, {EVENT_BYTES} per event"
@@ -156,6 +166,7 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     x, y = fields[0], fields[1]
     if suffix == ".bs2":
         return EventStream(times, x, y, polarity, place=where, step_rule=SLAYER_RULE)
+    # An entry in the overflow row shifts the times of all entries behind it, and is no event itself.
     overflow = y == OVERFLOW_ROW
     times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)
     times, x, y, polarity = (values[~overflow] for values in (times, x, y, polarity))
@@ -173,9 +184,8 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
         path = Path(folder) / "a.aedat4"
         path.write_bytes(data)
         command = [sys.executable, "-P", str(_AEDAT4_CHILD), str(path), str(MAX_EVENTS)]
-        environment = os.environ | {
-            "OPENBLAS_NUM_THREADS": "1"
-        }  # each takes memory, of which little is allowed
+        # Every thread of OpenBLAS reserves memory, of which the child allows itself little.
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
         try:
             done = subprocess.run(
                 command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True
@@ -197,7 +207,7 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
 
 
 def check_child_was_free(exit_code: int | None) -> None:
-    """Raise an error where a limit that this process inherited, and no fault of the file, has ended its child."""
+    """Raise an error if the child failed because of a limit that this process inherited, not because of the file."""
     if exit_code == AEDAT4_OUT_OF_MEMORY:
         raise MemoryError
     seconds = processor_seconds()
@@ -208,7 +218,10 @@ def check_child_was_free(exit_code: int | None) -> None:
 def timed_events(
     events: EventsToWrite, step_rule: StepRule = "floor"
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return times in microseconds, cells and polarities of a recording; refuse bins too narrow for these."""
+    """Return (microseconds, cells, polarities) of the events of a recording.
+
+    Raises ``InputError`` if its bins are too narrow for times in whole microseconds.
+    """
     width = events.step_seconds
     if width < MIN_EVENT_STEP_SECONDS:
         what = "its bins are too narrow for times in microseconds"
@@ -247,12 +260,15 @@ def pack_slayer_events(
                 fix="Write .npz.",
             )
     fields = np.empty((len(times), EVENT_BYTES), dtype=np.uint8)
-    fields[:, 0], fields[:, 1] = (x >> 8, x & 0xFF) if y is None else (x, y)
-    fields[:, 2], fields[:, 3], fields[:, 4] = (
-        polarity << 7 | times >> 16,
-        times >> 8 & 0xFF,
-        times & 0xFF,
-    )
+    if y is None:
+        fields[:, 0] = x >> 8
+        fields[:, 1] = x & 0xFF
+    else:
+        fields[:, 0] = x
+        fields[:, 1] = y
+    fields[:, 2] = polarity << 7 | times >> 16
+    fields[:, 3] = times >> 8 & 0xFF
+    fields[:, 4] = times & 0xFF
     return fields.tobytes()
 
 
@@ -271,8 +287,11 @@ def from_tonic(
     :class:`locsnn_compile.data.event_stream.Binning`. The attribute ``sensor_size`` of the data set, (columns, rows,
     polarities), determines the channels, and ``classes`` names the classes. Raises ``InputError`` for anything else.
     """
-    where, source = f"data set {type(dataset).__name__!r}", type(dataset).__name__
-    streams, labels, events = [], [], 0
+    source = type(dataset).__name__
+    where = f"data set {source!r}"
+    streams = []
+    labels = []
+    events = 0
     for index in range(len(dataset)):
         array, label = dataset[index]
         streams.append(parse_events(np.asarray(array), f"{where}, recording {index}"))

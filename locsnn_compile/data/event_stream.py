@@ -1,7 +1,14 @@
-"""Single events, and how they become bins of 0 or 1 in channel ``polarities * (columns * y + x) + polarity``.
+"""Single events, and how they become recordings in bins.
 
-How many polarities and columns there are is told by options, by the format, or by the model that takes the recordings;
-else the events show it. A taxel is a pixel of a tactile sensor: it has a number, and no row and column.
+A reader of a format turns a file into an :class:`EventStream`: times, pixels and polarities of events.
+:func:`bin_streams` puts the events of several streams into bins: bin (step, channel) of a recording is
+1 if more events than a threshold fall into it, else 0, where
+``channel = polarities * (columns * y + x) + polarity``.
+
+How many polarities and columns the sensor has is stated by options, by the format, or by the model
+that takes the recordings. If none of them does, the events decide: the sensor is taken to be as large
+as the highest pixel that has an event. A taxel is a pixel of a tactile sensor: it has a number, and no
+row and column.
 """
 
 import math
@@ -29,7 +36,9 @@ STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
 """In a second."""
 ROUNDING_SLACK = 1e-6
-"""Bins, or microseconds of a bin: a quotient of float64 that is this near to a whole number stands for it."""
+"""A number of bins, or a width of a bin in microseconds, that is this near to a whole number is taken
+for that number: float64 cannot hold 0.3 ms or its quotients exactly, but errs by far less than this.
+"""
 _APART = "Keep them apart by --polarities 2, or merge them by --merge-polarities."
 MAX_EVENTS = 20_000_000
 """Events of one set of recordings, at most."""
@@ -47,11 +56,13 @@ FIRST = "first"
 
 
 class Binning(Frozen):
-    """What files of events leave open. None: as the format defines it, or else as the events require.
+    """How events are put into bins, as far as options or a model decide it.
+
+    A field that is None is decided by the file's format if it says, or else by the events.
 
     - ``step_seconds``: width of a bin. None: that of the format if it has one (1 ms for the slips of NeuTouch), else
       ``usual_step_seconds``, else 0.02 s
-    - ``threshold``: a bin with more events is 1, by default 0
+    - ``threshold``: a bin with more events than this is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
     - ``most_steps``: longer recordings are cut to this length; ``model_channels``: channels that a model expects, and
       ``model_inputs``: the pixels that they are, if it knows them
@@ -60,7 +71,8 @@ class Binning(Frozen):
     - ``start``: the seconds at which step 0 begins, or ``first``: at the first event of each recording
     - ``time_unit`` of times whose format has none: by default microseconds, and seconds in HDF5
     - ``max_steps``: recordings of more steps are refused, unless ``steps`` is given
-    - ``usual_times``: start and unit where neither of both is given, nor fixed by the format
+    - ``usual_times``: the start and the time unit of the model's training, used where no option gives
+      one and the format does not fix it
     """
 
     step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
@@ -84,7 +96,10 @@ class Binning(Frozen):
 
     @property
     def unit(self) -> TimeUnit | None:
-        """The unit of times whose format has none: as asked for, or as usual; None: that of the format."""
+        """The unit of times whose format has none: that of the option, else that of the training.
+
+        None if neither gives one; then each reader uses the usual unit of its format.
+        """
         if self.time_unit is not None:
             return self.time_unit
         return self.usual_times.time_unit  # type: ignore[return-value]  # one of TIME_UNITS
@@ -101,18 +116,21 @@ class Binning(Frozen):
 
 
 class EventStream(Frozen, eq=False):
-    """The events of one recording: ``times`` in microseconds, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,).
+    """The events of one recording, as a reader of its format returns them.
 
-    Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
-    ``start`` is the time at which bin 0 begins, None for that of the first event. ``span_seconds`` is the length of the
-    recording, None if it ends with its last event. ``channels``, ``polarities`` and ``columns`` are those of the
-    format, None if it does not fix them.
-    ``step_seconds`` is the width of a bin that its format has, if any, ``step_rule`` says which bin an event is in, and
-    ``place`` names the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, or
-    precede its first time, which are not read.
-    ``if_too_long`` is the way out if it has too many bins. ``column_order``: what the columns of its
-    table were taken as, in words; empty for events that are not in a table. ``start_is_fixed``: its format says when a
-    recording begins, whatever is asked for; ``unit_is_open``: its format has no unit of times.
+    - ``times`` in microseconds, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,), in file order. Without ``y``, x
+      counts taxels; without ``polarity`` as well, it counts channels, and no grid's columns bound it.
+    - ``start``: the time in microseconds at which bin 0 begins; None: that of the first event
+    - ``span_seconds``: the length of the recording; None if it ends with its last event
+    - ``channels``, ``polarities``, ``columns``: those of the format; None if it does not fix them
+    - ``step_seconds``: the width of a bin that its format has, if any; ``step_rule``: which bin an event is in
+    - ``place``: the name of the recording in errors
+    - ``elsewhere``: the number of events of its file that are not read, because they belong to other streams or
+      precede the first time in the file
+    - ``if_too_long``: the fix that an error suggests if the recording has too many bins
+    - ``column_order``: what the columns of its table were taken as, in words; empty for events that are not in a table
+    - ``start_is_fixed``: whether its format says when a recording begins, whatever an option says
+    - ``unit_is_open``: whether its format leaves the unit of times open
     """
 
     times: AnyArray
@@ -145,11 +163,13 @@ class EventStream(Frozen, eq=False):
 
 
 class Bins(Frozen, eq=False):
-    """Recordings in bins: ``spikes`` (samples, steps, channels) of 0 and 1, and what is known of them.
+    """Recordings in bins, and what is known of them.
 
-    ``step_seconds`` is the width of a bin, None if unknown; ``binned`` is what binning left out, None if the files hold
-    bins. ``channels`` are the pixels of the recordings, None if these only number their channels. ``assumed``: what was
-    taken where nothing said it, as sentences.
+    - ``spikes``: (samples, steps, channels) of 0 and 1
+    - ``step_seconds``: width of a bin, None if unknown
+    - ``binned``: what binning left out, None if the files hold bins
+    - ``channels``: the pixels that the channels are, None if the file only numbers its channels
+    - ``assumed``: the assumptions made where nothing stated a fact, as sentences for the user
     """
 
     spikes: ByteArray
@@ -160,12 +180,13 @@ class Bins(Frozen, eq=False):
 
 
 def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> Bins:
-    """Return recordings in bins.
+    """Return the recordings of one or more streams in bins; ``where`` names them together in errors.
 
     All recordings get as many channels and steps as the largest needs. Raises ``InputError`` if there are no events and
     no size is given, and for sizes above the limits.
     """
     binning.check()
+    # Before the next line, which replaces the starts that were assumed.
     assumed = tuple(_assumed(streams, where, binning))
     streams = [_starting(stream, binning) for stream in streams]
     stated_width = _stated_width(streams, binning)
@@ -205,14 +226,17 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
 
 
 class _Placed(Frozen, eq=False):
-    """The events of a recording: the ``step`` of each, a whole number or infinite, and its ``channel``, (events,)."""
+    """The bin of every event of a recording: its ``step``, a whole number or infinite, and its ``channel``."""
 
     step: FloatArray
     channel: IntArray
 
 
 class _Lost(Sums):
-    """Events that are in no bin: ``outside`` the steps, or ``below`` the threshold."""
+    """Numbers of events that no bin shows: those ``outside`` the steps, and those in bins ``below`` the threshold.
+
+    ``Sums`` lets two of them be added field by field.
+    """
 
     outside: int = 0
     below: int = 0
@@ -229,7 +253,10 @@ def _channel_count(
     sensor: Channels,
     binning: Binning,
 ) -> int:
-    """Return the number of channels: that asked for, that of the format, or what the events reach, in whole pixels."""
+    """Return the number of channels: that of the options, that of the format, or as many as the events need.
+
+    Of a pixel that has an event of one polarity, all polarities are channels.
+    """
     if binning.channels is not None:
         return binning.channels
     reached_channels = _highest_channel(placed) + 1
@@ -239,7 +266,10 @@ def _channel_count(
 
 
 def _fill(row: ByteArray, placed: _Placed, steps: int, channels: int, threshold: int) -> _Lost:
-    """Set the bins of a recording, (steps * channels,), that hold more events than the threshold."""
+    """Set to 1 the bins of a recording, ``row`` (steps * channels,), that hold more events than the threshold.
+
+    Return how many events no bin shows.
+    """
     is_inside = (placed.step >= 0) & (placed.step < steps)
     bin_of_event = placed.step[is_inside].astype(np.int64) * channels + placed.channel[is_inside]
     bins, counts = np.unique(bin_of_event, return_counts=True)
@@ -251,19 +281,19 @@ def _fill(row: ByteArray, placed: _Placed, steps: int, channels: int, threshold:
 
 
 def _starting(stream: EventStream, binning: Binning) -> EventStream:
-    """Return the stream with the start that is asked for, or else the usual one: seconds, or ``first``."""
+    """Return the stream with the start that an option states, or else that of the model's training."""
     start = binning.start
     if start is None and not stream.start_is_fixed:
         start = binning.usual_times.start
     if start is None:
         return stream
-    if isinstance(start, str):
+    if isinstance(start, str):  # "first"
         return replace(stream, start=None)
     return replace(stream, start=start * MICROSECONDS)
 
 
 def _assumed(streams: Sequence[EventStream], where: str, binning: Binning) -> Iterator[str]:
-    """Yield what is taken of times and columns, because neither the format nor an option says it."""
+    """Yield a sentence for each assumption about times and columns that neither format nor option states."""
     orders = sorted({stream.column_order for stream in streams if stream.column_order})
     if orders:
         unit = "" if binning.unit else ", with t in microseconds (--time-unit)"
@@ -288,13 +318,18 @@ def _assumed(streams: Sequence[EventStream], where: str, binning: Binning) -> It
 
 
 def _sensor(streams: Sequence[EventStream], where: str, binning: Binning) -> Channels:
-    """Return the pixels that events belong to: as asked for, or as the format, the model or the events say."""
+    """Return the pixels of the sensor: as the options state them, or else as format, model or events show them.
+
+    A sensor whose events have rows is a grid, any other a row of taxels. ``reached`` is set if only
+    the events show its size, because the real sensor may then be larger.
+    """
     columns = binning.columns or max(map(_columns, streams), default=1)
     polarities, polarity = _polarities(streams, where, binning, columns)
     if binning.columns is None and binning.channels is not None:
         _check_columns(streams, where, binning.channels, columns, polarities)
     channels_of_format = max((stream.channels or 0 for stream in streams), default=0)
     channels = binning.channels or channels_of_format or None
+    # Divisions round up (-(-a // b)): a last pixel or row that is not full still exists.
     if any(stream.y is not None for stream in streams):
         is_grid_stated = binning.columns is not None or channels_of_format > 0
         if channels is not None and is_grid_stated:
@@ -329,19 +364,25 @@ def _stated_width(streams: Sequence[EventStream], binning: Binning) -> float | N
 def _polarities(
     streams: Sequence[EventStream], where: str, binning: Binning, columns: int
 ) -> tuple[int, int | None]:
-    """Return the number of polarities and, if events of one do not say how many the sensor has, that polarity."""
+    """Return (the number of polarities of the sensor, the only polarity that occurs or None).
+
+    The second is not None only if nothing states the number of polarities and all events have the
+    same one: then the sensor may have another, without events in these recordings.
+    """
     if binning.merge_polarities:
         return 1, None
     occurring: set[int] = set()
     for stream in streams:
         if stream.polarity is not None:
             occurring |= {int(polarity) for polarity in np.unique(stream.polarity)}
+    # First the options, then the format, then the model: the error names the one that is contradicted.
     stated = binning.polarities
     if stated is None and any(stream.polarities == 2 for stream in streams):
         stated = 2
     contradiction = "the sensor has one"
     fix = _APART
     if stated is None and binning.model_inputs is not None:
+        # A network over images may have more input planes than the two polarities that events can have.
         stated = min(binning.model_inputs.polarities, 2)
         contradiction = "the model takes one"
         fix = "Merge them by --merge-polarities."
@@ -358,7 +399,11 @@ def _polarities(
 def _check_one_polarity(
     streams: Sequence[EventStream], where: str, channels: int | None, columns: int
 ) -> None:
-    """Refuse events of one polarity that do not tell taxels from the channels of a model."""
+    """Refuse events of one polarity whose x may count either taxels or the channels of a model.
+
+    If the model has 2 n channels, x may be one of n taxels with two polarities each, or directly one
+    of the 2 n channels. Only an x of n or more decides it.
+    """
     pixels_by_stream = [
         _pixels(stream, columns)
         for stream in streams
@@ -367,7 +412,7 @@ def _check_one_polarity(
     if channels is None or channels % 2 == 1 or not pixels_by_stream:
         return
     highest = max(int(pixels.max()) for pixels in pixels_by_stream)
-    # As taxels, their channels would be twice as high.
+    # Taxel x would have channels 2 x and 2 x + 1. If these are within the model, x may be a taxel.
     if 2 * highest < channels:
         measured = f"up to {highest} of {counted(channels, 'channel')}"
         fix = "Give --polarities 2 (taxels) or 1 (channels)."
@@ -378,7 +423,10 @@ def _check_one_polarity(
 def _check_columns(
     streams: Sequence[EventStream], where: str, channels: int, columns: int, polarities: int
 ) -> None:
-    """Refuse a width that is only that of the events, unless they fill the channels: other files have other widths."""
+    """Refuse a grid whose width only the events show, unless they fill the stated channels exactly.
+
+    Another file might reach fewer or more columns, and its pixels would then get other channels.
+    """
     rows = 1
     for stream in streams:
         if stream.columns is None:
@@ -392,25 +440,29 @@ def _check_columns(
 
 
 def _bins(stream: EventStream, width_seconds: float) -> FloatArray:
-    """Return the step of every event, as whole numbers; absurd times overflow to infinity, which is outside."""
+    """Return the step of every event, (events,), whole numbers in float64.
+
+    Absurdly late times overflow to infinity, which lies outside the steps like any late event.
+    """
     width = width_seconds * MICROSECONDS
     if abs(width - round(width)) < ROUNDING_SLACK:
-        # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
+        # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to bin 1, not 0.
         width = round(width)
     with np.errstate(over="ignore"):
         since_start = stream.times - stream.began
         if stream.step_rule == "nearest":
-            # Milliseconds first, as SLAYER divides: quotients near a half depend on it.
+            # Both in milliseconds, as SLAYER divides: where the quotient is near a half, the rounding
+            # of the division decides which step an event is in.
             return np.rint(since_start / 1000 / (width / 1000))
         return np.floor(since_start / width)
 
 
 def _length(stream: EventStream, placed: _Placed, width_seconds: float, binning: Binning) -> int:
-    """Return the number of steps of a recording; 0 if it has no events and no span."""
+    """Return the number of steps of a recording; 0 if it has neither events nor a span."""
     if binning.steps is not None:
         return binning.steps
     last_step = _last_step(stream, placed, width_seconds)
-    # Infinity and nan are not below a limit either.
+    # "Not below" rather than "at least", so that nan counts as too long as well.
     if binning.most_steps is not None and not last_step < binning.most_steps:
         return binning.most_steps
     if not last_step < binning.max_steps:
@@ -419,7 +471,7 @@ def _length(stream: EventStream, placed: _Placed, width_seconds: float, binning:
 
 
 def _last_step(stream: EventStream, placed: _Placed, width_seconds: float) -> float:
-    """Return the last step of a recording, to be rounded down: -1 for none, infinite for absurd times."""
+    """Return the last step of a recording, which the caller rounds down: -1 for none, infinite for absurd times."""
     if stream.span_seconds is not None:
         # Whole bins only; the slack makes up for a quotient that rounds below a whole number.
         return stream.span_seconds / width_seconds - 1 + ROUNDING_SLACK
@@ -438,6 +490,7 @@ def _too_long(
     event_span_seconds = float(stream.times.max() - stream.first_event) / MICROSECONDS
     begins_late = stream.start is not None and stream.first_event > stream.start
     fix = stream.if_too_long
+    # Often the times of a file count from 1970, or from the start of the computer that recorded it.
     if begins_late and event_span_seconds < width_seconds * max_steps:
         fix = "Start it at its first event with --start first."
     return InputError(
@@ -449,9 +502,9 @@ def _too_long(
 
 
 def _channels(stream: EventStream, sensor: Channels) -> IntArray:
-    """Return the channel of every event; the polarities of a sensor that has one are all the same."""
+    """Return the channel of every event, (events,); on a sensor of one polarity, the polarity does not matter."""
     if stream.polarity is None:
-        return stream.x
+        return stream.x  # It counts channels already.
     columns = sensor.columns
     if stream.y is not None and int(stream.x.max(initial=0)) >= columns:
         raise InputError(
@@ -467,7 +520,7 @@ def _channels(stream: EventStream, sensor: Channels) -> IntArray:
 
 
 def _pixels(stream: EventStream, columns: int) -> IntArray:
-    """Return the pixel of every event, counted row by row; without rows, x counts them."""
+    """Return the pixel of every event, counted row by row; without rows, x counts pixels."""
     if stream.y is None:
         return stream.x
     return columns * stream.y + stream.x
@@ -492,18 +545,21 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, highest: i
 def recording_events(
     spikes: ByteArray, polarities: int, step_seconds: float, step_rule: StepRule = "floor"
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return (microseconds, pixel, polarity) of the events of one recording (steps, channels), in order of time.
+    """Return (microseconds, pixel, polarity) of events that make up one recording (steps, channels), sorted by time.
 
-    Each event lies where its format's ``step_rule`` puts it back into its step, if only the width of a bin is known: in
-    the middle of its bin (the first one at its start), or at the time of its step, which readers that take the floor
-    read alike.
+    This is the inverse of binning: every bin of 1 becomes one event. Its time is chosen so that a
+    reader of the format that knows the width of a bin puts it back into the same step:
+
+    - ``floor``: the middle of its bin, except that the first event lies at the start of its bin
+    - ``nearest``: the start of its step, which readers that round down put into the same step
     """
-    steps, channels = np.nonzero(spikes)
+    steps, channels = np.nonzero(spikes)  # in order of steps, so of time
     width = step_seconds * MICROSECONDS
     if step_rule == "nearest":
         times = np.ceil(steps * width)
     else:
         times = np.floor((steps + 0.5) * width)
-        # Readers may start at the first event: then it lies at the start of its bin.
+        # Readers may take the time of the first event for the start of bin 0, so this one may not lie
+        # in the middle of its bin: all others would be half a bin early.
         times[:1] = np.ceil(steps[:1] * width)
     return times.astype(np.int64), channels // polarities, channels % polarities

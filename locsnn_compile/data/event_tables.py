@@ -1,7 +1,8 @@
-"""Events in the rows of a table: which column is which, from the one that rises like a time.
+"""Events in the rows of a table without column names: which column is which.
 
 Tables of (events, 3) or (events, 4) are common, in several orders: SLAYER and lava-dl write x, y, p, t; Tonic's readers
-and v2e t, x, y, p; others x, y, t, p. In all of them the place of t tells the others.
+and v2e t, x, y, p; others x, y, t, p. The column of times is found because it never falls, and in all of these orders
+its position decides what the other columns are.
 """
 
 import numpy as np
@@ -17,12 +18,16 @@ _ORDERS = {
     (3, 1): "xtp",
     (3, 2): "xpt",
 }
-"""Number of columns and the column of times -> what the columns are."""
+"""(Number of columns, index of the column of times) -> the names of the columns."""
 _CALLED = {"p": "polarity"}
+"""Names of columns in sentences, where they are not the names of fields."""
 
 
 def is_table(array: AnyArray) -> bool:
-    """Tell whether an array may be a table of events: of three or four columns, and not of 0 and 1 alone."""
+    """Return whether an array may be a table of events: of three or four columns, and not of 0 and 1 alone.
+
+    An array of 0 and 1 holds bins.
+    """
     if array.ndim != 2 or array.shape[1] not in (3, 4) or array.dtype.kind not in "iuf":
         return False
     return bool(((array != 0) & (array != 1)).any())
@@ -46,15 +51,19 @@ def order_words(columns: dict[str, AnyArray]) -> str:
 
 
 def _column_of_times(table: AnyArray) -> int:
-    """Return the column that rises, or else -1; of several, the one with most different numbers, then the largest."""
+    """Return the index of the column of times; -1 if every column falls somewhere.
+
+    If several columns never fall (x and y may happen to be sorted too), it is the one with the most
+    different numbers, and then the one with the largest number.
+    """
     rising = [
         column for column in range(table.shape[1]) if bool((np.diff(table[:, column]) >= 0).all())
     ]
 
-    def likeness(column: int) -> tuple[int, float]:
+    def likeness_to_times(column: int) -> tuple[int, float]:
         return len(np.unique(table[:, column])), float(table[:, column].max())
 
-    return max(rising, key=likeness, default=-1)
+    return max(rising, key=likeness_to_times, default=-1)
 
 
 def _unclear(where: str, measured: str) -> InputError:

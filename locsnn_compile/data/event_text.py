@@ -61,10 +61,11 @@ def _separated(line: str) -> str:
 
 
 def _names(first: str) -> tuple[str, ...]:
-    """Return the fields that the first line names; empty if it holds numbers.
+    """Return the fields that the first line names; empty if it names none, or one twice.
 
     A size may follow a name, as in ``x@640``, and a unit, as in ``t[us]``.
     """
+    # What precedes an @ or a bracket.
     words = [re.split(r"[@\[(]", word)[0].lower() for word in first.split()]
     if not all(re.fullmatch(r"[a-z_]+", word) for word in words):
         return ()

@@ -1,17 +1,19 @@
-"""Lines of text with which files of cameras begin, before their binary events."""
+"""Split a camera's file into its header, which is lines of text, and the binary events behind it."""
 
 from hw_model.values import Frozen
 
 MOST_HEADER_BYTES = 1 << 20
 """The longest header that is read; jAER copies all settings of a camera into it."""
 _FIRST_PRINTABLE = 0x20
+"""The lowest byte that is not a control character."""
 _PRINTED_CONTROLS = b"\t\r"
+"""Control characters that occur in lines of text."""
 
 
 class FileHeader(Frozen):
-    """A file of a camera: the ``lines`` of its header, and the bytes of its events, the ``body``.
+    """A file of a camera: the ``lines`` of its header, and the ``body``, which is the bytes of its events.
 
-    Lines have neither the mark with which they begin in the file, nor blanks around them.
+    The mark with which lines begin in the file, such as ``%``, and blanks around them are removed.
     """
 
     lines: tuple[str, ...]
@@ -49,5 +51,5 @@ def split_header(data: bytes, mark: bytes, last_line: str) -> FileHeader:
 
 
 def _is_printed(line: bytes) -> bool:
-    """Tell whether a line has no control characters but tabs and carriage returns."""
+    """Return whether a line has no control characters except tabs and carriage returns."""
     return all(byte >= _FIRST_PRINTABLE or byte in _PRINTED_CONTROLS for byte in line)

@@ -1,6 +1,8 @@
-"""What a row of :mod:`locsnn_compile.data.formats` holds, and what readers and writers are given.
+"""The types of the table of formats in :mod:`locsnn_compile.data.formats`.
 
-Plain dataclasses that import nothing heavy, because help shows the table.
+A row of the table is an :class:`EventFormat` or an :class:`ArrayFormat`. The other types are what a
+row's reader and writer take and return. All are plain dataclasses in a module that imports nothing
+heavy, because the command line shows the table in its help.
 """
 
 from collections.abc import Mapping
@@ -14,10 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EventFile:
-    """The bytes of a file of single events, and what errors call it.
+    """The bytes of a file of single events, as its reader gets them.
 
-    ``times`` are the bytes of the file of times next to it, None if there is none. ``time_unit`` is
-    that of formats without a unit of their own, None for the usual one.
+    - ``data``: the bytes; ``where``: the name of the file in errors
+    - ``times``: the bytes of the file next to it that says when the recording begins and ends (see
+      ``EventFormat.times_suffix``), None if there is none; ``times_where``: its name in errors
+    - ``time_unit``: the unit of times for formats without a unit of their own, None for the usual one
     """
 
     data: bytes
@@ -31,9 +35,11 @@ class EventFile:
 class EventsToWrite:
     """One recording to write as single events.
 
-    ``spikes`` are (steps, channels) of 0 and 1, in bins of ``step_seconds``. Its cells have so many
-    ``polarities`` and are numbered row by row in ``columns``. Its file is called ``stem``, and
-    ``where`` and ``number`` say which recording of which file errors are about.
+    - ``spikes``: (steps, channels) of 0 and 1, in bins of ``step_seconds``
+    - ``polarities``: polarities of each cell (pixel or taxel); channel = polarities * cell + polarity
+    - ``columns``: width of the grid in which cells are numbered row by row
+    - ``stem``: the name of its file without the ending
+    - ``where``, ``number``: the file and the number of the recording, for errors
     """
 
     spikes: "ByteArray"
@@ -49,14 +55,14 @@ class EventReader(Protocol):
     """Reads the bytes of a file of events."""
 
     def __call__(self, file: EventFile, /) -> "EventStream":
-        """Return the events; ``InputError`` for bytes that are none."""
+        """Return the events; ``InputError`` for bytes that are not events of this format."""
 
 
 class EventWriter(Protocol):
-    """Makes the bytes of a recording."""
+    """Turns a recording into the bytes of its files."""
 
     def __call__(self, events: EventsToWrite, /) -> dict[str, bytes]:
-        """Return its files by name; ``InputError`` for what the format cannot hold."""
+        """Return name -> bytes of each file; ``InputError`` for what the format cannot hold."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +70,14 @@ class EventFormat:
     """A format of files that hold the single events of one recording.
 
     - ``suffix``: the ending of its files
-    - ``read``, ``write``: between bytes and events; None if it is not written
-    - ``time_unit``: the unit of its times, which users cannot choose; empty if they do
+    - ``read``: turns bytes into events; ``write``: turns a recording into bytes, None if this format
+      is not written
+    - ``time_unit``: the unit of its times; empty if the format leaves it open, so that users may choose
     - ``times_suffix``: the ending of a file next to it that says when its recording begins and
       ends; empty without such files. With them, users cannot choose the start
-    - ``most_bytes``: the largest file
-    - ``may_describe``: next to recordings of another kind, its files are tables about these, as
-      ``labels.csv``, and no recordings
+    - ``most_bytes``: the largest file that is read
+    - ``may_describe``: whether its files may be tables about recordings of another kind next to them,
+      such as ``labels.csv``, rather than recordings
     """
 
     suffix: str
@@ -84,9 +91,9 @@ class EventFormat:
 
 @dataclass(frozen=True)
 class ArrayFile:
-    """The bytes of a file of arrays, and what errors call it.
+    """The bytes of a file of arrays, and its name in errors.
 
-    ``time_unit`` is that of times in it, None for the usual one of its format.
+    ``time_unit`` is the unit of times in it, if it holds events; None for the usual one of its format.
     """
 
     data: bytes
@@ -96,7 +103,11 @@ class ArrayFile:
 
 @dataclass(frozen=True, eq=False)
 class ArrayContent:
-    """What a file of arrays holds: arrays by name, and recordings if it has them as events."""
+    """The content of a file of arrays.
+
+    - ``entries``: its arrays by name
+    - ``streams``: its recordings, one stream each, if it holds events; empty if it holds bins
+    """
 
     entries: "Mapping[str, AnyArray]"
     streams: "list[EventStream]" = field(default_factory=list)
@@ -115,8 +126,8 @@ class ArrayFormat:
 
     - ``suffix``: the ending of its files
     - ``read``: from bytes to arrays
-    - ``is_written``: recordings can be written to it
-    - ``holds_sets``: a file holds a set of recordings whatever its name
+    - ``is_written``: whether recordings can be written to it
+    - ``holds_sets``: whether its files in a folder are whole sets of recordings, whatever their names
     """
 
     suffix: str

@@ -1,4 +1,7 @@
-"""Which files of recordings are read and written: one row for each format.
+"""Which files of recordings are read and written: a table with one row for each format.
+
+Files of events hold single events of one recording; files of arrays hold recordings in bins (or events
+in fields). The rest of the package asks the functions at the end, and never compares endings itself.
 
 To add a format, write its reader in a module of its own and its row here. A row imports its reader
 only when a file is read, so that help does not wait for it.
@@ -116,7 +119,7 @@ def _read_hdf5(file: ArrayFile) -> ArrayContent:
 
 
 MOST_TEXT_BYTES = 10_000_000
-"""The largest text of one recording: about 600,000 events."""
+"""The largest text of one recording: about 600,000 events, at 16 bytes per line. Chosen by hand."""
 EVENT_FORMATS = (
     EventFormat(
         ".tact",
@@ -152,12 +155,12 @@ def event_suffixes() -> tuple[str, ...]:
 
 
 def describing_suffixes() -> tuple[str, ...]:
-    """Return the endings of files that describe the recordings of another kind next to them."""
+    """Return the endings of files that may be tables about recordings of another kind next to them."""
     return tuple(row.suffix for row in EVENT_FORMATS if row.may_describe)
 
 
 def times_suffixes() -> tuple[str, ...]:
-    """Return the endings of files of times next to files of events."""
+    """Return the endings of files that say when the recording in a file of events begins and ends."""
     return tuple(row.times_suffix for row in EVENT_FORMATS if row.times_suffix)
 
 
@@ -179,7 +182,10 @@ def written_suffixes() -> tuple[str, ...]:
 
 
 def member_kinds() -> tuple[str, ...]:
-    """Return what the files of a folder or archive may be; ``events`` are fields in ``.npy`` files."""
+    """Return the kinds of files, one per recording, that a folder or archive can be written with.
+
+    ``npy`` are arrays of bins, ``events`` are structured arrays in ``.npy`` files.
+    """
     return ("npy", "events", *(row.suffix[1:] for row in EVENT_FORMATS if row.write))
 
 
@@ -189,5 +195,5 @@ def event_format(suffix: str) -> EventFormat | None:
 
 
 def array_format(suffix: str) -> ArrayFormat:
-    """Return the format of files of arrays with this ending, which there is."""
+    """Return the format of files of arrays with this ending, which must be in the table."""
     return next(row for row in ARRAY_FORMATS if row.suffix == suffix)

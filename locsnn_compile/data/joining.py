@@ -1,7 +1,9 @@
-"""Recordings joined to what takes them, by what their channels mean and not by their numbers.
+"""Renumber the channels of recordings for the model that takes them, by pixel and polarity.
 
-Events and arrays of frames know their pixels and polarities. A network over images knows its own. Where one side does
-not know, the numbers are taken as they are, and a sentence among the assumptions says so.
+Channel 5 of a recording and input 5 of a network need not be the same pixel. Events and arrays of frames know which
+pixel and polarity each channel is, and a network over images knows it of its inputs; where both know, channels are
+joined by pixel and polarity. Where one side does not know, channel i is taken for input i, and a sentence among the
+recordings' assumptions says so.
 """
 
 from collections.abc import Sequence
@@ -20,14 +22,14 @@ _GRID = "Give --grid WxH of the sensor."
 
 
 def join_channels(recordings: Recordings, model: Expected) -> Recordings:
-    """Return recordings whose channels are numbered as those of the model.
+    """Return recordings whose channels are numbered as the inputs of the model.
 
-    Events of a smaller extent are placed in the model's grid. ``Recordings.assumed`` says what neither side knew.
-    Raises ``InputError`` for recordings of another sensor. Recordings of another number of unknown channels are
-    returned as they are.
+    Events that reach only a part of the model's grid are placed in it. ``Recordings.assumed`` says what neither side
+    knew. Raises ``InputError`` for recordings of another sensor. Recordings that do not know their pixels and have
+    another number of channels than the model are returned unchanged: whoever plays them refuses them.
     """
     if model.channels is None or recordings.origin != "given":
-        return recordings
+        return recordings  # Recordings that are not the user's were made for the model.
     where = f"recordings {recordings.source!r}"
     channels = recordings.channels
     if channels is None:
@@ -48,56 +50,67 @@ def join_channels(recordings: Recordings, model: Expected) -> Recordings:
 
 
 def on_one_sensor(parts: Sequence[Recordings]) -> list[Recordings]:
-    """Return recordings of one sensor, each read by itself, in the channels that all of them reach.
+    """Return recordings of one sensor that were read from several files, all with the same channels.
 
-    Where only events show the size of a sensor, files differ in it. Parts that do not say what their
-    channels are keep their number. Raises ``InputError`` for sensors that differ.
+    If only events show the size of the sensor, each file may have another. Files that do not say which pixels their
+    channels are keep their number of channels. Raises ``InputError`` for files of different sensors.
     """
     known = [part.channels for part in parts if part.channels is not None]
     sizes = {part.spikes.shape[2] for part in parts}
-    if not known or (len({*known}) == len(sizes) == 1 and len(known) == len(parts)):
+    are_alike = len({*known}) == len(sizes) == 1 and len(known) == len(parts)
+    if not known or are_alike:
         return list(parts)
-    wanted = _common(known)
-    model = Expected(f"recordings {parts[0].source!r}", channels=wanted.count, inputs=wanted)
+    common = _common(known)
+    # Each file is joined to the common sensor as if that were the inputs of a model.
+    model = Expected(f"recordings {parts[0].source!r}", channels=common.count, inputs=common)
     return [join_channels(part, model) for part in parts]
 
 
 def _common(known: Sequence[Channels]) -> Channels:
-    """Return the pixels of a sensor: as stated, or else as far as any events reach."""
+    """Return the pixels of the sensor that several files share.
+
+    Its size is the stated one, or else as far as the events of any file reach. It has two polarities
+    if a file does, or if different files have events of different polarities.
+    """
     stated = [channels for channels in known if not channels.reached]
     grids = [channels for channels in known if channels.is_grid]
+    # The first that states a size, else the first grid, else the first.
     size = next(iter([*stated, *grids, *known]))
     if not stated:
         columns = max(channels.columns for channels in known)
         rows = max(channels.rows for channels in known)
         size = replace(size, columns=columns, rows=rows)
     polarities = max(channels.polarities for channels in known)
-    single = {channels.polarity for channels in known}
-    if single == {0, 1}:
+    single_polarities = {channels.polarity for channels in known}
+    if single_polarities == {0, 1}:
         polarities = 2
-    polarity = next(iter(single)) if polarities == 1 and len(single) == 1 else None
+    polarity = None
+    if polarities == 1 and len(single_polarities) == 1:
+        (polarity,) = single_polarities
     return replace(size, polarities=polarities, polarity=polarity)
 
 
 def by_pixel(recordings: Recordings) -> Recordings:
-    """Return recordings numbered as files are: by pixel, and then by polarity."""
+    """Return recordings with channels in the numbering of files, ``yxp``: by pixel, and then by polarity."""
     known = recordings.channels
     if known is None or known.numbering == "yxp":
         return recordings
-    wanted = replace(known, numbering="yxp")
+    in_files = replace(known, numbering="yxp")
     where = f"recordings {recordings.source!r}"
-    spikes = _placed(recordings.spikes, known.places_in(wanted), wanted.count, where)
-    return replace(recordings, spikes=spikes, channels=wanted)
+    spikes = _placed(recordings.spikes, known.places_in(in_files), in_files.count, where)
+    return replace(recordings, spikes=spikes, channels=in_files)
 
 
 def described(recordings: Recordings, sensor: SensorLayout) -> Recordings:
-    """Return recordings in bins as those of a sensor; ``InputError`` if they are not.
+    """Return recordings whose channels are the pixels of a sensor that an option describes.
 
-    Arrays with axes of rows, columns or polarities have to be of its sizes.
+    Raises ``InputError`` if they have another number of channels, or if their file had axes of rows and columns that
+    are not those of the sensor.
     """
     where = f"recordings {recordings.source!r}"
     sensor.check_channels(recordings.spikes.shape[2], where)
-    stated, own = sensor.inputs, recordings.channels
+    stated = sensor.inputs
+    own = recordings.channels
     if stated is None:
         return recordings
     if own is not None and own.is_grid and stated.is_grid and own != stated:
@@ -108,7 +121,7 @@ def described(recordings: Recordings, sensor: SensorLayout) -> Recordings:
 
 
 def merged(recordings: Recordings) -> Recordings:
-    """Return recordings in which all polarities of a pixel are one channel, which spikes where any of them does."""
+    """Return recordings in which both polarities of a pixel are one channel, which spikes whenever either does."""
     own = recordings.channels
     if own is None:
         what = "it is not known which channels are the polarities of a pixel, so none can be merged"
@@ -116,13 +129,18 @@ def merged(recordings: Recordings) -> Recordings:
         raise InputError(f"recordings {recordings.source!r}", what, fix=fix)
     if own.polarities == 1:
         return recordings
-    spikes = recordings.spikes[:, :, own.numbers().reshape(own.pixels, own.polarities)].max(axis=3)
+    channels_of_pixel = own.numbers().reshape(own.pixels, own.polarities)
+    spikes = recordings.spikes[:, :, channels_of_pixel].max(axis=3)
     of_pixels = Channels(own.columns, own.rows, 1, reached=own.reached)
     return replace(recordings, spikes=spikes, channels=of_pixels)
 
 
 def _taken_as_numbered(recordings: Recordings, model: Expected) -> Recordings:
-    """Return recordings of unknown channels, taken in the numbering of the model."""
+    """Return recordings of unknown pixels, taking channel i for input i of the model.
+
+    If that is an assumption, its sentence is added: the model may have a grid (``inputs``), only an order of its axes
+    (``numbering``), or nothing. A model of a row of taxels needs no sentence: its inputs are only numbers as well.
+    """
     if recordings.spikes.shape[2] != model.channels:
         return recordings
     known = model.inputs
@@ -148,7 +166,10 @@ def _taken_as_numbered(recordings: Recordings, model: Expected) -> Recordings:
 
 
 def _inputs_for(channels: Channels, model: Expected, where: str) -> Channels:
-    """Return the inputs of a flat model as pixels of the recordings' sensor; ``InputError`` if they cannot be those."""
+    """Return the inputs of a model that does not know its pixels, as pixels of the recordings' sensor.
+
+    Raises ``InputError`` if the number of inputs is not that of such pixels.
+    """
     assert model.channels is not None
     size = replace(channels, numbering=model.numbering or "yxp", reached=False, polarity=None)
     if channels.is_grid:
@@ -161,6 +182,8 @@ def _inputs_for(channels: Channels, model: Expected, where: str) -> Channels:
         measured = f"{channels.words} against {counted(model.channels, 'channel')}"
         what = f"their pixels are not those of {model.whose}"
         raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
+    # A row of taxels: the model may have more of them only if the recordings' size is just the reach
+    # of their events.
     places, rest = divmod(model.channels, channels.polarities)
     if rest or (not channels.reached and places != channels.columns) or places < channels.columns:
         measured = f"{channels.words} against {counted(model.channels, 'channel')}"
@@ -170,7 +193,10 @@ def _inputs_for(channels: Channels, model: Expected, where: str) -> Channels:
 
 
 def _on_grid(channels: Channels, inputs: Channels, where: str) -> Channels:
-    """Return places that are only numbered as pixels of a grid, which are numbered row by row."""
+    """Return a row of numbered places as pixels of the inputs' grid, which is numbered row by row.
+
+    Other channels are returned unchanged.
+    """
     if channels.is_grid or not inputs.is_grid or channels.columns <= inputs.columns:
         return channels
     if channels.columns > inputs.pixels:
@@ -181,7 +207,10 @@ def _on_grid(channels: Channels, inputs: Channels, where: str) -> Channels:
 
 
 def _check_polarities(channels: Channels, inputs: Channels, where: str, whose: str) -> None:
-    """Refuse another number of polarities, unless only one occurs in events that do not say how many there are."""
+    """Refuse recordings with another number of polarities than the model has.
+
+    Events in which only one polarity occurs, without a statement how many there are, fit any number.
+    """
     if channels.polarities == inputs.polarities or channels.polarity is not None:
         return
     measured = f"{channels.polarities} against {inputs.polarities}"
@@ -204,10 +233,10 @@ def _check_size(channels: Channels, inputs: Channels, where: str, whose: str) ->
 
 
 def _placed(spikes: ByteArray, places: IntArray, count: int, where: str) -> ByteArray:
-    """Return spikes (samples, steps, channels) with channel i at ``places[i]`` of ``count``; the others are silent."""
+    """Return spikes (samples, steps, ``count``) with channel i moved to ``places[i]``; other channels are silent."""
     samples, steps, channels = spikes.shape
     if channels == count and np.array_equal(places[:channels], np.arange(count)):
-        return spikes
+        return spikes  # Nothing moves.
     check_size(samples, steps, count, where)
     placed = np.zeros((samples, steps, count), dtype=np.uint8)
     # Recordings may end before the last pixel: the channels after it are silent.

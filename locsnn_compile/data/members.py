@@ -1,8 +1,10 @@
-"""The files of a folder or zip archive: their bytes on request, never unpacked to disk, and what their names say.
+"""The files of a folder or zip archive of recordings: their bytes on request, and what their names say.
 
-A name says whether a file holds a recording, its part, its label, its class, its turn. The published EvTouch archives
-have the members ``Ev-*/train/sample_<i>_label_<k>.npy`` and ``Ev-*/test/...``. A file of events is a recording whatever
-its name, a ``.npy`` file if it is called ``sample_<i>.npy`` or ``sample_<i>_label_<k>.npy``.
+Folders and archives look the same to the readers: :class:`Members` lists names and sizes and returns the bytes of one
+file, and nothing is unpacked to disk. The name of a file, with its folders, says whether it holds a recording or a set
+of many, its part (train or test), its label or class, and its place in the order. The published EvTouch archives have
+the members ``Ev-*/train/sample_<i>_label_<k>.npy`` and ``Ev-*/test/...``. A file of events is a recording whatever its
+name, a ``.npy`` file if it is called ``sample_<i>.npy`` or ``sample_<i>_label_<k>.npy``.
 """
 
 import re
@@ -31,35 +33,42 @@ TIMES = "traj_start_ends"
 MAX_MEMBERS, MAX_MEMBER_BYTES, MAX_TOTAL_BYTES = 100_000, 100_000_000, 1_600_000_000
 
 _ARRAY = re.compile(r"sample_\d{1,9}(?:_label_\d{1,6})?\.npy")
+"""The name of an array of one recording."""
 _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 _NUMBERED = re.compile(r"(.+)_\d{1,9}\.tact")
+"""The name of a raw recording of NeuTouch that begins with its class, as in ``stable_01.tact``."""
 _NUMBER = re.compile(r"\d{1,18}")
 _WORD = re.compile(r"[^\W\d_]+")
+"""Letters between anything else: ``shd_train2`` has the words shd and train."""
 
 
 def is_recording(name: str) -> bool:
-    """Tell whether a file is read as a recording."""
+    """Return whether a file of this name is read as a recording."""
     file = PurePosixPath(name)
     return file.suffix in event_suffixes() or _ARRAY.fullmatch(file.name) is not None
 
 
 def _is_set(name: str) -> bool:
-    """Tell whether a file holds many recordings: by its ending, or a ``.npy`` by its name, as in ``train.npy``."""
+    """Return whether a file holds a set of many recordings.
+
+    Its ending says so, or for a ``.npy`` a name with a part in it, such as ``train.npy``.
+    """
     file = PurePosixPath(name)
     if file.name.startswith(".") or file.name.startswith("__"):
-        return False
+        return False  # Hidden files, such as macOS adds to archives.
     of_part = file.suffix == ".npy" and not file.stem.endswith("_labels") and part_in_name(name)
     return file.suffix in set_suffixes() or bool(of_part)
 
 
 def recording_files(folder: Path) -> list[Path]:
-    """Return the files of a folder that are read as its recordings."""
+    """Return the files of a folder that are read as its recordings, and their files of times."""
     files = [file for file in folder.rglob("*") if file.is_file()]
     recordings = [file for file in files if is_recording(file.name)]
-    surely = [file for file in recordings if file.suffix not in describing_suffixes()]
-    # Next to others, tables describe: they are not read.
-    if surely or any(_is_set(file.name) for file in files):
-        recordings = surely
+    no_tables = [file for file in recordings if file.suffix not in describing_suffixes()]
+    # A .csv file is a recording only in a folder without recordings of another kind. Next to these it
+    # is a table about them, such as labels.csv.
+    if no_tables or any(_is_set(file.name) for file in files):
+        recordings = no_tables
     return recordings + [file for file in files if file.suffix in times_suffixes()]
 
 
@@ -76,26 +85,27 @@ def part_of(name: str) -> str:
 
 
 def part_in_name(name: str) -> str:
-    """Return the part that the name of a file has among its words, as in ``shd_train.h5``; empty for none."""
+    """Return the part that is a word in the name of a file, as in ``shd_train.h5``; empty for none."""
     words = [word.lower() for word in _WORD.findall(PurePosixPath(name).stem)]
     return next((word for word in words if word in PARTS), "")
 
 
 def part_of_set(name: str) -> str:
-    """Return the part that a file of many recordings is, by its name or its folder; empty for none."""
+    """Return the part that a file of many recordings holds, by its name or its folder; empty for none."""
     return part_in_name(name) or part_of(name)
 
 
 def in_turn(name: str) -> tuple[list[int], str]:
-    """Return what files are sorted by: the numbers in a file's name, so that 2 comes before 10, then the whole name."""
+    """Return the key by which files are sorted: the numbers in a name, so that 2 comes before 10, then the name."""
     return [int(number) for number in _NUMBER.findall(PurePosixPath(name).stem)], name
 
 
 def classes_of(names: list[str]) -> tuple[tuple[str, ...] | None, Callable[[str], str]]:
-    """Return the names of the classes, None without any, and the function that returns the class of a file.
+    """Return (the names of the classes or None, the function that returns the class of a file by its name).
 
     The folder of a file names its class, or else the file's own name.
     """
+    # The first way that gives every file a class, and more than one class in all.
     for class_of in (_folder, _name_before_number):
         classes = {class_of(name) for name in names}
         if len(classes) > 1 and "" not in classes:
@@ -104,7 +114,7 @@ def classes_of(names: list[str]) -> tuple[tuple[str, ...] | None, Callable[[str]
 
 
 def _ordered(classes: set[str]) -> tuple[str, ...]:
-    """Return the names of classes in their known order: a published one, that of numbers, or that of number words."""
+    """Return the names of classes in their published order, or that of their numbers, or sorted."""
     if classes == set(SLIP_CLASSES):
         return SLIP_CLASSES
     return tuple(number_order(classes) or sorted(classes, key=in_turn))
@@ -123,26 +133,32 @@ def _name_before_number(name: str) -> str:
 
 
 class Members(Frozen, eq=False):
-    """``sizes``: bytes of each file, unpacked, by its name with forward slashes; ``read`` returns the bytes of one."""
+    """The files of a folder or archive.
+
+    - ``where``: what errors call the folder or archive; ``inside``: what errors say before the name of a file
+    - ``sizes``: the size of each file in bytes, unpacked, by its name with forward slashes
+    - ``read``: returns the bytes of the file of a name
+    """
 
     where: str
     sizes: dict[str, int]
     read: Callable[[str], bytes]
     inside: str
-    """What errors say before the name of a file."""
 
     @property
     def recordings(self) -> list[str]:
-        """The files that are read as recordings, of all parts; tables about others are none."""
+        """The files that are read as recordings, of all parts; see :func:`recording_files` for tables."""
         names = [name for name in self.sizes if is_recording(name)]
-        surely = [name for name in names if not name.endswith(describing_suffixes())]
-        return surely if surely or any(map(_is_set, self.sizes)) else names
+        no_tables = [name for name in names if not name.endswith(describing_suffixes())]
+        if no_tables or any(map(_is_set, self.sizes)):
+            return no_tables
+        return names
 
     @property
     def sets(self) -> list[str]:
-        """The files that hold many recordings, in turn; none where files hold single recordings.
+        """The files that hold many recordings, sorted; empty if any file holds a single recording.
 
-        Where some belong to a part, others are left out.
+        If some of them belong to a part, those without a part are left out.
         """
         if self.recordings:
             return []
@@ -151,7 +167,7 @@ class Members(Frozen, eq=False):
         return sorted(divided or sets, key=in_turn)
 
     def sets_of_part(self, part: str | None) -> list[str]:
-        """Return the files of many recordings of a part, or all, in turn."""
+        """Return the files of many recordings of a part, or of all parts if None, sorted."""
         return [name for name in self.sets if part in (None, part_of_set(name))]
 
     @property
@@ -161,7 +177,10 @@ class Members(Frozen, eq=False):
         return tuple(part for part in PARTS if part in occurring)
 
     def known_part(self, part: str | None) -> str | None:
-        """Return a part, or by default the last; None if it is not divided. ``InputError`` for one that it lacks."""
+        """Return ``part``, or if None the last part that there is (``test`` if both), or None if there are no parts.
+
+        Raises ``InputError`` for a part that there is not.
+        """
         parts = self.parts
         if part is None:
             return parts[-1] if parts else None
@@ -173,14 +192,14 @@ class Members(Frozen, eq=False):
         return part
 
     def of_part(self, part: str | None) -> list[str]:
-        """Return the recordings of a part, or all, in turn."""
+        """Return the recordings of a part, or of all parts if None, sorted."""
         return sorted(
             (name for name in self.recordings if part in (None, part_of(name))), key=in_turn
         )
 
     @property
     def other_arrays(self) -> list[str]:
-        """Arrays that are not read as recordings, because of their names; hidden files, as of macOS, are none."""
+        """The ``.npy`` files, except hidden ones, that are not read as recordings because of their names."""
         files = {name: PurePosixPath(name) for name in self.sizes if not is_recording(name)}
         return [
             name for name, file in files.items() if file.suffix == ".npy" and file.name[0] != "."
@@ -211,7 +230,7 @@ class Members(Frozen, eq=False):
 
 @contextmanager
 def open_members(path: Path) -> Iterator[Members]:
-    """Open an archive, a folder, or a single file of events, which counts as a folder of it and its file of times.
+    """Yield the files of an archive, of a folder, or of a single file of events together with its file of times.
 
     Raises ``InputError`` for an archive that is damaged, holds a name twice, or holds a link.
     """
@@ -245,7 +264,10 @@ def open_members(path: Path) -> Iterator[Members]:
 
 
 def _plain_files(path: Path) -> Members:
-    """Return the files of a folder, or one file and its file of times, and those of the folder of times next to it."""
+    """Return the files of a folder, or a single file and its file of times.
+
+    Files of times may also lie in a folder :data:`TIMES` next to the folder of the recordings.
+    """
     folder = path.absolute() if path.is_dir() else path.absolute().parent
     near = sorted((folder.parent / TIMES).glob("*"))
     times = {f"{TIMES}/{file.name}": file for file in near if file.suffix in times_suffixes()}

@@ -1,4 +1,16 @@
-"""The order in which a location network walks the taxels of a surface: by number, by position, or from a file."""
+"""The order in which a location network visits the taxels of a surface.
+
+A taxel is one touch-sensitive point of a tactile sensor, and a surface is one of its equal parts, such
+as a fingertip. Where an ordinary spiking neuron steps through time, a location neuron steps through
+the taxels, so training and compiling need a fixed order of them. It is named by the user:
+
+- by number: ``loop`` (1, 2, 3, ... as the taxels are numbered) and ``reverse``
+- by position on the sensor: ``raster``, ``snake``, ``spiral``, ``hilbert`` and ``tour``, the functions below
+- as published for the NeuTouch fingertip: ``arch`` and ``whorl`` (and ``loop``, which is the same there)
+- a list of numbers, or the name of a file that holds one
+
+A *walk* is such an order as an array: walk[i] is the 0-based number of the i-th taxel (or channel).
+"""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,7 +24,9 @@ from locsnn_compile.errors import InputError, did_you_mean
 
 _WHERE = "location order"
 Places = FloatArray
+"""(x, y) of the taxels of a surface, (taxels, 2)."""
 Walk = IntArray
+"""0-based numbers in the order of the visits."""
 
 
 def raster(places: Places) -> Walk:
@@ -21,30 +35,39 @@ def raster(places: Places) -> Walk:
 
 
 def snake(places: Places) -> Walk:
-    """Row by row, every other row backwards."""
+    """Row by row, every other row backwards, so that the ends of neighbouring rows meet."""
     x, y = places.T
+    # Rows are numbered by their distinct y: taxels of one row have the same y exactly.
     _, row = np.unique(y, return_inverse=True)
-    row = row.reshape(-1)
     along_row = np.where(row % 2 == 0, x, -x)
     return raster(np.stack([along_row, row], axis=1))
 
 
 def spiral(places: Places) -> Walk:
-    """From the middle outwards, in square rings that are as wide as the distance between neighbours."""
+    """From the middle outwards, in square rings that are as wide as the distance between neighbours.
+
+    Within a ring, by the angle around the middle, from -pi to pi.
+    """
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
     from_middle = places - middle
+    # The slack keeps a taxel on the edge of a ring in that ring in spite of rounding.
     ring = np.floor(np.abs(from_middle).max(axis=1) / _pitch(places) + 1e-9)
     angle = np.arctan2(from_middle[:, 1], from_middle[:, 0])
+    # With the ring as y and the angle as x, ring by ring is row by row.
     return raster(np.stack([angle, ring], axis=1))
 
 
 def hilbert(places: Places) -> Walk:
     """Along a Hilbert curve over the square around the sensor: neighbours on the walk are near on the sensor."""
+    # Positions are rounded to a lattice of 1024 x 1024, far finer than the taxels of any sensor.
     side = 1 << 10
     span = max(float(np.ptp(places, axis=0).max()), 1e-12)
     x, y = ((places - places.min(axis=0)) / span * (side - 1)).astype(np.int64).T
+    # ``along`` becomes the distance from the start of the curve. The descent is the usual one
+    # ("xy2d" on Wikipedia's page "Hilbert curve"): from the largest quarter to the smallest, each
+    # mirrored and with swapped axes as the curve enters it. The curve goes through quarters 0 (lower
+    # left), 1 (upper left), 2 (upper right) and 3 (lower right).
     along = np.zeros(len(places), dtype=np.int64)
-    # The usual descent from the largest quarter to the smallest, each rotated as the curve enters it.
     while side > 1:
         side //= 2
         is_right = (x & side) > 0
@@ -62,10 +85,11 @@ def hilbert(places: Places) -> Walk:
 def tour(places: Places) -> Walk:
     """From taxel 1, always on to the nearest taxel left; among equally near ones, to the lowest number."""
     not_visited = np.ones(len(places), dtype=np.bool_)
-    walk = [0]
+    walk = [0]  # 0-based: taxel 1
     for _ in range(len(places) - 1):
         taxel = walk[-1]
         not_visited[taxel] = False
+        # Rounded so that equal distances compare as equal.
         square_distance = np.square(places - places[taxel]).sum(axis=1).round(9)
         walk.append(int(np.argmin(np.where(not_visited, square_distance, np.inf))))
     return np.array(walk)
@@ -77,7 +101,8 @@ def _pitch(places: Places) -> float:
         return 1.0
     from scipy.spatial import KDTree  # a table of all distances would take gigabytes for a camera
 
-    # The nearest place is the place itself.
+    # Two neighbours are asked for, because the nearest place is the place itself. The distance is the
+    # larger one of the distances in x and y (p = infinity), which makes the rings of a spiral squares.
     distances, _ = KDTree(places).query(places, k=2, p=np.inf)
     return float(np.median(distances[:, 1]))
 
@@ -85,20 +110,23 @@ def _pitch(places: Places) -> float:
 BY_PLACE: dict[str, Callable[[Places], Walk]] = {
     walk.__name__: walk for walk in (raster, snake, spiral, hilbert, tour)
 }
+"""Orders by position: name -> function of the places."""
 BY_NUMBER: dict[str, Callable[[int], range]] = {
     "loop": lambda taxels: range(1, taxels + 1),
     "reverse": lambda taxels: range(taxels, 0, -1),
 }
+"""Orders by number: name -> function of the number of taxels; they return 1-based numbers."""
 ORDERS = (*LOCATION_ORDERS, "reverse", *BY_PLACE)
-"""Names of orders: ``loop`` and ``reverse`` go by the taxels' numbers, upwards and downwards;
+"""Names of all orders: ``loop`` and ``reverse`` go by the taxels' numbers, upwards and downwards;
 ``arch`` and ``whorl`` are published for NeuTouch."""
 
 
 def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...]]:
-    """Return (name, 1-based taxel numbers) for the name of an order, or for a comma list of numbers, named ``custom``.
+    """Return (name, 1-based taxel numbers) of the order that ``text`` asks for.
 
-    Raises ``InputError`` for an unknown name, for one that needs positions which the layout lacks, and for numbers that
-    are not a permutation of the taxels.
+    ``text`` is the name of an order, or a comma list of numbers, whose name is then ``custom``.
+    Raises ``InputError`` for an unknown name, for a name that needs positions if the layout has none,
+    and for numbers that are not a permutation of the taxels.
     """
     if text in BY_NUMBER:
         return text, tuple(BY_NUMBER[text](layout.taxels))
@@ -127,9 +155,10 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
 
 
 def order_text(text: str) -> str:
-    """Return an order as it is; for a name that ends in ``.txt`` or ``.csv``, the numbers in that file as a comma list.
+    """Return the text of an order; if it is the name of a file, the numbers in that file as a comma list.
 
-    In the file, blanks, commas or line ends separate them. Raises ``InputError`` for a file that cannot be read.
+    A name that ends in ``.txt`` or ``.csv`` is taken for a file, in which blanks, commas or line ends
+    separate the numbers. Raises ``InputError`` for a file that cannot be read.
     """
     path = Path(text)
     if path.suffix not in (".txt", ".csv"):
@@ -139,10 +168,11 @@ def order_text(text: str) -> str:
 
 
 def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
-    """Return the walk (channels,): position -> channel, read-only.
+    """Return the walk over the channels of a sensor, (channels,), read-only: walk[i] is the i-th channel.
 
-    Taxel p of the order contributes the channels polarities * (p - 1), ... of each surface, one surface after the
-    other. Raises ``InputError`` with the first taxel that is out of range, repeated or missing.
+    ``order`` are the 1-based taxel numbers of one surface. The walk follows it on the first surface,
+    then on the next one, and so on; at each taxel it takes both polarities before it goes on. Raises
+    ``InputError`` with the first taxel that is out of range, repeated or missing.
     """
     check_location_taxels(order, layout.taxels)
     channels = np.arange(layout.channels, dtype=np.int64)
@@ -159,6 +189,7 @@ def check_location_taxels(taxels: Sequence[int], count: int) -> None:
     fix = f"Give every taxel from 1 to {count} exactly once."
     seen: set[int] = set()
     for position, taxel in enumerate(taxels, start=1):
+        # Not isinstance: True would pass as 1.
         if type(taxel) is not int or not 1 <= taxel <= count:
             what = f"entry {position} is not a taxel of the sensor"
             raise InputError(_WHERE, what, measured=f"got {taxel!r} against 1..{count}", fix=fix)

@@ -1,7 +1,9 @@
-"""Read pickles without running them: only the opcodes that torch writes, a fixed list of names, and bounded work.
+"""Read the pickles in torch's files without running code.
 
-A value that unfolds to far more than the file holds, nests too deeply or contains itself is refused. So whoever prints,
-compares or walks it comes to an end.
+A pickle is a program for a small stack machine, which can call any function of Python. This interpreter knows only the
+opcodes that torch writes, calls only functions of a fixed list, and bounds its work. It also refuses a value that
+unfolds to far more than the file holds, nests too deeply or contains itself, so that code that prints, compares or
+walks the value comes to an end.
 """
 
 from collections.abc import Callable, Iterable, Sized
@@ -21,16 +23,20 @@ _PROTOCOL = 2
 """The pickle protocol that torch.save writes."""
 
 _KEYS = frozenset((str, int, float, bool, bytes, type(None)))
+"""Types of values that may be keys of a dict."""
 _PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNICODE"))
+"""Opcodes that push their argument."""
 _FIXED: dict[str, Callable[[], object]] = {
     "NONE": lambda: None,
     "NEWTRUE": lambda: True,
     "NEWFALSE": lambda: False,
 }
 _NEW = _FIXED | {"EMPTY_TUPLE": tuple, "EMPTY_LIST": list, "EMPTY_DICT": dict}
+"""Opcodes that push a value of their own."""
 _LAST = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3, "APPEND": 1, "SETITEM": 2}
 """How many values an opcode takes off the stack, if it does not take all since the last mark."""
 _MARKED = frozenset(("TUPLE", "APPENDS", "SETITEMS"))
+"""Opcodes that take all values off the stack since the last mark."""
 
 
 class RefusedError(ValueError):
@@ -74,6 +80,8 @@ def read_pickle(  # noqa: C901 - a case for each kind of opcode
     marked: list[list[Any]] = []
     memo: dict[int, Any] = {}
     arg: Any
+    # ``stack`` has the values since the last mark; ``marked`` the stacks before earlier marks; ``memo``
+    # the values that the pickle numbered to use them again.
     for opcode, arg, _ in genops(stream):
         name = opcode.name
         budget.take(1 + _cost(arg))
@@ -99,7 +107,9 @@ def read_pickle(  # noqa: C901 - a case for each kind of opcode
             # A text of Python 2, whose bytes the library reads as Latin-1.
             stack.append(arg.encode("latin-1").decode("utf-8"))
         elif name == "GLOBAL":
-            stack.append(named(arg.replace(" ", ".", 1).replace("__builtin__.", "builtins.", 1)))
+            # "module name", where Python 2 calls its builtins __builtin__.
+            dotted = arg.replace(" ", ".", 1)
+            stack.append(named(dotted.replace("__builtin__.", "builtins.", 1)))
         elif name in ("REDUCE", "NEWOBJ"):
             arguments = stack.pop()
             function = stack.pop()
@@ -128,25 +138,33 @@ def read_pickle(  # noqa: C901 - a case for each kind of opcode
 
 
 def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, Any]:
-    """Put pairs into a dict; keys are plain values or short tuples of them, as others may take for ever to hash."""
+    """Put pairs into the dict ``into``, and return it.
+
+    Raises ``ValueError`` for a key that is not a plain value or a short tuple of such: hashing it might take for ever.
+    """
     for key, value in pairs:
         is_short_tuple = type(key) is tuple and len(key) <= MAX_KEY
         parts = key if is_short_tuple else (key,)
         if not all(map(_is_plain_key, parts)):
             raise ValueError("a key that is not a plain value")
+        # The method of dict itself, which raises TypeError if a pickle has put something else here.
         dict.__setitem__(into, key, value)
     return into
 
 
 def _is_plain_key(part: object) -> bool:
-    """Tell whether a value may be a key; large integers may not, as a file could choose many of one hash."""
+    """Return whether a value may be a key of a dict, or a part of a tuple that is one.
+
+    Large integers may not: a file could have many with the same hash (the value modulo 2**61 - 1),
+    and a dict of these takes quadratic time.
+    """
     if isinstance(part, int) and type(part) is int and abs(part) >> 60:
         return False
     return type(part) in _KEYS
 
 
 def _cost(value: object) -> int:
-    """Return as how many values the parts of a value count."""
+    """Return how many values of the budget a value takes: its length, or for text its characters by 16."""
     if isinstance(value, str):
         return len(value) // CHARACTERS_OF_A_VALUE
     return len(value) if isinstance(value, Sized) else 0
@@ -163,7 +181,10 @@ def _put(stack: list[Any], items: list[Any], name: str) -> None:
 
 
 def _check_tree(root: object, budget: Budget) -> None:
-    """Refuse a value with too many parts or levels; shared parts count each time, so a cycle has too many of both."""
+    """Refuse a value with too many parts or levels, and one with a function in it.
+
+    A part that is shared counts each time, so a value that contains itself has too many levels.
+    """
     level = [root]
     for _ in range(MAX_DEPTH):
         below: list[object] = []

@@ -45,7 +45,7 @@ _EVT2_TIME_HIGH = 8
 _EVT2_TIME_HIGH_BITS = 28
 _EVT2_TIME_LOW_BITS = 6
 _EVT2_UNTIMED = -1
-"""The start of a time before the first that is set; all others are 0 or more."""
+"""The time of words that precede the first word that sets one; all other times are 0 or more."""
 
 _DAT_VERSION = "2"
 _DAT_KINDS = (0, 12)
@@ -73,13 +73,18 @@ def parse_dat(data: bytes, where: str) -> EventStream:
     """Return the events of a ``.dat`` file; ``InputError`` for other formats and damaged files."""
     header = split_header(data, b"%", "end")
     _check_dat(header, where)
+    # The first two bytes are the kind and the size of all events.
     events = _dat_events(header.body[2:], where)
     return camera_stream(events, _sensor_size(header, where), where)
 
 
 def _sensor_size(header: FileHeader, where: str) -> SensorSize:
-    """Return the size that a header states in any of its ways; ``InputError`` if it is absurd."""
+    """Return the size that a header states in any of its ways; ``InputError`` if it is absurd.
+
+    The size is ``SensorSize()``, which means unknown, if it states none.
+    """
     geometry = header.value("geometry")
+    # All texts that may state it, in one, so that each pattern is tried on all of them.
     sides = f"{header.value('width')}x{header.value('height')}"
     stated = f"{geometry} {sides} {header.value('format')}"
     for pattern in _SIZE_PATTERNS:
@@ -116,7 +121,7 @@ def _evt2_events(body: bytes, where: str) -> CameraEvents:
 
 
 def _evt2_time_starts(words: AnyArray, kind: AnyArray) -> IntArray:
-    """Return at each word its time without the low bits, in microseconds, (words,)."""
+    """Return for each word the time set last, without its low bits, in microseconds, (words,)."""
     sets_time = kind == _EVT2_TIME_HIGH
     counter = (words[sets_time] & 0xFFFFFFF).astype(np.int64)
     time_high = unwrapped(counter, _EVT2_TIME_HIGH_BITS)
@@ -129,7 +134,7 @@ def _evt2_time_starts(words: AnyArray, kind: AnyArray) -> IntArray:
 
 
 def _check_dat(header: FileHeader, where: str) -> None:
-    """Refuse versions and events that are not those of pixels, as the two bytes in front say."""
+    """Refuse other versions, and events that are not pixels' by the two bytes in front of them."""
     version = header.value("version")
     if version != _DAT_VERSION or len(header.body) < 2:
         measured = f"version {version[:40]!r}" if version else "no line '% Version'"

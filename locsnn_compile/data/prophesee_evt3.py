@@ -9,8 +9,8 @@ payload below:
 - 4 and 5 are the next 12 or 8 pixels of the vector, the first in bit 0; a set bit is an event
 - 6 and 8 set the low and the high 12 bits of the time, in microseconds, which wraps after 16.8 s
 
-Each word sets what holds for those behind it. Long files are decoded chunk by chunk, and
-:class:`_Evt3State` is what one chunk leaves set for the next.
+Each word sets what holds for those behind it. Long files are decoded chunk by chunk, each as whole
+arrays, and :class:`_Evt3State` is what one chunk leaves set for the next.
 """
 
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ from locsnn_compile.data.camera_words import (
 )
 
 EVT3_CHUNK_WORDS = 1 << 18
-"""Words that are decoded at once, which bounds the memory that this takes."""
+"""Words per chunk, which bounds the memory that decoding takes. Chosen by hand."""
 
 _SETS_Y = 0
 _EVENT = 2
@@ -76,9 +76,10 @@ class _Evt3State(Frozen):
 
 
 class _Vectors(Frozen, eq=False):
-    """What holds of vectors at each word, each array (words,).
+    """The vector that each word finds, each array (words,).
 
-    ``pixels`` counts those of the word itself, 0 for other kinds; ``x`` is the column of the first.
+    ``pixels`` is the number of pixels of the word itself, 0 for words that are not part of a vector.
+    ``x`` is the column of its first pixel, and ``polarity`` that of all its events.
     """
 
     pixels: IntArray
@@ -87,7 +88,10 @@ class _Vectors(Frozen, eq=False):
 
 
 class _PixelEvents(Frozen, eq=False):
-    """Events without time and row, each array (events,): the word that has them, x, polarity."""
+    """Events before they get time and row, each array (events,).
+
+    ``word`` is the index in the chunk of the word that the event is in.
+    """
 
     word: IntArray
     x: IntArray
@@ -113,12 +117,12 @@ def evt3_events(body: bytes, where: str) -> CameraEvents:
 
 
 def _joined(parts: list[IntArray]) -> IntArray:
-    """Return parts in one array, which is empty without any."""
+    """Return the parts one after the other; an empty array if there are none."""
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
 def _decoded_chunks(words: IntArray) -> Iterator[CameraEvents]:
-    """Yield the events of chunk after chunk."""
+    """Yield the events of each chunk in turn."""
     state = _Evt3State()
     for begin in range(0, len(words), EVT3_CHUNK_WORDS):
         chunk = words[begin : begin + EVT3_CHUNK_WORDS].astype(np.int64)
@@ -153,11 +157,11 @@ def _decoded_chunk(chunk: IntArray, state: _Evt3State) -> tuple[CameraEvents, _E
 
 
 def _time_high(words: _Evt3Words, state: _Evt3State) -> IntArray:
-    """Return the high part of the time at each word, without the wraps of its 12 bits, (words,)."""
+    """Return the high part of the time at each word, continued beyond the wraps of its 12 bits, (words,)."""
     sets_high = words.kind == _SETS_TIME_HIGH
     counter = words.payload[sets_high]
     if state.time_high >= 0:
-        # The last counter of the chunk before goes in front, so that a wrap between both is seen.
+        # The last counter of the previous chunk goes in front, so that a wrap between both is seen.
         last_counter = state.time_high & _PAYLOAD_MASK
         earlier_wraps = state.time_high - last_counter
         with_last = np.append(last_counter, counter)
@@ -182,7 +186,7 @@ def _time_low(words: _Evt3Words, time_high: IntArray, state: _Evt3State) -> IntA
 
 
 def _vectors(words: _Evt3Words, state: _Evt3State) -> _Vectors:
-    """Return where each word finds the vector, whose x moves on by the pixels of every word."""
+    """Return the vector that each word finds; its x moves on by the pixels of every word of it."""
     pixels = np.zeros(len(words.kind), dtype=np.int64)
     pixels[words.kind == _NEXT_12_PIXELS] = 12
     pixels[words.kind == _NEXT_8_PIXELS] = 8
@@ -214,10 +218,11 @@ def _vector_events(words: _Evt3Words, vectors: _Vectors) -> _PixelEvents:
 
 
 def _in_order(single: _PixelEvents, vector: _PixelEvents) -> _PixelEvents:
-    """Return events of both kinds in the order of their words, those of one word from the left."""
+    """Return events of both kinds in the order of their words, events of one word from left to right."""
     word = np.concatenate((single.word, vector.word))
     x = np.concatenate((single.x, vector.x))
     polarity = np.concatenate((single.polarity, vector.polarity))
+    # Stable, because the events of one word are in order already.
     order = np.argsort(word, kind="stable")
     return _PixelEvents(word[order], x[order], polarity[order])
 

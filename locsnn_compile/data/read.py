@@ -1,8 +1,13 @@
-"""Recordings of any supported format: read, and divided into train and test parts where they have none.
+"""Read recordings of any supported format, and divide them into train and test parts.
 
-Files of rows divide them, or shares of each class. VT_SNN's preprocessed sets are a ``tact.pt`` of (samples, 78 cells,
-2 polarities, steps). Next to it lie, for each of five rounds k, ``train_80_20_<k>.txt`` and ``test_80_20_<k>.txt``,
-with the number and the class of one recording per line.
+:func:`read_recordings` is what commands and Python users call. It chooses a reader by the kind of
+the path, and then adapts the result to the options and to the model that will take the recordings.
+
+Recordings whose files have no parts are divided in one of two ways: by a share of each class, or by
+lists of rows next to the file. VT_SNN's preprocessed sets have such lists. They are a ``tact.pt`` of
+(samples, 78 cells, 2 polarities, steps), and next to it lie, for each of five rounds k of
+cross-validation, ``train_80_20_<k>.txt`` and ``test_80_20_<k>.txt``, with the number and the class
+of one recording per line.
 """
 
 import math
@@ -33,25 +38,35 @@ from locsnn_compile.data.sets import holds_sets, read_sets
 from locsnn_compile.errors import InputError, check_known, check_range
 
 PREPROCESSED = "tact.pt"
+"""The name of VT_SNN's preprocessed file."""
 _ROWS = re.compile(r"train_80_20_(\d{1,3})\.txt")
+"""The name of a list of the training recordings of a round."""
 
 
 class Division(Frozen):
-    """How recordings are divided: ``share`` of every class goes to the test part; ``fold`` is the round, from 1.
+    """How recordings are divided into a train and a test part.
 
-    Each round tests on other recordings: with a share of 0.2, every recording is tested on in one of five rounds. Of a
-    class with fewer recordings than rounds, each round tests on one, if there are two at least. Without a share, the
-    files next to the recordings divide them, if there are any.
+    - ``share``: the fraction of every class that goes to the test part. Without it, the lists of rows
+      next to the recordings divide them, if there are any.
+    - ``fold``: the round of cross-validation, from 1
+
+    Each round tests on different recordings: with a share of 0.2, every recording is in the test part
+    of one of five rounds. If a class has fewer recordings than there are rounds, but two at least,
+    each round tests on one of them.
     """
 
     share: float | None = None
     fold: int | None = None
 
     def divides(self, path: Path) -> bool:
-        """Tell whether it divides the recordings at ``path``; ``InputError`` if they are divided already."""
+        """Return whether it divides the recordings at ``path``.
+
+        Raises ``InputError`` if these have parts already and options ask for a division.
+        """
         option = "fold" if self.share is None else "split"
         is_asked_for = self.share is not None or self.fold is not None
         rounds = _rounds(path)
+        # Looking for parts opens the archive, so it is done only if an option could contradict them.
         parts = archive_parts(path) if is_asked_for else ()
         if parts or (rounds and self.share is not None):
             measured = f"into {', '.join(parts)}" if parts else "into rounds"
@@ -63,6 +78,7 @@ class Division(Frozen):
     def part(self, recordings: Recordings, path: Path, part: str) -> Recordings:
         """Return the train or test part of the recordings at ``path``; ``InputError`` if there is none."""
         rounds = range(1, _rounds_of(self.share) + 1) if self.share else _rounds(path)
+        # Without --fold, the first round; if there is no round at all, this raises.
         fold = 1 if self.fold is None else self.fold
         if fold not in rounds:
             measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
@@ -72,7 +88,8 @@ class Division(Frozen):
             raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
         part_number = PARTS.index(part)
         if self.share is None:
-            rows, labels = _rows_of_files(path, fold, len(recordings))[part_number].T
+            rows_and_labels = _rows_of_files(path, fold, len(recordings))[part_number]
+            rows, labels = rows_and_labels.T
             words = f"round {fold} of {len(rounds)}"
         else:
             all_labels = recordings.needed_labels("divide them by")
@@ -88,7 +105,7 @@ class Division(Frozen):
 
 
 def _rounds_of(share: float) -> int:
-    """Return in how many rounds a share of the recordings can be tested on, each time others."""
+    """Return how many rounds can each test on a different ``share`` of the recordings."""
     # A share such as 0.2 is a rounded float, whose inverse may lie just below a whole number.
     return int(1 / share + 1e-9)
 
@@ -96,13 +113,21 @@ def _rounds_of(share: float) -> int:
 def stratified_split(
     labels: IntArray, fraction: float, seed: int, fold: int = 1
 ) -> tuple[IntArray, IntArray]:
-    """Return sorted indices (kept, held out): each class gives ``fraction`` of its recordings, rounded.
+    """Return sorted indices (kept, held out): ``fraction`` of each class is held out, rounded.
 
-    If ``fraction`` is above 0, a class of two or more recordings gives at least one. Later folds, up to 1 / fraction,
-    share what the first leaves of ``fraction`` times their number; a class of fewer recordings than folds starts again
-    when all were held out. Equal numbers give equal draws on every machine.
+    If ``fraction`` is above 0, at least one recording of a class of two or more is held out, and at
+    least one is kept. ``fold`` counts from 1 to 1 / fraction, rounded down; every fold holds out
+    other recordings:
+
+    - Fold 1 holds out the same recordings as a single split without folds would.
+    - Folds from 2 on share evenly what fold 1 has left of the recordings that all folds together
+      hold out (about ``fraction * folds`` of the class, which is all of it for 1/2, 1/5, ...).
+    - In a class of fewer recordings than folds, the recordings take turns, and begin again at the
+      first once all were held out.
+
+    Equal arguments give equal draws on every machine.
     """
-    # PCG64 by its name, and not numpy's default generator, which may become another one.
+    # PCG64 is named because numpy may change its default generator.
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 0])))
     folds = 1 if fold == 1 else _rounds_of(fraction)
     held_out: list[IntArray] = [np.zeros(0, dtype=np.int64)]
@@ -110,6 +135,7 @@ def stratified_split(
         members = np.flatnonzero(labels == label)
         count = round(fraction * len(members))
         if fraction > 0 and len(members) >= 2:
+            # Neither part may lack a class that has enough recordings for both.
             count = min(max(count, 1), len(members) - 1)
         drawn = rng.permutation(members)
         if len(members) < folds:
@@ -117,6 +143,8 @@ def stratified_split(
         elif fold == 1:
             held_out.append(drawn[:count])
         else:
+            # Rounding makes the counts of folds differ by one: begin and end are the rounded ends of
+            # equal shares, so that no recording is in two folds and none between two is left out.
             in_all_folds = max(folds, round(fraction * folds * len(members)))
             in_later_folds = in_all_folds - count
             begin = count + in_later_folds * (fold - 2) // (folds - 1)
@@ -135,7 +163,12 @@ def _rounds(path: Path) -> list[int]:
 
 
 def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
-    """Return an array (rows, 2) for each part of a round: numbers of recordings, all different, and their classes."""
+    """Return an array (rows, 2) for the train and for the test part of a round.
+
+    Its columns are the number of a recording and its class; no number occurs twice in a round.
+    Raises ``InputError`` for a list that is missing, is not two numbers per line, or names a
+    recording twice or one that does not exist.
+    """
     fix = "Write the number of a recording and its class on every line."
     taken: set[int] = set()
     parts = []
@@ -228,6 +261,8 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
     class_names = None if classes is None else parse_classes(classes)
     if grid is not None:
         sensor = asked_layout(grid, polarities, channels, layout=None)
+    # Options that make sense for single events only. For bins, polarities and columns are meaningful
+    # as well, but only together with the channels (or sensor) that they describe: see below.
     of_events = {"threshold": threshold, "start": start, "time_unit": time_unit}
     counts = of_events | {"polarities": polarities, "columns": columns}
     selection = ChannelSelection(only_taxels, only_polarity, bool(merge_polarities), merge_channels)
@@ -241,6 +276,7 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
         counts = of_events
     merge = selection.merge_polarities
     if merge and channels is not None and polarities is None:
+        # Polarities to be merged are two, if only the number of channels is given.
         polarities = 2
     order = None if axes is None else parse_axes(axes, "axes")
     binning_asked = Binning(
@@ -261,6 +297,7 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
     if sensor is not None:
         _check_sensor(sensor, model, selection)
     elif selection == ChannelSelection():
+        # A selection changes the number of channels, so only without one must both numbers agree.
         model.agreed(channels=channels)
     divided = division.divides(path)
     recordings = _read(path, None if divided else split, binning, step_seconds)
@@ -273,6 +310,8 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
         recordings = division.part(recordings, path, split or "test")
     if recordings.threshold is None:
         _refuse_options_of_events(recordings, counts)
+    # Bins that were saved after the training's selection have the channels of the model already:
+    # they are not selected a second time.
     if trained is None or not _has_inputs_of(model, recordings):
         if channels is not None and (recordings.threshold is None or recordings.channels is None):
             recordings = described(recordings, sensor or _layout(binning_asked))
@@ -287,14 +326,15 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
 
 
 def _binning_for(model: Expected, asked: Binning, selection: ChannelSelection) -> Binning:
-    """Return how events are binned for a model: as asked, and as it expects where that is left open.
+    """Return ``asked``, completed by what a model expects where the options leave it open.
 
-    Raises ``InputError`` for what contradicts the model.
+    Raises ``InputError`` for an option that contradicts the model.
     """
     agreed = model.agreed(
         step_seconds=asked.step_seconds, threshold=asked.threshold, steps=asked.steps
     )
-    # What is picked or merged later is not yet in the channels of the model.
+    # Events are read in the channels of the whole sensor, and only then picked and merged. So while
+    # they are read, the model's number of channels says nothing about them.
     read_for = model
     if not selection.merges_polarities_at_most:
         read_for = replace(model, channels=None, inputs=None)
@@ -324,9 +364,10 @@ def _refuse_options_of_events(recordings: Recordings, options: Mapping[str, obje
 def _as_trained(
     selection: ChannelSelection, sensor: SensorLayout | None, model: Expected
 ) -> RecordedChannels | None:
-    """Return how the training read its sensor, if the options leave that open; else None.
+    """Return how the training of ``model`` read its sensor, if the options do not ask for another way.
 
-    A ``sensor`` that has the channels of the model itself was read so before.
+    None if they do, or if the training read all channels of its sensor. Also None if ``sensor`` has
+    as many channels as the model: it then describes channels that were picked and merged already.
     """
     recorded = model.recorded
     if recorded is None or selection not in (ChannelSelection(), recorded.selection):
@@ -344,7 +385,7 @@ def _sensor_of(recorded: RecordedChannels) -> SensorLayout:
 
 
 def _has_inputs_of(model: Expected, recordings: Recordings) -> bool:
-    """Tell whether recordings in bins have the channels of a model already."""
+    """Return whether recordings from files of bins have as many channels as a model."""
     return recordings.threshold is None and recordings.spikes.shape[2] == model.channels
 
 
@@ -354,7 +395,7 @@ def _as_in_training(recorded: RecordedChannels) -> str:
 
 
 def _check_sensor(sensor: SensorLayout, model: Expected, selection: ChannelSelection) -> None:
-    """Refuse a sensor that has another number of channels than the model once they are selected."""
+    """Refuse a sensor of which the selection leaves another number of channels than the model has."""
     channels = selected_count(sensor.channels, sensor.polarities, selection)
     if model.channels is not None and channels != model.channels:
         what, measured = f"{model.whose} has other channels", f"{channels} against {model.channels}"
@@ -363,7 +404,11 @@ def _check_sensor(sensor: SensorLayout, model: Expected, selection: ChannelSelec
 
 
 def _channels_of_events(binning: Binning, model: Expected, *, merge: bool) -> int | None:
-    """Return the channels that events get: those asked for, or those of a model that does not know their pixels."""
+    """Return how many channels the events of each recording are binned into; None if they decide it.
+
+    That is the number asked for, or the number that a model without a grid has. A model with a grid
+    does not decide it: events keep their own extent, and are placed in the grid later.
+    """
     if binning.channels is None:
         flat = model.inputs is None or not model.inputs.is_grid
         return model.channels if flat else None
@@ -371,7 +416,7 @@ def _channels_of_events(binning: Binning, model: Expected, *, merge: bool) -> in
 
 
 def _layout(binning: Binning) -> SensorLayout:
-    """Return the sensor that numbers describe: so many channels, in columns if these are given."""
+    """Return the sensor described by the numbers of channels, polarities and columns that were asked for."""
     layout = asked_layout(
         grid=None,
         polarities=binning.polarities,
@@ -386,6 +431,11 @@ def _layout(binning: Binning) -> SensorLayout:
 def _read(
     path: Path, split: str | None, binning: Binning, asked_seconds: float | None
 ) -> Recordings:
+    """Return the recordings at ``path`` by the reader of its kind, before anything is selected.
+
+    ``asked_seconds`` is the width of a bin that an option asks for; that in ``binning`` may also be
+    the model's, from which files of bins may differ.
+    """
     _check_file(path)
     if split is not None and not is_archive(path):
         measured, fix = "a single file is not divided", "Leave the part out."
@@ -432,10 +482,11 @@ def _check_file(path: Path) -> None:
 
 
 def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> Iterator[Recordings]:
-    """Yield what :func:`read_recordings` returns, at most ``many`` recordings at a time if a ``.npy`` file holds bins.
+    """Yield what :func:`read_recordings` returns, but ``many`` recordings at a time where possible.
 
-    Other files are read at once, because their longest recording decides the length of all. A faulty recording is found
-    when its turn comes.
+    It is possible for a ``.npy`` file of bins that no option changes. Other files are read at once,
+    because their longest recording decides the length of all. A faulty recording raises its
+    ``InputError`` only when its chunk is read.
     """
     as_they_are = {*asked.values()} == {None} and model.recorded is None
     chunks = _chunks(Path(path), many, model) if as_they_are else None
@@ -443,7 +494,11 @@ def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> It
 
 
 def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | None:
-    """Return the chunks of a file; None for other files, and for those that :func:`read_recordings` will refuse."""
+    """Return an iterator over chunks of ``many`` recordings of a ``.npy`` file of bins.
+
+    None for any other file, and for one that is faulty: :func:`read_recordings` then reads it, or
+    raises the error that names the fault.
+    """
     try:
         mapped = np.load(path, mmap_mode="r")
         shape, dtype, begin = mapped.shape, mapped.dtype, mapped.offset
@@ -466,11 +521,13 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
         for start in range(0, shape[0], many):
             count = min(many, shape[0] - start)
             offset = begin + start * bins_each * dtype.itemsize
+            # Not a slice of the mapped array, which would end the process if the file became shorter.
             read = np.fromfile(path, dtype, count * bins_each, offset=offset)
             if len(read) < count * bins_each:
                 raise InputError(
                     f"file {path.name!r}", "it became shorter while it was read", fix="Start again."
                 )
+            # From (samples, [taxels, polarities or] channels, steps) to (samples, steps, channels).
             bins = read.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
             chunk_labels = None if labels is None else labels[start : start + count]
             recordings = Recordings(bins, chunk_labels, model.step_seconds, path.name, first=start)

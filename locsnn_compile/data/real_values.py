@@ -1,4 +1,8 @@
-"""Recordings of real numbers: arrays in .npy and .npz files, for layers that run on the host, and for encoders."""
+"""Recordings of real numbers, in .npy and .npz files or as arrays.
+
+A chip takes spikes. Real numbers go to the first layers of a network if these run on the host, and to the encoders
+(:mod:`.encoders`), which turn them into spikes.
+"""
 
 import math
 from pathlib import Path
@@ -35,14 +39,15 @@ class RealValues(Shown):
         return f"values {self.source!r}"
 
     def steps_of(self, shape: tuple[int, ...], steps: int | None) -> FloatArray:
-        """Return the numbers as (samples, steps, channels), for steps of numbers of a shape.
+        """Return the numbers as (samples, steps, channels), given the ``shape`` of a network's input in one step.
 
-        Arrays are (samples, steps, *shape), or (samples, *shape), which is held for ``steps`` steps; the shape
-        may be flat. Raises ``InputError`` for other arrays, and for one that is held without ``steps``.
+        Arrays are (samples, steps, *shape), or (samples, *shape), which is then repeated for ``steps`` steps. In both,
+        the axes of the shape may be flattened into one. Raises ``InputError`` for other arrays, and for one that is to
+        be repeated if ``steps`` is None.
         """
         channels = math.prod(shape)
-        samples, *rest = self.values.shape
-        inner = tuple(rest)
+        samples, *axes_of_sample = self.values.shape
+        inner = tuple(axes_of_sample)
         if inner in (shape, (channels,)):
             if steps is None:
                 what = "the numbers do not change, and nothing says for how many steps they last"
@@ -97,7 +102,7 @@ def read_real_values(path: Path | str) -> RealValues:
 
 
 def _labelled(unlabelled: RealValues, labels: AnyArray | None) -> RealValues:
-    """Return the numbers with class numbers; ``InputError`` for another count of these."""
+    """Return the numbers with class numbers; ``InputError`` unless there is a whole one per sample."""
     if labels is None:
         return unlabelled
     if labels.shape != unlabelled.values.shape[:1] or labels.dtype.kind not in "iu":

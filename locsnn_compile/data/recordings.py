@@ -1,6 +1,7 @@
-"""Touch recordings, as every part of the project takes them: binned spikes, labels, and the width of a bin.
+"""Recordings as every part of the project takes them: binned spikes, labels, and the width of a bin.
 
-Also what a model or program expects of recordings, and the check of options and files against it.
+:class:`Recordings` is what readers return, whatever the format of the file. :class:`Expected` is what a
+model or a program expects of recordings; readers check options and files against it.
 """
 
 import math
@@ -27,21 +28,26 @@ MAX_LABEL = 100_000
 #: Most characters of a class's name.
 MAX_NAME = 80
 STEP_SECONDS = Must(lambda v: (v > 0) & (v <= 1e6), "above 0 and at most 1e+06")
+"""The condition on the width of a bin, in seconds, and its words in errors."""
 
 Origin = Literal["given", "carried", "trained on", "made up"]
-"""Where recordings come from: the user, a checkpoint that carries a few, a checkpoint that carries some of its own
-training recordings, or our generator.
+"""Where recordings come from: files or arrays of the user (``given``), a few that a checkpoint carries
+(``carried``), some of a checkpoint's own training recordings (``trained on``), or
+``locsnn_compile.data.synthetic`` (``made up``).
 """
 
 
 class Binned(Frozen):
-    """What became of the ``events`` in files when they were put into bins.
+    """What became of the events in files when they were put into bins.
 
-    ``outside`` events lay before the first step or after the last. ``below`` events lay in bins with at most
-    ``threshold`` events; such bins are 0. ``elsewhere`` events lay in further streams of their files,
-    or before the first time in these, and are not read.
-    If the files hold bins, ``threshold`` is None, and ``outside`` counts the bins that were cut off.
-    ``step_is_default``: neither a file nor an option nor a model said how wide a bin is.
+    - ``events``: how many there were in all
+    - ``outside``: how many lay before the first step or after the last
+    - ``below``: how many lay in bins with at most ``threshold`` events; such bins are 0
+    - ``elsewhere``: how many were not read, because they lay in further streams of their files or before the first time
+    - ``step_is_default``: whether the width of a bin is the default, because no file, option or model states one
+
+    If the files hold bins, ``threshold`` is None, ``events`` counts the bins that are 1, and ``outside`` counts those
+    of them that were cut off.
     """
 
     threshold: int | None
@@ -73,17 +79,17 @@ class Binned(Frozen):
 
 
 class Recordings(Shown):
-    """Recordings, their labels, and where they come from. Both arrays are read-only.
+    """Recordings in bins, their labels, and where they come from. The arrays are read-only.
 
     - ``spikes``: uint8 (samples, steps, channels), 0 or 1; ``labels``: int64 (samples,), class numbers from 0, or None
     - ``step_seconds``: width of a time bin, None if unknown
     - ``source``: name of the file, without folders; ``origin``: where the recordings come from
-    - ``binned``: what reading left out, None if it took everything as it is
-    - ``first``: the number of the first recording in its file
+    - ``binned``: what reading left out, None if it left out nothing
+    - ``first``: the number of the first recording in its file, if these are a chunk of a file; only errors use it
     - ``class_names``: from class 0 on, if the classes have names
     - ``channels``: the pixels that the channels are, None if nothing says so
-    - ``assumed``: what was taken where nothing said it, as sentences
-    - ``recorded``: the sensor, if the channels are some of its own, or merged
+    - ``assumed``: the assumptions made where nothing stated a fact, as sentences for the user
+    - ``recorded``: the sensor, if the channels are only some of its channels, or several merged into one
 
     Raises ``InputError`` for anything else.
     """
@@ -108,6 +114,7 @@ class Recordings(Shown):
                 self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes))
             )
         if self.class_names is not None:
+            # Every label needs a name; there may be names of classes that do not occur.
             least = 0 if self.labels is None else int(self.labels.max(initial=-1)) + 1
             object.__setattr__(
                 self, "class_names", clean_class_names(where, self.class_names, least)
@@ -126,7 +133,7 @@ class Recordings(Shown):
         return len(self.spikes)
 
     def assuming(self, sentence: str) -> "Recordings":
-        """Return the same recordings with a sentence on what was taken, once."""
+        """Return the same recordings with one more assumption, unless they have the sentence already."""
         if sentence in self.assumed:
             return self
         return replace(self, assumed=(*self.assumed, sentence))
@@ -137,7 +144,10 @@ class Recordings(Shown):
         return f"label {label} ({names[label]})" if label < len(names) else f"label {label}"
 
     def needed_labels(self, purpose: str) -> IntArray:
-        """Return the labels; ``InputError`` if there are none. ``purpose`` is what they are needed to do."""
+        """Return the labels; ``InputError`` if there are none.
+
+        ``purpose`` ends the error's sentence "they have no labels to ...".
+        """
         if self.labels is None:
             what, fix = f"they have no labels to {purpose}", "Give labelled recordings."
             raise InputError(f"recordings {self.source!r}", what, fix=fix)
@@ -150,12 +160,12 @@ class Recordings(Shown):
 
     def with_steps(self, steps: int) -> "Recordings":
         """Return recordings of ``steps`` steps: shorter ones are padded with silence, longer ones are cut."""
-        samples, now, channels = self.spikes.shape
-        if steps == now:
+        samples, old_steps, channels = self.spikes.shape
+        if steps == old_steps:
             return self
         lost = int(self.spikes[:, steps:].sum())
         spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
-        spikes[:, : min(steps, now)] = self.spikes[:, :steps]
+        spikes[:, : min(steps, old_steps)] = self.spikes[:, :steps]
         before = self.binned or Binned(None, int(self.spikes.sum()), 0, 0)
         binned = replace(before, outside=before.outside + lost) if lost else self.binned
         return replace(self, spikes=spikes, binned=binned)
@@ -178,7 +188,7 @@ def check_size(samples: int, steps: int, channels: int, where: str) -> None:
 
 
 def fewer_recordings(values_of_one: int) -> str:
-    """Return the way out for too many recordings of so many values each: how many fit, and what then."""
+    """Return the fix that an error suggests for too many recordings: how many fit, given the values of one."""
     fit = MAX_ELEMENTS // values_of_one
     if fit == 0:
         return "Give wider bins, or shorter recordings."
@@ -219,7 +229,10 @@ def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
 
 
 def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[str, ...]:
-    """Return the names of classes: all different, and at least ``least``. ``InputError`` for what does not print."""
+    """Return the names of classes, which must be all different, printable, and at least ``least`` in number.
+
+    Raises ``InputError`` for others.
+    """
     odd = [
         name
         for name in names
@@ -239,6 +252,7 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
 
 
 def _clean_labels(where: str, labels: AnyArray, samples: int) -> IntArray:
+    """Return labels as read-only int64, (samples,); ``InputError`` if they are not one class number per recording."""
     fix = "Give one class number from 0 up per recording."
     check_same(labels.shape, (samples,), where, "labels and recordings differ in number", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
@@ -251,9 +265,12 @@ def _clean_labels(where: str, labels: AnyArray, samples: int) -> IntArray:
 
 
 class EventTimes(Frozen):
-    """How the events of a training were timed, where an option said it; None: as their format has it.
+    """How the events that a model was trained on were timed, as far as options of the training said it.
 
-    ``start``: the seconds at which step 0 begins, or ``first``; ``time_unit``: ns, us, ms or s.
+    - ``start``: the seconds at which step 0 begins, or ``first`` (at the first event of each recording)
+    - ``time_unit``: ns, us, ms or s
+
+    None: as the format of the events has it.
     """
 
     start: float | str | None = None
@@ -261,14 +278,17 @@ class EventTimes(Frozen):
 
 
 class Expected(Frozen):
-    """What recordings a model expects; None means that it does not say. ``whose`` names the model: ``model 'slip'``.
+    """What a model or a program expects of recordings; None means that it does not say.
 
-    - ``step_seconds``: width of a bin; ``usual_step_seconds``: width of a bin where nothing else says it
-    - ``threshold``: a bin with more events is 1
-    - ``steps``: length of a recording, None if any length will do; ``channels``
-    - ``inputs``: the pixels that its channels are, and their ``numbering``, if only that is known; ``class_names``
-    - ``event_times``: how events are timed where neither an option nor their format says it
-    - ``recorded``: the sensor that it was trained on, if its channels are some of the sensor's, or merged
+    - ``whose``: its kind and name, as errors show them: ``model 'slip'``
+    - ``step_seconds``: width of a bin, which recordings must have
+    - ``usual_step_seconds``: width of a bin that is used if nothing else states one
+    - ``threshold``: a bin with more events than this is 1
+    - ``steps``: length of a recording, None if any length will do; ``channels``: their number
+    - ``inputs``: the pixels that its channels are; ``numbering``: how they are numbered, if only that is known
+    - ``class_names``: the names of its classes, from class 0 on
+    - ``event_times``: how events are timed if neither an option nor their format says it
+    - ``recorded``: the sensor that it was trained on, if its channels are only some of the sensor's, or merged
     """
 
     whose: str
@@ -285,11 +305,14 @@ class Expected(Frozen):
 
     @property
     def kind(self) -> str:
-        """What it is, without its name: ``model`` or ``program``."""
+        """``model`` or ``program``: ``whose`` without an article and the quoted name."""
         return self.whose.partition(" '")[0].removeprefix("the ")
 
     def agreed(self, **asked: float | None) -> dict[str, Any]:
-        """Return each option as asked for, or else as the model has it; ``InputError`` if the two differ."""
+        """Return the value of each option, or the model's where the option is None.
+
+        The names of the options are names of fields. Raises ``InputError`` if an option and the model differ.
+        """
         for name, value in asked.items():
             expected = getattr(self, name)
             if value is not None and expected is not None and not same(value, expected):
@@ -304,10 +327,10 @@ class Expected(Frozen):
         }
 
     def check(self, recordings: Recordings) -> None:
-        """Refuse classes with other names; refuse bins of another width if the model takes recordings of one length.
+        """Refuse recordings whose classes have other names than the model's, or whose bins have another width.
 
-        A network that takes any length only sees steps, and its user decides how long a step is. Figures that only one
-        side knows are not compared.
+        The width is only compared if the model takes recordings of one length. A network that takes any length only
+        sees steps, and its user decides how long a step is. Facts that only one side knows are not compared.
         """
         names = recordings.class_names
         if self.class_names is not None and names is not None and names != self.class_names:
@@ -333,15 +356,15 @@ OPEN = Expected("no model")
 
 
 BATCH = 16
-"""Recordings that are played together, and held at a time, so that memory does not grow with them."""
+"""How many recordings are simulated together, so that the memory for their results does not grow with their number."""
 
 
 def batches(samples: int) -> Iterator[slice]:
-    """Yield the numbers of all recordings, a batch at a time."""
+    """Yield slices of at most :data:`BATCH` that together cover ``samples`` recordings."""
     for start in range(0, samples, BATCH):
         yield slice(start, min(start + BATCH, samples))
 
 
 def same(a: float, b: float) -> bool:
-    """Tell whether two numbers are equal up to the rounding of floats, of single precision as well."""
+    """Return whether two numbers are equal up to the rounding of floats, also if one was stored in single precision."""
     return math.isclose(a, b, rel_tol=1e-7)

@@ -1,7 +1,10 @@
-"""Some channels of a sensor, and one channel for several of them: of recordings, and of the sensor's layout.
+"""Pick some channels of a sensor and merge several into one, so that a small chip can take its recordings.
 
-Taxels are picked first, then a polarity, or both polarities become one; then neighbours, in the order of their
-numbers, become one channel.
+The options are those of :class:`hw_model.mapping.recorded.ChannelSelection`. They apply in this order: taxels are
+picked; a polarity is picked, or both become one; then neighbours, in the order of their numbers, are merged into one
+channel, which spikes if any of them does. What remains of a taxel, or of the taxels that are merged, is called a
+*place* here. The same selection is applied to recordings (:func:`selected`) and to the layout of the sensor
+(:func:`selected_layout`), and a checkpoint stores it, so that later recordings are read like those of the training.
 """
 
 from collections.abc import Mapping
@@ -18,31 +21,39 @@ from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most
 
 MAX_NUMBER_LETTERS = 6
-"""Of the number of a taxel."""
+"""Most digits of the number of a taxel in a text."""
 SELECTING = ("merge_polarities", "only_taxels", "only_polarity", "merge_channels")
 """The options that make a selection."""
 _SIZES = ("columns", "rows", "polarities")
+"""The fields of :class:`RecordedChannels` that are the size of the sensor."""
 
 
 class _Places(Frozen, eq=False):
-    """The taxels, from 0, that each place of a selection joins, and the polarities that it has of each."""
+    """The places that a selection makes.
+
+    - ``taxels``: for each place, the 0-based numbers of the taxels that are merged into it
+    - ``polarities``: the polarities that are kept, the same for every place
+    """
 
     taxels: tuple[IntArray, ...]
     polarities: tuple[int, ...]
 
     @property
     def joins(self) -> bool:
-        """Whether a place is several taxels."""
+        """Whether any place is made of several taxels."""
         return any(len(members) > 1 for members in self.taxels)
 
     @property
     def in_order(self) -> IntArray:
-        """The taxels that are read."""
+        """The numbers of all taxels that are read, place by place."""
         return np.concatenate(self.taxels)
 
 
 def selected_layout(layout: SensorLayout, selection: ChannelSelection) -> SensorLayout:
-    """Return a sensor of the channels that are read; ``InputError`` for a selection that it does not have."""
+    """Return the layout of the channels that a selection leaves, as if they were a sensor of their own.
+
+    Raises ``InputError`` for a selection of taxels or polarities that the sensor does not have.
+    """
     if selection.merge_polarities:
         layout = replace(layout, polarities=1)
     if selection.merges_polarities_at_most:
@@ -51,12 +62,14 @@ def selected_layout(layout: SensorLayout, selection: ChannelSelection) -> Sensor
     places = _places(selection, taxels, layout.polarities)
     polarities = len(places.polarities)
     if len(places.in_order) == taxels and not places.joins:
+        # All taxels, each by itself: only the polarities change.
         return replace(layout, polarities=polarities)
     count = len(places.taxels)
     return SensorLayout(
         name=layout.name,
         taxels=count,
         polarities=polarities,
+        # What remains of a row is a row. What remains of a grid is no grid any more.
         columns=count if layout.columns == taxels else None,
         positions=_positions(layout, places),
         names=_names(layout, places),
@@ -64,9 +77,9 @@ def selected_layout(layout: SensorLayout, selection: ChannelSelection) -> Sensor
 
 
 def _positions(layout: SensorLayout, places: _Places) -> tuple[tuple[float, float], ...] | None:
-    """Return where the places lie, each in the middle of its taxels; None where nobody knows, or two coincide.
+    """Return where the places lie, each in the middle of its taxels; None if that is unknown, or if two coincide.
 
-    A row of a grid has the positions of its columns.
+    Also None for a row, whose ``columns`` already say where its places lie.
     """
     known = layout.places
     in_a_row = layout.columns == layout.taxels
@@ -77,11 +90,13 @@ def _positions(layout: SensorLayout, places: _Places) -> tuple[tuple[float, floa
 
 
 def _middle(positions: FloatArray) -> tuple[float, float]:
+    """Return the mean of (x, y) positions, (taxels, 2)."""
     x, y = positions.mean(axis=0)
     return float(x), float(y)
 
 
 def _names(layout: SensorLayout, places: _Places) -> tuple[str, ...] | None:
+    """Return the names of the taxels that are read; None if there are none, or if taxels are merged."""
     if layout.names is None or layout.surfaces > 1 or places.joins:
         return None
     return tuple(layout.names[taxel] for taxel in places.in_order)
@@ -90,25 +105,28 @@ def _names(layout: SensorLayout, places: _Places) -> tuple[str, ...] | None:
 def selected(
     recordings: Recordings, selection: ChannelSelection, merged_polarities: int
 ) -> Recordings:
-    """Return the channels that are read of recordings whose polarities are merged, if they are to be.
+    """Return recordings of the channels that a selection leaves.
 
-    ``merged_polarities``: how many the sensor has, where they have been merged. Raises ``InputError`` for
-    recordings of unknown channels, and for a selection that they do not have.
+    The caller has merged their polarities already if the selection asks for it; ``merged_polarities`` is how many the
+    sensor had before. Raises ``InputError`` for recordings of which it is unknown which channel is which taxel, and for
+    a selection that they do not have.
     """
     if selection == ChannelSelection():
         return recordings
-    own = recordings.channels
-    if own is None:
+    sensor = recordings.channels
+    if sensor is None:
         what = "it is not known which channels belong to a taxel, so none can be picked or merged"
         fix = "Give --grid WxH, --layout FILE, or --channels N, with --polarities."
         raise InputError(f"recordings {recordings.source!r}", what, fix=fix)
-    polarities = merged_polarities if selection.merge_polarities else own.polarities
-    recorded = RecordedChannels(own.columns, own.rows, polarities, selection)
+    polarities = merged_polarities if selection.merge_polarities else sensor.polarities
+    recorded = RecordedChannels(sensor.columns, sensor.rows, polarities, selection)
     if selection.merges_polarities_at_most:
-        # Where only events show how large the sensor is, another recording may show more of it.
-        return recordings if own.reached else replace(recordings, recorded=recorded)
-    places = _places(selection, own.pixels, own.polarities)
-    cells = own.numbers().reshape(own.pixels, own.polarities)[:, places.polarities]
+        # Where only events show how large the sensor is, another recording may show more of it, so
+        # its size is not stored for later recordings.
+        return recordings if sensor.reached else replace(recordings, recorded=recorded)
+    places = _places(selection, sensor.pixels, sensor.polarities)
+    channel_of_taxel = sensor.numbers().reshape(sensor.pixels, sensor.polarities)
+    cells = channel_of_taxel[:, places.polarities]
     channels = [
         recordings.spikes[:, :, cells[members, number]].max(axis=2)
         for members in places.taxels
@@ -117,21 +135,24 @@ def selected(
     return replace(
         recordings,
         spikes=np.stack(channels, axis=2),
-        channels=_channels(own, places),
+        channels=_channels(sensor, places),
         recorded=recorded,
     )
 
 
-def _channels(own: Channels, places: _Places) -> Channels:
-    """Return the places as pixels: those of the grid where each of its taxels is one of them."""
+def _channels(sensor: Channels, places: _Places) -> Channels:
+    """Return the places as pixels: the sensor's own if all of its taxels are read, else a row of places."""
     polarities = len(places.polarities)
-    if len(places.taxels) == own.pixels:
-        return Channels(own.columns, own.rows, polarities, reached=own.reached)
+    if len(places.taxels) == sensor.pixels:
+        return Channels(sensor.columns, sensor.rows, polarities, reached=sensor.reached)
     return Channels(len(places.taxels), 1, polarities)
 
 
 def selected_count(channels: int, polarities: int, selection: ChannelSelection) -> int:
-    """Return how many of the channels of a sensor remain; ``InputError`` for a selection that it does not have."""
+    """Return how many channels a selection leaves of a sensor of ``channels`` with ``polarities`` per taxel.
+
+    Raises ``InputError`` for a selection that it does not have.
+    """
     places = _places(
         replace(selection, merge_polarities=False),
         channels // polarities,
@@ -141,25 +162,30 @@ def selected_count(channels: int, polarities: int, selection: ChannelSelection) 
 
 
 def _places(selection: ChannelSelection, taxels: int, polarities: int) -> _Places:
-    """Return the places of a selection from so many taxels of so many polarities."""
+    """Return the places that a selection makes of ``taxels`` taxels with ``polarities`` each."""
     numbers = np.arange(taxels)
     if selection.only_taxels is not None:
         numbers = taxel_numbers(selection.only_taxels, taxels)
-    wanted: tuple[int, ...] = tuple(range(polarities))
+    kept_polarities: tuple[int, ...] = tuple(range(polarities))
     if selection.only_polarity is not None:
         if polarities == 1:
             what = "the sensor has one polarity, so none can be picked"
             fix = "Leave it out, or add --polarities 2."
             raise InputError("only_polarity", what, fix=fix)
-        wanted = (selection.only_polarity,)
+        kept_polarities = (selection.only_polarity,)
     if selection.merge_channels is None:
-        return _Places(tuple(numbers[:, np.newaxis]), wanted)
-    count = _merged_places(selection.merge_channels, len(numbers), len(wanted))
-    return _Places(tuple(np.array_split(numbers, count)), wanted)
+        one_taxel_each = tuple(numbers[:, np.newaxis])
+        return _Places(one_taxel_each, kept_polarities)
+    count = _merged_places(selection.merge_channels, len(numbers), len(kept_polarities))
+    # As equal as possible: if the taxels do not divide evenly, the first places have one more.
+    return _Places(tuple(np.array_split(numbers, count)), kept_polarities)
 
 
 def _merged_places(channels: int, taxels: int, polarities: int) -> int:
-    """Return how many places so many channels are."""
+    """Return the number of places whose ``polarities`` together are the ``channels`` that an option asks for.
+
+    Raises ``InputError`` if these are more than the ``taxels`` have, or not a multiple of ``polarities``.
+    """
     most = taxels * polarities
     fix = "Give fewer, or leave it out."
     check_most(channels, most, "merge_channels", "there are fewer channels to merge", fix=fix)
@@ -181,6 +207,7 @@ def taxel_numbers(text: str, taxels: int) -> IntArray:
             raise _not_taxels(text, taxels)
         numbers += range(int(ends[0]), int(ends[-1]) + 1)
         if len(numbers) > taxels:
+            # They cannot be different taxels any more; a longer list would only cost memory.
             break
     in_sensor = bool(numbers) and min(numbers) >= 1 and max(numbers) <= taxels
     if not in_sensor or len(set(numbers)) < len(numbers):
@@ -199,26 +226,30 @@ def _not_taxels(text: str, taxels: int) -> InputError:
 
 
 def asked_selection(options: object) -> ChannelSelection:
-    """Return the selection that the options :data:`SELECTING` ask for, which are attributes; None is not given."""
+    """Return the selection that parsed options ask for: their attributes :data:`SELECTING`, None if not given."""
     values = picked(options, *SELECTING)
     return ChannelSelection(**values | {"merge_polarities": bool(values["merge_polarities"])})
 
 
 def recorded_entries(recorded: RecordedChannels) -> dict[str, Any]:
-    """Return a sensor and what is read of it as the entries of a checkpoint's training."""
+    """Return a sensor and its selection as entries of the dict ``training`` of a checkpoint."""
     sizes = picked(recorded, *_SIZES)
     entries = {f"recorded_{name}": size for name, size in sizes.items()}
     return entries | picked(recorded.selection, *SELECTING)
 
 
 def recorded_in(training: Mapping[str, Any], channels: int) -> RecordedChannels | None:
-    """Return what the entries of a training say; None where they do not make so many channels."""
+    """Return the sensor and selection in the ``training`` of a checkpoint, the inverse of :func:`recorded_entries`.
+
+    None if there are none, if they make no sense, or if they do not leave the ``channels`` of the network.
+    """
     sizes: dict[str, Any] = {name: training.get(f"recorded_{name}") for name in _SIZES}
     if None in sizes.values():
         return None
     values: dict[str, Any] = {name: training.get(name) for name in SELECTING}
     values["merge_polarities"] = values["merge_polarities"] is True
-    # A checkpoint is a file of a stranger, and its training is only what it says of itself.
+    # A checkpoint may come from a stranger, and these entries are only what it says of itself: if they
+    # are wrong, recordings are read as they are.
     try:
         recorded = RecordedChannels(**sizes, selection=ChannelSelection(**values))
         remain = selected_count(recorded.count, recorded.polarities, recorded.selection)

@@ -1,7 +1,10 @@
-"""Sensors: the channels they have, and where these lie. NeuTouch is one; a grid, a count or a YAML file defines others.
+"""Sensors: how many channels they have, and where these lie.
 
-The tables of NeuTouch are in ``neutouch.json``. Sources: Kang et al. 2022 and its released configuration; coordinates
-and edges from the TactileSGNet release (Gu et al. 2020).
+A tactile sensor has surfaces (such as fingertips) with taxels, which are single touch-sensitive points; an event camera
+is one surface with a grid of pixels, which are called taxels here as well. NeuTouch, the sensor of the published
+location networks, is built in; its tables are in ``neutouch.json``. Others are described by options (a grid, or a
+number of channels) or by a YAML file. Sources of NeuTouch's tables: Kang et al. 2022 and its released configuration;
+coordinates and edges from the TactileSGNet release (Gu et al. 2020).
 """
 
 import json
@@ -41,7 +44,7 @@ MANUAL_EDGES: tuple[tuple[int, int], ...] = tuple((a, b) for a, b in _FILE["edge
 #: own cell, and the squared distances between taxels and the middles of their cells have the smallest possible sum.
 FRAME_OF_TAXELS: tuple[tuple[int, ...], ...] = tuple(map(tuple, _FILE["frame"]))
 _LEAST = 5
-"""Fewest rows and columns of a frame that two kernels of size 3 can convolve."""
+"""Fewest rows and columns of a frame: two convolutions by kernels of size 3, unpadded, leave one pixel of 5 x 5."""
 _FIX = "Correct the layout of the sensor."
 
 
@@ -49,12 +52,15 @@ Coordinate = Annotated[float, between(-1e9, 1e9)]
 
 
 class SensorLayout(Frozen):
-    """The channels of a sensor: equal ``surfaces``, such as fingertips, each with ``taxels`` of ``polarities``.
+    """The channels of a sensor, and where they lie.
 
-    channel = polarities * taxel + polarity, where taxels are counted from 0 through all surfaces. ``positions`` are the
-    (x, y) of the taxels of one surface, in any unit. A grid of ``columns`` has its own positions, row by row. ``names``
-    are those of the taxels of one surface, if they have names. Raises ``InputError`` for layouts that contradict
-    themselves.
+    - ``surfaces``: number of equal parts, such as fingertips; ``taxels``: taxels of each surface; ``polarities``: of
+      each taxel. channel = polarities * taxel + polarity, where taxels are counted from 0 through all surfaces.
+    - ``columns``: width of the grid of a surface, whose taxels are numbered row by row; None if it is not a grid
+    - ``positions``: the (x, y) of the taxels of one surface, in any unit, if known; a grid has its own
+    - ``names``: names of the taxels of one surface, if they have names
+
+    Raises ``InputError`` for layouts that contradict themselves.
     """
 
     name: str
@@ -68,7 +74,8 @@ class SensorLayout(Frozen):
     def __post_init__(self) -> None:
         most = {"polarities": 2, "columns": self.taxels}
         for what in ("taxels", "polarities", "surfaces", "columns", "channels"):
-            value, limit = getattr(self, what), most.get(what, MAX_CHANNELS)
+            value = getattr(self, what)
+            limit = most.get(what, MAX_CHANNELS)
             if value is not None and not 1 <= value <= limit:
                 raise self._refused(
                     f"its {what} are out of range", f"got {value} against 1..{limit}"
@@ -95,9 +102,9 @@ class SensorLayout(Frozen):
 
     @property
     def laid_out(self) -> bool:
-        """Whether anything is known but a number of channels."""
+        """Whether anything but the number of channels is known."""
         return self.polarities == 2 or any(
-            one is not None for one in (self.columns, self.positions, self.names)
+            detail is not None for detail in (self.columns, self.positions, self.names)
         )
 
     @property
@@ -109,14 +116,13 @@ class SensorLayout(Frozen):
     def places(self) -> FloatArray | None:
         """(x, y) of the taxels of one surface, (taxels, 2); None if their positions are not known."""
         if self.columns is not None:
-            return np.stack(np.divmod(np.arange(self.taxels), self.columns)[::-1], axis=1).astype(
-                np.float64
-            )
+            row, column = np.divmod(np.arange(self.taxels), self.columns)
+            return np.stack([column, row], axis=1).astype(np.float64)
         return None if self.positions is None else np.array(self.positions, dtype=np.float64)
 
     @property
     def inputs(self) -> Channels | None:
-        """Its channels as pixels; None for NeuTouch, where events may count taxels or channels."""
+        """Its channels as pixels; None for NeuTouch, whose files of events may count either taxels or channels."""
         if self.is_neutouch:
             return None
         places = self.surfaces * self.taxels
@@ -125,7 +131,7 @@ class SensorLayout(Frozen):
         return Channels(self.columns, places // self.columns, self.polarities)
 
     def needed_places(self, where: str) -> FloatArray:
-        """Return the places; ``InputError`` if there are none. ``where`` names what needs them."""
+        """Return :attr:`places`; ``InputError`` if they are unknown. ``where`` names what needs them."""
         if (places := self.places) is None:
             what = f"it needs to know where the taxels lie, and sensor {self.name!r} does not give their positions"
             raise InputError(where, what, fix="Give --grid WxH, or --layout FILE with positions.")
@@ -148,7 +154,10 @@ def neutouch(fingertips: int = 1) -> SensorLayout:
 
 
 def grid_layout(known: Channels | None) -> SensorLayout | None:
-    """Return the layout of a grid that recordings state; None if they do not, or only show how far events reach."""
+    """Return the layout of the grid that recordings state.
+
+    None if they state none, if only their events show how large it is, and if it has more than two polarities.
+    """
     if known is None or not known.is_grid or known.reached or known.polarities > POLARITIES:
         return None
     name = f"grid {known.columns}x{known.rows}"
@@ -164,9 +173,9 @@ def asked_layout(
 ) -> SensorLayout | None:
     """Return the layout that options ask for, or None if they ask for none; ``InputError`` if they ask for two.
 
-    - ``grid``: columns x rows, by default with two ``polarities``
+    - ``grid``: a text, columns x rows such as ``34x34``, by default with two ``polarities``
     - ``channels``: a number of channels, by default with one polarity; without positions, or on a grid of ``columns``
-    - ``layout``: a file
+    - ``layout``: the name of a file
     """
     if columns is not None and channels is None:
         what = "the grid or the layout has columns of its own"
@@ -215,21 +224,23 @@ def read_layout(path: Path) -> SensorLayout:
 
 
 def parse_layout(document: Mapping[Any, Any], where: str) -> SensorLayout:
-    """Return the layout of a mapping with the fields of :class:`SensorLayout`; positions or names count its taxels.
+    """Return the layout of a mapping with the fields of :class:`SensorLayout`.
 
-    Raises ``InputError`` for anything else.
+    ``taxels`` may be missing if there are positions or names, whose number it then is. Raises ``InputError`` for
+    anything else.
     """
     values = dict(document)
-    counted = values.get("positions", values.get("names"))
-    if isinstance(counted, list | tuple):
-        values.setdefault("taxels", len(counted))
+    per_taxel = values.get("positions", values.get("names"))
+    if isinstance(per_taxel, list | tuple):
+        values.setdefault("taxels", len(per_taxel))
     return RecordReader(where, _FIX).record(SensorLayout, values)
 
 
 def frame_size(layout: SensorLayout) -> tuple[int, int]:
-    """Return the rows and columns of the frame on which a surface is laid out: those of a grid, or NeuTouch's 9 x 7.
+    """Return the rows and columns of the frame of a surface: those of a grid, or NeuTouch's 9 x 7.
 
-    Raises ``InputError`` for any other sensor, and for a grid that is too small for two convolutions.
+    A frame is an image with a cell for every taxel, which the network ``cnn-3d`` convolves. Raises ``InputError`` for
+    any other sensor, and for a grid that is too small for two convolutions.
     """
     if layout.is_neutouch:
         return len(FRAME_OF_TAXELS), len(FRAME_OF_TAXELS[0])

@@ -1,4 +1,7 @@
-"""Folders and archives of whole sets, a file or several for each part, as ``train.npz`` and ``test.npz``."""
+"""Read folders and archives whose files are whole sets of recordings, such as ``train.npz`` and ``test.npz``.
+
+Each part, train or test, may be one file or several, which are then joined.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +21,7 @@ from locsnn_compile.errors import InputError
 
 
 def holds_sets(path: Path) -> bool:
-    """Tell whether a folder or archive holds whole sets, not a file for each recording."""
+    """Return whether a folder or archive holds whole sets, rather than a file for each recording."""
     with open_members(path) as members:
         return bool(members.sets)
 
@@ -36,10 +39,10 @@ def read_sets(
         names = members.sets_of_part(members.known_part(split))
         members.check_total(names)
         read = [_read(path, members, name, binning, asked_seconds) for name in names]
-    called = [PurePosixPath(name).name for name in names]
+    file_names = [PurePosixPath(name).name for name in names]
     if len(read) == 1:
-        return replace(read[0], source=f"{path.name}, {called[0]}")
-    joined = _joined(read, called, members.where)
+        return replace(read[0], source=f"{path.name}, {file_names[0]}")
+    joined = _joined(read, file_names, members.where)
     return replace(joined, source=f"{path.name}, {len(read)} files")
 
 
@@ -70,6 +73,7 @@ def _joined(parts: Sequence[Recordings], names: Sequence[str], where: str) -> Re
     check_size(samples, steps, channels, where)
     class_names = _all_class_names(parts)
     if class_names is not None:
+        # Files may name different classes, or the same in another order: labels are renumbered.
         parts = [with_classes(part, class_names) for part in parts]
     spikes = np.concatenate([part.with_steps(steps).spikes for part in parts])
     return replace(
@@ -82,6 +86,7 @@ def _joined(parts: Sequence[Recordings], names: Sequence[str], where: str) -> Re
 
 
 def _check_alike(first: Recordings, part: Recordings, names: tuple[str, str], where: str) -> None:
+    """Refuse two files, called ``names``, that differ in channels, in labels or none, or in the width of bins."""
     channels, others = first.spikes.shape[2], part.spikes.shape[2]
     if channels != others:
         what = "its files hold recordings of different sensors"
@@ -102,11 +107,13 @@ def _check_alike(first: Recordings, part: Recordings, names: tuple[str, str], wh
 
 
 def _width(recordings: Recordings) -> str:
+    """Return the width of a bin in words."""
     seconds = recordings.step_seconds
     return "unknown" if seconds is None else f"{seconds:g} s"
 
 
 def _all_labels(parts: Sequence[Recordings]) -> IntArray | None:
+    """Return the labels of all files; None if they have none. :func:`_check_alike` has refused a mixture."""
     labels = [part.labels for part in parts if part.labels is not None]
     return np.concatenate(labels) if labels else None
 

@@ -1,4 +1,7 @@
-"""Figures about recordings: rates, silence, polarity, and the channels that are busy or dead."""
+"""Figures about recordings: rates, silence, polarity, and the channels that are busy or dead.
+
+They show whether files were read as intended, before anything is trained or compiled on them.
+"""
 
 from typing import Any
 
@@ -9,7 +12,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch
 
 BUSIEST = 5
-"""Busiest channels that are named."""
+"""How many of the busiest channels are listed."""
 
 
 def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None) -> dict[str, Any]:
@@ -20,8 +23,8 @@ def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None)
     - ``labels``: number of recordings of each class
     - ``rate_hz_per_channel``: None if the width of a bin is not known
     - ``polarity``: shares of the events; None if taxels have one polarity, or if nothing is known of them
-    - ``silence``: recordings without events; of the others, steps before the first and after the last event; and the
-      share of all steps without an event
+    - ``silence``: number of recordings without events; in the others, the number of steps before the first and after
+      the last event; and the share of all steps without an event
     - ``binning`` (what reading left out) and ``class_names``: only if there are any
     """
     spikes = recordings.spikes
@@ -76,11 +79,12 @@ def _rate_hz(recordings: Recordings, events: int) -> float | None:
 def _silence(has_event: BoolArray) -> dict[str, Any]:
     """Return figures of steps without events, given which steps have some, (samples, steps)."""
     is_empty = ~has_event.any(axis=1)
-    of_others = has_event[~is_empty]
+    not_empty = has_event[~is_empty]
+    # argmax returns the first step with an event; of the reversed steps, the last one from the end.
     return {
         "empty_recordings": int(is_empty.sum()),
-        "start_steps": _mean_and_ends(of_others.argmax(axis=1)),
-        "end_steps": _mean_and_ends(np.flip(of_others, axis=1).argmax(axis=1)),
+        "start_steps": _mean_and_ends(not_empty.argmax(axis=1)),
+        "end_steps": _mean_and_ends(np.flip(not_empty, axis=1).argmax(axis=1)),
         "share_of_steps": float(1 - has_event.mean()),
     }
 
@@ -123,7 +127,7 @@ def channel_place(channel: int, sensor: SensorLayout) -> str:
 
 
 def _mean_and_ends(values: IntArray) -> dict[str, float]:
-    """Return mean, least and most over recordings; of none, 0."""
+    """Return mean, minimum and maximum over recordings; 0 each if there are none."""
     if not len(values):
         values = np.zeros(1, dtype=np.int64)
     return {"mean": float(values.mean()), "least": int(values.min()), "most": int(values.max())}

@@ -1,4 +1,6 @@
-"""Synthetic touches with a sensor's layout, for checks without recordings. They do not model any real object.
+"""Synthetic touches with a sensor's layout, for tests and demonstrations without recordings.
+
+They do not model any real object.
 
 A contact with the round pressure profile p = exp(-d^2 / (2 r^2)) strokes over the fingertip: it comes down, moves to
 and fro along a line through the taxels, and lifts. A taxel fires rising events while its pressure grows and falling
@@ -67,6 +69,8 @@ def synthetic_touches(  # noqa: PLR0913 - public: each is an option of its own
     )
     spikes = np.empty((samples, steps, sensor.channels), dtype=np.uint8)
     for sample, label in enumerate(labels):
+        # A generator per recording, so that the first n are the same however many are made. PCG64 is
+        # named because numpy may change its default generator.
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, sample])))
         spikes[sample] = _touch(int(label), classes, steps, sensor, rng)
     return Recordings(spikes, labels, step_seconds, "synthetic touches", "made up")
@@ -88,15 +92,17 @@ def _touch(
     label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.random.Generator
 ) -> BoolArray:
     """Return the events (steps, channels) of one recording."""
+    # The class decides direction, number of strokes and beginning, each with some scatter.
     angle = 2 * math.pi * label / classes + rng.normal(0, 0.1)
     strokes = 1.0 + label % 3
     begin = (0.05 + 0.1 * (label % 2) + rng.uniform(0, 0.03)) * steps
     length = (0.75 + rng.uniform(-0.03, 0.03)) * steps
     time = (np.arange(steps) - begin) / length
-    # Pressed down and lifted within a twentieth of the touch each.
+    # From here on, time runs from 0 to 1 during the touch. The contact is pressed down within its
+    # first twentieth and lifted within its last.
     force = np.clip(20 * time, 0, 1) * np.clip(20 * (1 - time), 0, 1)
     along = REACH_MM * np.cos(2 * math.pi * strokes * time)
-    aside = rng.normal(0, 1.0)
+    aside = rng.normal(0, 1.0)  # millimetres between the line of the strokes and the middle
     centre_x = math.cos(angle) * along - math.sin(angle) * aside
     centre_y = math.sin(angle) * along + math.cos(angle) * aside
     taxels = _places_mm(sensor)
@@ -115,13 +121,15 @@ def _touch(
         )
     share = _scaled(activity.reshape(steps, -1), EVENT_SHARE * (1 - NOISE_SHARE))
     noise = EVENT_SHARE * NOISE_SHARE
+    # The probability that at least one of two independent causes makes an event.
     return rng.random(share.shape) < share + noise - share * noise
 
 
 def _scaled(activity: FloatArray, mean: float) -> FloatArray:
-    """Return ``activity`` as probabilities of at most 0.9 with this ``mean``, as far as the activity allows it."""
+    """Return probabilities of at most 0.9, proportional to ``activity`` below that, with this ``mean`` if possible."""
     share = activity
-    # Clipping lowers the mean. A few rounds of rescaling restore it through the values that are not clipped.
+    # Clipping lowers the mean, and rescaling raises the values that are not clipped to restore it. Eight
+    # rounds come close enough; the number was chosen by hand, as was 0.9.
     for _ in range(8):
         total = float(share.mean())
         if total == 0:

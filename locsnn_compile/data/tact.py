@@ -1,13 +1,16 @@
-"""Raw NeuTouch text, ``.tact``: one event per line, ``polarity cell_index timestamp_seconds``.
+"""Raw recordings of the tactile sensor NeuTouch: text files ``.tact``, and ``.startend`` files of times next to them.
 
-In VT_SNN's own files, whole seconds are followed by nanoseconds. The 80 cells are numbered from 1, but 17 and 49 do not
-exist; the other 78 are the taxels of two fingertips, 39 each. The files do not say more, so we assume that cells 1..40
-are the first fingertip and 41..80 the second, with taxels in the order of their cells, and that polarity 1 is rising
-pressure (polarity 0 of a taxel), and 0 or -1 falling pressure (polarity 1).
+A ``.tact`` file has one event per line, ``polarity cell_index timestamp_seconds``. In the published files (VT_SNN's),
+the line has whole seconds and then nanoseconds. The 80 cells are numbered from 1, but 17 and 49 do not exist; the other
+78 are the taxels of two fingertips, 39 each. The files do not say more, so we assume that cells 1..40 are the first
+fingertip and 41..80 the second, with taxels in the order of their cells, and that polarity 1 is rising pressure
+(polarity 0 of a taxel), and 0 or -1 falling pressure (polarity 1).
+
+In the recordings, a robot grasps, lifts and holds an object (6.5 s), or an object slips in its grasp (0.15 s). A
+``.startend`` file gives the times of these phases of the movement.
 """
 
 import math
-from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -19,18 +22,21 @@ from locsnn_compile.errors import InputError, counted
 
 CELLS = 80
 MISSING_CELLS = (17, 49)
-#: The phases whose times a ``.startend`` file gives, in this order; for a slip, the first four.
+#: The phases of the movement whose times a ``.startend`` file gives, in this order; for a slip, the first four.
 PHASES = ("start", "reaching", "reached", "grasping", "lifting", "holding")
-SLIP_PHASES = len(PHASES) - 2
+SLIP_PHASES = 4
+"""How many times there are in the ``.startend`` file of a slip."""
 #: Classes of slip in their published order.
 SLIP_CLASSES = ("stable", "rotate")
 #: How long grasp, lift and hold last together, starting at ``grasping``, and how long a slip lasts, from ``reaching``.
 GRASP_SECONDS, SLIP_SECONDS = 6.5, 0.15
 SLIP_STEP_SECONDS = 0.001
+"""Width of a bin for slips, unless another is stated: a slip then has 150 steps."""
 
 _CELL_OF_TAXEL = [cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS]
 _TAXEL_OF_CELL = {cell: taxel for taxel, cell in enumerate(_CELL_OF_TAXEL)}
 _CELLS = f"1 to {CELLS} without {MISSING_CELLS[0]} and {MISSING_CELLS[1]}"
+"""The numbers of cells, in errors."""
 _PLANES = {1: 0, 0: 1, -1: 1}
 """Polarity in a file -> that of a taxel."""
 #: Channels of a file: two fingertips with two polarities.
@@ -38,24 +44,34 @@ CHANNELS = 2 * len(_TAXEL_OF_CELL)
 
 
 def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: str) -> EventStream:
-    """Return the events in the bytes of a ``.tact`` file, times in microseconds from its begin; x counts taxels.
+    """Return the events in the bytes of a ``.tact`` file, times in microseconds from the beginning; x counts taxels.
 
     With the bytes of a ``.startend`` file, the recording is the 6.5 s that start at "grasping". If that file has the
     four times of a slip, it is the 0.15 s that start at "reaching", by default in bins of 1 ms. Without such a file, it
     runs from the first event to the last. Raises ``InputError`` with the number of a line that is not an event.
     """
     channels, seconds = _parse(data, where)
-    start, span_seconds = (
-        (min(seconds), None) if startend is None else _stretch(startend, startend_where)
-    )
-    times = np.array([float((one - start).scaleb(6)) for one in seconds])
-    places = channels // 2, None, channels % 2
+    start = min(seconds)
+    span_seconds = None
+    if startend is not None:
+        start, span_seconds = _stretch(startend, startend_where)
+    # Subtracted as decimals, because as a float a time on the edge of a bin may lie just before it.
+    times = np.array([float((second - start).scaleb(6)) for second in seconds])
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else None
-    stream = EventStream(
-        times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where
+    return EventStream(
+        times,
+        x=channels // 2,
+        y=None,
+        polarity=channels % 2,
+        start=0.0,
+        span_seconds=span_seconds,
+        channels=CHANNELS,
+        polarities=2,
+        step_seconds=width,
+        place=where,
+        if_too_long="Give a .startend file next to it, or wider bins.",
+        start_is_fixed=True,
     )
-    way_out = "Give a .startend file next to it, or wider bins."
-    return replace(stream, if_too_long=way_out, start_is_fixed=True)
 
 
 def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> bytes:
@@ -96,10 +112,7 @@ def tact_files(events: EventsToWrite) -> dict[str, bytes]:
 
 
 def _exact(text: str) -> Decimal:
-    """Return a number as it is written, NaN if a float cannot hold it.
-
-    As a float, a time on the edge of a bin may lie just before it.
-    """
+    """Return a number exactly as it is written; NaN if a float cannot hold it, ``ValueError`` if it is not a number."""
     return Decimal(text) if math.isfinite(float(text)) else Decimal("nan")
 
 
@@ -112,17 +125,16 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, list[Decimal]]:
         if not fields:
             continue
         try:
-            polarity, cell, time, *rest = (field.decode("ascii") for field in fields)
-            (nanoseconds,) = rest or ("0",)
+            polarity, cell, time, *more = (field.decode("ascii") for field in fields)
+            # At most one more field: unpacking raises ValueError for others.
+            (nanoseconds,) = more or ("0",)
             channel = 2 * _TAXEL_OF_CELL[int(cell)] + _PLANES[int(polarity)]
             seconds.append(_exact(time) + _exact(nanoseconds).scaleb(-9))
             if not seconds[-1].is_finite():
                 raise ValueError
         except (ValueError, KeyError, ArithmeticError):
-            place, measured = (
-                f"{where}, line {number}",
-                f"got {line.decode('ascii', 'replace').strip()[:40]!r}",
-            )
+            place = f"{where}, line {number}"
+            measured = f"got {line.decode('ascii', 'replace').strip()[:40]!r}"
             fix = f"Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 or -1, a cell of {_CELLS}."
             raise InputError(place, "it is not an event", measured=measured, fix=fix) from None
         channels.append(channel)
@@ -132,7 +144,11 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, list[Decimal]]:
 
 
 def _stretch(data: bytes, where: str) -> tuple[Decimal, float]:
-    """Return the begin and length of a recording, from lines ``grasping <seconds>``, or from six or four numbers."""
+    """Return (start, length) of a recording in seconds, from the text of a ``.startend`` file.
+
+    The text has the names of phases, each followed by its time, or just the numbers: six for a grasp,
+    four for a slip. Raises ``InputError`` if it does not say when the recording starts.
+    """
     words = data.decode("ascii", "replace").replace(",", " ").replace(":", " ").split()
     times: list[Decimal] = []
     named: dict[str, Decimal] = {}
@@ -145,11 +161,13 @@ def _stretch(data: bytes, where: str) -> tuple[Decimal, float]:
             named[words[index - 1].lower()] = times[-1]
     if len(times) == SLIP_PHASES and not named and times[1].is_finite():
         return times[1], SLIP_SECONDS
-    grasping = named.get(
-        "grasping", times[3] if len(times) == len(PHASES) and not named else Decimal("nan")
-    )
+    if len(times) == len(PHASES) and not named:
+        grasping = times[PHASES.index("grasping")]
+    else:
+        grasping = named.get("grasping", Decimal("nan"))
     if not grasping.is_finite():
-        what, measured = "it does not give the time of 'grasping'", counted(len(times), "number")
+        what = "it does not give the time of 'grasping'"
+        measured = counted(len(times), "number")
         raise InputError(
             where, what, measured=measured, fix=f"Give the times of {', '.join(PHASES)}."
         )

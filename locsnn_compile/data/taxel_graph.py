@@ -1,6 +1,9 @@
-"""Which taxels of a surface are neighbours: the graphs of TactileSGNet, for any sensor with known positions.
+"""Which taxels of a surface are neighbours, for layers of graph convolution over a tactile sensor.
 
-Source of the three kinds: Gu et al., IROS 2020. Edges are undirected here, and each is held once.
+A taxel is one touch-sensitive point, and a surface is one of the sensor's equal parts, such as a
+fingertip. The three kinds of graph are those of TactileSGNet (Gu et al., IROS 2020), built here for
+any sensor whose taxels have positions. Edges are undirected, and each is listed once, as a pair of
+taxel numbers from 1 with the lower one first.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,9 +16,10 @@ from locsnn_compile.data.sensor import MANUAL_EDGES, SensorLayout
 from locsnn_compile.errors import InputError, check_known, check_most
 
 Edges = tuple[tuple[int, int], ...]
+"""Sorted pairs of 1-based taxel numbers, the lower one first."""
 GRAPHS = ("manual", "nearest", "tree")
 MAX_TAXELS = 4_096
-"""Most taxels of a surface: their distances are a table of 128 MiB."""
+"""Most taxels of a surface: the distances between all pairs of these are a table of 128 MiB."""
 
 
 def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: float) -> Edges:
@@ -23,8 +27,8 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
 
     - ``manual``: edges drawn by hand, for NeuTouch only
     - ``nearest``: every taxel and its nearest ``neighbours``; among equally near ones, those with the lowest numbers
-    - ``tree``: the minimum spanning tree that grows from the middle taxel, and all pairs nearer than ``nearer_mm``, in
-      the unit of the layout
+    - ``tree``: the minimum spanning tree that grows from the middle taxel, and all pairs nearer than
+      ``nearer_mm``, which is in millimetres if the positions of the layout are
 
     Raises ``InputError`` for another kind, and for a sensor without the positions that are needed.
     """
@@ -44,16 +48,19 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
     distance: FloatArray = cdist(places, places).round(9)
     if kind == "nearest":
         return _edges(_nearest(distance, neighbours))
-    close = np.argwhere(np.triu(distance < nearer_mm, k=1)).tolist()
-    from_middle = np.square(places - places.mean(axis=0)).sum(axis=1).round(9)
-    tree = _spanning_tree(distance, middle=int(from_middle.argmin()))
-    return _edges([*tree, *((a, b) for a, b in close)])
+    # The triangle above the diagonal has each pair once, and no taxel with itself.
+    close_pairs = np.argwhere(np.triu(distance < nearer_mm, k=1)).tolist()
+    square_from_middle = np.square(places - places.mean(axis=0)).sum(axis=1).round(9)
+    tree = _spanning_tree(distance, middle=int(square_from_middle.argmin()))
+    return _edges([*tree, *((a, b) for a, b in close_pairs)])
 
 
 def _nearest(distance: FloatArray, neighbours: int) -> Iterator[tuple[int, int]]:
-    """Yield every taxel, from 0 on, with each of its nearest ones."""
+    """Yield 0-based pairs of each taxel and one of its nearest ``neighbours``."""
     to_others = distance.copy()
+    # No taxel is its own neighbour.
     np.fill_diagonal(to_others, np.inf)
+    # A stable sort, so that of equally near taxels the one with the lowest number comes first.
     by_distance = np.argsort(to_others, axis=1, kind="stable")
     count = min(neighbours, len(distance) - 1)
     for taxel, others in enumerate(by_distance[:, :count].tolist()):
@@ -62,30 +69,35 @@ def _nearest(distance: FloatArray, neighbours: int) -> Iterator[tuple[int, int]]
 
 
 def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
-    """Return the 0-based edges by which a tree grows from the middle, always to the nearest taxel outside it.
+    """Return the 0-based edges of the minimum spanning tree, by Prim's algorithm from the taxel ``middle``.
 
-    Among equally near ones, it takes the edge from the lowest number inside, then to the lowest outside.
+    Every step adds the taxel outside the tree that is nearest to any taxel inside. Among equally short
+    edges, it takes the one from the lowest number inside, and then the one to the lowest outside, so
+    that equal sensors get equal trees.
     """
-    # Of every taxel outside the tree: the nearest one inside, and how far it is. Inside: infinitely far.
+    # Of every taxel outside the tree: the nearest one inside, and the distance to it. A taxel inside
+    # has distance infinity, so that it is never added again.
     nearest_inside = np.full(len(distance), middle)
-    how_far = distance[middle].copy()
-    how_far[middle] = np.inf
+    distance_to_tree = distance[middle].copy()
+    distance_to_tree[middle] = np.inf
     edges = []
     for _ in range(len(distance) - 1):
-        candidates = np.flatnonzero(how_far == how_far.min())
+        candidates = np.flatnonzero(distance_to_tree == distance_to_tree.min())
+        # The last key of lexsort is the first to sort by.
         first = np.lexsort((candidates, nearest_inside[candidates]))[0]
         added = int(candidates[first])
         edges.append((int(nearest_inside[added]), added))
-        how_far[added] = np.inf
+        distance_to_tree[added] = np.inf
         to_added = distance[added]
-        is_nearer = to_added < how_far
-        is_lower = (to_added == how_far) & (added < nearest_inside)
-        is_better = np.isfinite(how_far) & (is_nearer | is_lower)
-        how_far = np.where(is_better, to_added, how_far)
+        is_nearer = to_added < distance_to_tree
+        is_lower = (to_added == distance_to_tree) & (added < nearest_inside)
+        is_outside = np.isfinite(distance_to_tree)
+        is_better = is_outside & (is_nearer | is_lower)
+        distance_to_tree = np.where(is_better, to_added, distance_to_tree)
         nearest_inside = np.where(is_better, added, nearest_inside)
     return edges
 
 
 def _edges(pairs: Iterable[tuple[int, int]]) -> Edges:
-    """Return sorted 1-based pairs, given 0-based ones that may occur twice or with their ends swapped."""
+    """Return sorted 1-based pairs without repetition, given 0-based pairs in either direction."""
     return tuple(sorted({(min(a, b) + 1, max(a, b) + 1) for a, b in pairs}))

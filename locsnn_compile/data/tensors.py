@@ -1,7 +1,11 @@
 """Tensors of torch's files as numpy arrays, and the names that such a file may use.
 
-Every tensor is looked at before any is made: it must lie within its storage. What numpy cannot hold keeps its name
-and shape: quantised, sparse, nested and meta tensors, and dtypes such as ``torch.float8_e5m2``.
+Files of networks and recordings are read without torch (see :mod:`.torch_file`). The pickle in such a file calls
+functions of torch by name, such as ``torch._utils._rebuild_tensor_v2``; :func:`named` maps every name that is allowed
+to a harmless stand-in, and refuses all others.
+
+Before an array is made, its tensor is checked to lie within its storage. Of tensors that numpy cannot hold, only dtype
+and shape are kept: quantised, sparse, nested and meta tensors, and dtypes such as ``torch.float8_e5m2``.
 """
 
 import math
@@ -25,7 +29,7 @@ _NAMED_AS_IN_NUMPY = (
     "float16 float32 float64 complex64 complex128"
 )
 _KINDS = {f"torch.{name}": np.dtype(name) for name in _NAMED_AS_IN_NUMPY.split()}
-_KINDS["torch.bfloat16"] = np.dtype("uint16")  # numpy has none: it is the upper half of a float32
+_KINDS["torch.bfloat16"] = np.dtype("uint16")  # numpy lacks it: it is the upper half of a float32
 """The numpy type of the stored values of a dtype."""
 _STORAGES = {
     "Double": "float64",
@@ -50,6 +54,7 @@ _STORAGES = {
 """What the class of a storage says of its values: ``torch.FloatStorage`` holds float32. Q is for quantised."""
 _STORAGE = re.compile(r"torch\.(?:cuda\.|storage\.)?(\w+)Storage")
 _VALUE = re.compile(r"torch\.(Tensor|(q?u?int|b?float|bool|bits|complex|per_)\w*)")
+"""Names that are read as plain words: dtypes, and the schemes of quantised tensors (``per_channel_affine``)."""
 
 
 class Name(Frozen):
@@ -59,7 +64,7 @@ class Name(Frozen):
 
 
 def width_of(dtype: str) -> int:
-    """Return the bytes of a value as it is stored."""
+    """Return how many bytes a value of a dtype takes in a storage."""
     if dtype == "torch.qint32":
         return 4
     if dtype in _KINDS:
@@ -69,7 +74,12 @@ def width_of(dtype: str) -> int:
 
 @dataclass(eq=False)
 class Storage:
-    """The bytes that tensors share. ``data`` is set once they are found; ``order`` is their byte order, as in numpy."""
+    """The bytes that tensors share.
+
+    - ``size``: in bytes; ``count``: of values
+    - ``data``: the bytes; None until they are read, which in the old format is after all tensors
+    - ``order``: the byte order, as numpy writes it
+    """
 
     size: int
     count: int
@@ -79,7 +89,10 @@ class Storage:
     """What :meth:`values` returned, by its arguments."""
 
     def values(self, dtype: str, bits: tuple[str, ...]) -> AnyArray:
-        """Return all values as one dtype, read once. ``bits`` has conj if they are conjugated, neg if negated."""
+        """Return all values as one dtype; the result is kept for further calls.
+
+        ``bits`` are torch's lazy flags of a tensor: ``conj`` if its values are to be conjugated, ``neg`` if negated.
+        """
         if (dtype, bits) in self._read:
             return self._read[dtype, bits]
         kind = _KINDS[dtype]
@@ -116,7 +129,7 @@ class Tensor(Frozen, eq=False):
 
     @property
     def dense(self) -> bool:
-        """Tell whether every value is stored in its own place."""
+        """Whether every value is stored in a place of its own, in memory of the CPU."""
         return self.layout == "torch.strided" and self.device == "cpu"
 
     def array(self) -> AnyArray | None:
@@ -142,9 +155,11 @@ class Tensor(Frozen, eq=False):
 
 
 def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> Tensor:
-    """Return a tensor inside another's storage, ``offset`` values after its start; ``ValueError`` if it does not fit.
+    """Return a tensor of a shape and strides inside a storage; stands for torch's ``_rebuild_tensor`` functions.
 
-    ``more`` may hold its dtype, if it is not that of the storage, and a dict of its bits.
+    ``whole`` is the storage as a tensor, and ``offset`` the number of values before the first one. ``more`` may hold a
+    dtype, if it is not that of the storage, and a dict of flags (see ``bits``). Raises ``ValueError`` if it does not
+    lie within the storage.
     """
     if whole.storage is None or type(offset) is not int or offset < 0 or len(size) != len(strides):
         raise ValueError("no part of a storage")
@@ -172,7 +187,7 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
 
 
 def _sizes(numbers: Any) -> tuple[int, ...]:
-    """Return the entries of a shape or of strides; ``ValueError`` for what no array has."""
+    """Return the entries of a shape or of strides as a tuple; ``ValueError`` for any that no array can have."""
     if len(numbers) > MAX_DIMENSIONS or not all(_is_size(n) for n in numbers):
         raise ValueError("no sizes")
     return tuple(numbers)
@@ -204,6 +219,7 @@ def _sparse(layout: Name, parts: Any) -> Tensor:
 
 
 def _word(text: str, *index: int) -> Name:
+    """Return a device or layout by its name; a device may have an index, as in ``cuda:0``."""
     return Name(":".join((text, *map("{:d}".format, index))))
 
 
@@ -212,6 +228,7 @@ def _dict(entries: Any = ()) -> dict[Any, Any]:
     return filled(entries.items() if isinstance(entries, dict) else entries, {})
 
 
+# Each function raises an exception for arguments of other kinds, which readers report as damage.
 _FUNCTIONS: dict[str, Callable[..., object]] = {
     "collections.OrderedDict": _dict,
     "collections.Counter": _dict,
@@ -223,7 +240,9 @@ _FUNCTIONS: dict[str, Callable[..., object]] = {
     "torch.device": _word,
     "torch.serialization._get_layout": _word,
     "torch.nn.parameter.Parameter": lambda data, *_: data,
-    # Attributes are ignored, and only tensors may have them.
+    # Torch wraps a tensor with attributes in this call: (the function that makes it, its class, the
+    # arguments, the attributes). The attributes are ignored. The dict refuses, by a KeyError, every
+    # function but the one for tensors.
     "torch._tensor._rebuild_from_type_v2": lambda made, _, arguments, __: {rebuilt: rebuilt}[made](
         *arguments
     ),

@@ -21,8 +21,14 @@ from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError
 
-_ARCHIVE, _PICKLE, _PROTOCOL = b"PK\x03\x04", b"\x80", 1001
+_ARCHIVE = b"PK\x03\x04"
+"""The first bytes of a zip archive."""
+_PICKLE = b"\x80"
+"""The first byte of a pickle of protocol 2 or later."""
+_PROTOCOL = 1001
+"""The version of the old format, its second pickle."""
 _MAGIC = b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."
+"""The magic number of the old format as it is pickled, behind the two bytes of the pickle's protocol."""
 
 
 def load_plain(data: bytes, where: str, *, fix: str) -> object:
@@ -37,6 +43,7 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
         try:
             if data.startswith(_ARCHIVE):
                 return _from_archive(data, where, fix, budget)
+            # A tar archive has its mark at byte 257.
             if data[257:262] == b"ustar":
                 what = "it is a tar archive, as torch wrote them before 0.1.10"
                 raise InputError(where, what, fix="Load it with an old torch, and save it again.")
@@ -53,10 +60,10 @@ def _storage(
     storages: dict[str, Storage],
     read_storage: Callable[[str, int, int], Storage],
 ) -> Tensor:
-    """Return the tensor that stands for a storage.
+    """Return a storage, which the pickle names by a persistent id, as a flat tensor of all of its values.
 
-    ``storages`` keeps those that were read by their keys; ``read_storage`` reads one of a key, a number of values,
-    and the bytes of each.
+    ``storages`` keeps the storages read so far by their keys. ``read_storage`` returns one, given its key, its number
+    of values, and the bytes of each value.
     """
     if type(persistent_id) is not tuple or persistent_id[0] != "storage":
         raise RefusedError("a module")
@@ -73,13 +80,15 @@ def _storage(
 
 
 def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
+    """Return the value of a file of the format since torch 1.6."""
     archive = BoundedZip(io.BytesIO(data), where, fix)
     names = archive.namelist()
-    # Torch stores its entries without compression, so its files unpack to about their own size.
+    # Torch stores its entries without compression, so its files unpack to about their own size. More
+    # is a zip bomb.
     if archive.unpacked_bytes > 2 * len(data):
         measured = f"{archive.unpacked_bytes} bytes from {len(data)}"
         raise InputError(where, "it unpacks to far more than its size", measured=measured, fix=fix)
-    inside = names[0].split("/")[0]
+    inside = names[0].split("/")[0]  # all entries lie in one folder
     if f"{inside}/constants.pkl" in names:
         raise InputError(
             where, "it is a TorchScript archive", fix="Save the state_dict() with torch.save."
@@ -123,24 +132,31 @@ def _from_stream(data: bytes, budget: Budget) -> object:
     version, _, value, keys = (read_pickle(stream, named, stored, budget) for _ in range(4))
     if version != _PROTOCOL or not isinstance(keys, list) or set(keys) != set(storages):
         raise ValueError("another version, or storages that are missing")
+    # Behind the pickles, the storages follow in the order of their keys: the number of values in 8
+    # bytes, then the values. A memoryview, so that slices do not copy.
     rest = memoryview(data)[stream.tell() :]
     for key in keys:
         storage = storages[key]
-        storage.data, after = rest[8 : 8 + storage.size], rest[8 + storage.size :]
+        storage.data = rest[8 : 8 + storage.size]
         if struct.unpack_from("<q", rest) != (storage.count,) or len(storage.data) < storage.size:
             raise ValueError("a storage that is cut short")
-        rest = after
+        rest = rest[8 + storage.size :]
     return value
 
 
 def torch_bytes(values: dict[str, Any], where: str) -> bytes:
-    """Return the file of a dict of plain values, dicts and arrays; arrays of text become lists, others tensors."""
-    torch, content = needed("torch", "train", where), io.BytesIO()
+    """Return the bytes of a torch file of a dict of plain values, dicts and arrays.
+
+    Arrays of text become lists, others tensors. Raises ``InputError`` if torch is missing.
+    """
+    torch = needed("torch", "train", where)
+    content = io.BytesIO()
     torch.save(_with_tensors(values), content)
     return content.getvalue()
 
 
 def _with_tensors(value: Any) -> Any:
+    """Return a value with tensors in place of arrays, at any depth."""
     import torch
 
     if isinstance(value, dict):

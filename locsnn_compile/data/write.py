@@ -1,4 +1,9 @@
-"""Write recordings, whole or not at all; equal recordings give equal bytes."""
+"""Write recordings to files, folders and zip archives.
+
+A file is written completely or not at all, and equal recordings give equal bytes. Most formats cannot hold everything
+that recordings say (the width of a bin, trailing silence, ...): :func:`write_recordings` returns the options by which
+``read_recordings`` gets the same recordings back.
+"""
 
 from pathlib import Path
 
@@ -23,7 +28,7 @@ from locsnn_compile.errors import InputError, check_known
 
 
 class NotHeld(Frozen):
-    """What a format does not hold, as options of ``read_recordings`` that restore it."""
+    """What a format does not hold: the ``options`` of ``read_recordings`` that restore it, by name."""
 
     options: dict[str, int | float]
 
@@ -52,7 +57,8 @@ def write_recordings(
     """
     path = Path(path)
     recordings = by_pixel(recordings)
-    where, suffix = f"file {path.name!r}", path.suffix
+    where = f"file {path.name!r}"
+    suffix = path.suffix
     check_known(
         where, f"files ending in {suffix!r} are not written", suffix or None, written_suffixes()
     )
@@ -72,11 +78,9 @@ def write_recordings(
         return _not_held(recordings, members, sensor, start=True)
     kind = "events" if structured and suffix in (".npy", ".npz") else suffix[1:]
     replace_file(path, _content(path, recordings, kind, where, sensor), where)
-    return (
-        NotHeld({})
-        if kind in ("npz", "pt")
-        else _not_held(recordings, kind, sensor, timed=suffix == ".npz")
-    )
+    if kind in ("npz", "pt"):
+        return NotHeld({})
+    return _not_held(recordings, kind, sensor, timed=suffix == ".npz")
 
 
 def npz_bytes(recordings: Recordings) -> bytes:
@@ -87,13 +91,14 @@ def npz_bytes(recordings: Recordings) -> bytes:
 
 
 def _check_empty(path: Path) -> None:
+    """Refuse a folder that has files already: readers would take them for recordings of this set."""
     if path.is_dir() and any(path.iterdir()):
         what, fix = "it is not empty, and recordings would mix", "Name a new folder, or a .zip."
         raise InputError(f"folder {path.name!r}", what, fix=fix)
 
 
 def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: Sensor) -> bytes:
-    """Return the bytes of a single file."""
+    """Return the bytes of a single file of a ``kind``: a format's ending, or ``events`` for structured arrays."""
     if kind not in ("npz", "pt"):
         _check_label(path, recordings, kind, where)
     if path.suffix in (".npz", ".pt"):
@@ -121,16 +126,17 @@ def _check_label(path: Path, recordings: Recordings, kind: str, where: str) -> N
             fix=fix,
         )
     label = label_in_name(path.name) if len(recordings) == 1 else None
-    wanted = None if recordings.labels is None else recordings.labels.tolist()
-    if wanted != (None if label is None else [label]):
+    labels_in_name = None if label is None else [label]
+    labels = None if recordings.labels is None else recordings.labels.tolist()
+    # A name with a label is refused for recordings without labels as well: they would come back with one.
+    if labels != labels_in_name:
         what = "this format cannot hold labels, and the file name does not give them"
-        measured = (
-            "none"
-            if wanted is None
-            else f"{len(wanted)} of them"
-            if len(wanted) > 1
-            else f"{wanted[0]}"
-        )
+        if labels is None:
+            measured = "none"
+        elif len(labels) > 1:
+            measured = f"{len(labels)} of them"
+        else:
+            measured = f"{labels[0]}"
         fix = "Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."
         raise InputError(where, what, measured=measured, fix=fix)
 
@@ -151,13 +157,14 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
         "class_names": recordings.class_names,
         "sensor_size": _sensor_size(recordings),
     }
+    # Only where readers might take the sizes of the axes for those of another order.
     if kind != "events" and not is_clear(entries["spikes"].shape):
         more["axes"] = ("samples", "channels", "steps")
     return entries | {name: np.array(value) for name, value in more.items() if value is not None}
 
 
 def _sensor_size(recordings: Recordings) -> tuple[int, int, int] | None:
-    """Return columns, rows and polarities, as Tonic has them; None where only the reach of events is known."""
+    """Return (columns, rows, polarities), as Tonic's ``sensor_size``; None unless the grid of the sensor is known."""
     known = recordings.channels
     if known is None or not known.is_grid or known.reached:
         return None
@@ -165,6 +172,7 @@ def _sensor_size(recordings: Recordings) -> tuple[int, int, int] | None:
 
 
 def _channel_major(spikes: ByteArray) -> ByteArray:
+    """Return spikes (..., steps, channels) as (..., channels, steps), the order of files."""
     return np.ascontiguousarray(spikes.swapaxes(-1, -2))
 
 
@@ -175,25 +183,35 @@ def _cells(recordings: Recordings, sensor: Sensor) -> tuple[int, int]:
     """
     if sensor is not None:
         return sensor.polarities, sensor.columns or COLUMNS
-    return POLARITIES if recordings.spikes.shape[2] % (TAXELS * POLARITIES) == 0 else 1, COLUMNS
+    are_fingertips = recordings.spikes.shape[2] % (TAXELS * POLARITIES) == 0
+    return (POLARITIES if are_fingertips else 1), COLUMNS
 
 
 def _width(recordings: Recordings) -> float:
+    """Return the width of a bin in seconds; that which readers take by default if it is unknown."""
     return STEP_SECONDS if recordings.step_seconds is None else recordings.step_seconds
 
 
 def _to_write(
     recordings: Recordings, index: int, stem: str, where: str, sensor: Sensor
 ) -> EventsToWrite:
+    """Return recording ``index`` as the writers of formats of events take it."""
     polarities, columns = _cells(recordings, sensor)
-    spikes, width = recordings.spikes[index], _width(recordings)
-    return EventsToWrite(spikes, width, polarities, columns, stem, where, index)
+    return EventsToWrite(
+        spikes=recordings.spikes[index],
+        step_seconds=_width(recordings),
+        polarities=polarities,
+        columns=columns,
+        stem=stem,
+        where=where,
+        number=index,
+    )
 
 
 def _one_file(
     recordings: Recordings, index: int, kind: str, stem: str, where: str, sensor: Sensor
 ) -> dict[str, bytes]:
-    """Return the files of one recording by name."""
+    """Return the files of recording ``index`` by name: for most kinds one, for ``tact`` also its file of times."""
     if kind == "npy":
         return {f"{stem}.npy": npy_bytes(_channel_major(recordings.spikes[index]))}
     events = _to_write(recordings, index, stem, where, sensor)
@@ -206,6 +224,7 @@ def _one_file(
 def _member_files(
     recordings: Recordings, kind: str, where: str, sensor: Sensor
 ) -> dict[str, bytes]:
+    """Return the files of a folder or archive by name; numbers have leading zeros, so that names sort like them."""
     digits = len(str(len(recordings) - 1))
     files: dict[str, bytes] = {}
     for index in range(len(recordings)):
@@ -223,25 +242,34 @@ def _not_held(
 
     ``timed``: the file has the width of a bin; ``start``: there is a file for each recording, and for ``.tact`` a
     ``.startend`` file next to it says where it begins.
+
+    Readers of events see only as far as the last step and channel that has an event: ``read_steps`` and
+    ``read_channels`` are the sizes that they would find without options.
     """
     samples, steps, channels = recordings.spikes.shape
     shape = (channels, steps) if start else (samples, channels, steps)
-    width, (polarities, columns) = _width(recordings), _cells(recordings, sensor)
-    active: BoolArray = np.any(recordings.spikes, axis=0)
+    width = _width(recordings)
+    polarities, columns = _cells(recordings, sensor)
+    active: BoolArray = np.any(recordings.spikes, axis=0)  # (steps, channels), in any recording
     begins_silent = not recordings.spikes[:, 0].any(axis=1).all()
-    read_steps, used = (
-        int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0)
-    )
-    read_channels = -(-used // polarities) * polarities
+    read_steps = int(np.flatnonzero(active.any(axis=1)).max(initial=-1)) + 1
+    used_channels = int(np.flatnonzero(active.any(axis=0)).max(initial=-1)) + 1
+    # Divisions round up (-(-a // b)): readers complete the last pixel.
+    read_channels = -(-used_channels // polarities) * polarities
     if kind == "tact":
         read_channels = CHANNELS
-        read_steps = round(GRASP_SECONDS / width) if start else read_steps
-    of_row = columns * polarities
-    fills = -(-used // of_row) * of_row == channels or read_channels == channels
+        if start:
+            read_steps = round(GRASP_SECONDS / width)
+    channels_of_row = columns * polarities
+    # Readers of x and y find the columns if the events reach the last column and fill the grid.
+    fills_rows = -(-used_channels // channels_of_row) * channels_of_row == channels
+    fills_grid = fills_rows or read_channels == channels
     last_column = active.any(axis=0).reshape(-1, polarities)[columns - 1 :: columns]
+    shows_columns = fills_grid and last_column.any()
     # Events of one polarity alone are read as those of a sensor that has no other.
-    both_polarities = active[:, 0::2].any() and active[:, 1::2].any()
-    told = both_polarities and read_channels == channels
+    has_both_polarities = active[:, 0::2].any() and active[:, 1::2].any()
+    shows_polarities = has_both_polarities and read_channels == channels
+    # (option, its value, whether readers need it)
     rows = (
         (
             "step_seconds",
@@ -251,8 +279,12 @@ def _not_held(
         ("channels", channels, not is_clear(shape) if kind == "npy" else read_channels != channels),
         ("start", 0, kind == "events" and begins_silent),
         ("steps", steps, kind != "npy" and read_steps != steps),
-        ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not told),
+        ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not shows_polarities),
         ("polarities", 1, kind == "tact" and polarities == 1),
-        ("columns", columns, kind == "bs2" and used > of_row and not (fills and last_column.any())),
+        (
+            "columns",
+            columns,
+            kind == "bs2" and used_channels > channels_of_row and not shows_columns,
+        ),
     )
     return NotHeld({name: value for name, value, needed in rows if needed and value is not None})

@@ -1,9 +1,14 @@
-"""Try HDF5 files in processes that may die: the C library does not survive all damage.
+"""Read HDF5 files in processes that may crash, because the C library does not survive all damage.
 
-Run as a script with the number of an open connection. A request is the bytes of a file, and the answer is one byte:
-``SURVIVED`` if a separate process read all of it, whatever it found, ``DIED`` if that process crashed, took too much
-memory or did not end, or ``OUT_OF_TIME`` if it used up the processor time that this process inherited, which is no
-fault of the file. It imports nothing of this project, so that it starts at once.
+``read.py`` starts this file as a script, once, with the number of an open connection. A request is the bytes of a
+file. For each, this process forks a child that reads the whole file, and answers with one byte about how the child
+ended:
+
+- ``SURVIVED``: it read everything, whatever it found (even if it raised an ordinary exception)
+- ``DIED``: it crashed, took too much memory or did not end
+- ``OUT_OF_TIME``: it used up the processor time that this process inherited, which is no fault of the file
+
+It imports nothing of this project, so that it starts at once.
 """
 
 import contextlib
@@ -24,7 +29,7 @@ CPU_SECONDS = 5
 WALL_SECONDS = 60
 """Time until such a process is killed, by the clock: generous, because a busy machine may let it wait."""
 MAX_MEMORY_BYTES = 3 << 29
-"""1.5 GiB, more than all datasets that are read need: some damage makes the library ask for gigabytes."""
+"""1.5 GiB, about three times what all datasets that are read need: some damage makes the library ask for gigabytes."""
 MAX_ADDRESSES_BYTES = 8 << 30
 """8 GiB of address space: libraries reserve some that they never use."""
 KIB = 1 if sys.platform == "darwin" else 1024
@@ -44,6 +49,8 @@ def main() -> None:
 
 def outcome(data: bytes) -> int:
     """Read a file in a separate process; return how that process ended."""
+    # Whether the child is ended by the limit that is set here, rather than by a lower one that this
+    # process inherited.
     is_our_limit = CPU_SECONDS <= min(inherited_limits(resource.RLIMIT_CPU), default=CPU_SECONDS)
     pid = os.fork()
     if pid == 0:
@@ -51,24 +58,28 @@ def outcome(data: bytes) -> int:
         lower(resource.RLIMIT_CORE, 0)
         lower(resource.RLIMIT_AS, MAX_ADDRESSES_BYTES)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        # Exceptions do not matter here: whoever reads the file after this reports them.
+        # Exceptions do not matter here: the process that reads the file after this reports them.
         with contextlib.suppress(BaseException), h5py.File(io.BytesIO(data), "r") as file:
             _read(file, MAX_BYTES, set())
         more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * KIB
+        # Ends at once, without the parent's exit handlers, which the fork has copied.
         os._exit(int(more > MAX_MEMORY_BYTES))
+    # In the parent: kill the child after WALL_SECONDS, and wait for it.
     signal.signal(signal.SIGALRM, lambda *_: os.kill(pid, signal.SIGKILL))
     signal.alarm(WALL_SECONDS)
     _, status = os.waitpid(pid, 0)
+    # alarm(0) returns the seconds that were left: 0 if the alarm has gone off.
     late = signal.alarm(0) == 0
     if os.WIFEXITED(status):
         return SURVIVED if os.WEXITSTATUS(status) == 0 else DIED
+    # SIGKILL and SIGXCPU are how the system ends a process whose processor time is used up.
     if not is_our_limit and not late and os.WTERMSIG(status) in (signal.SIGKILL, signal.SIGXCPU):
         return OUT_OF_TIME
     return DIED
 
 
 def lower(kind: int, limit: int) -> None:
-    """Lower a limit of this process; what it inherited may be lower already, and then stays: none can be raised."""
+    """Lower a limit of this process, unless it inherited a lower one already, which cannot be raised."""
     most = min([limit, *inherited_limits(kind)])
     resource.setrlimit(kind, (most, most))
 
@@ -79,22 +90,27 @@ def inherited_limits(kind: int) -> list[int]:
 
 
 def _read(group: h5py.Group, left: int, seen: set[object]) -> int:
-    """Read all datasets of a group that are stored in the file itself; return how many bytes may still be read."""
+    """Read all datasets of a group that are stored in the file itself; return how many bytes may still be read.
+
+    ``left`` bytes may be read; ``seen`` are the ids of the groups that were read, because hard links
+    can make a group contain itself.
+    """
     for name in group:
         # A damaged entry must not hide those after it.
         with contextlib.suppress(Exception):
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue
-            found = group[name]
-            if isinstance(found, h5py.Group):
-                if found.id not in seen:
-                    seen.add(found.id)
-                    left = _read(found, left, seen)
-            elif found.shape is not None and not found.is_virtual and not found.external:
-                size = int(found.size) * max(8, found.dtype.itemsize)
+            member = group[name]
+            if isinstance(member, h5py.Group):
+                if member.id not in seen:
+                    seen.add(member.id)
+                    left = _read(member, left, seen)
+            elif member.shape is not None and not member.is_virtual and not member.external:
+                # The reader turns numbers into int64 or float64, so each takes 8 bytes or more.
+                size = int(member.size) * max(8, member.dtype.itemsize)
                 if size <= left:
                     left -= size
-                    found[()]
+                    member[()]  # reads all values
     return left
 
 

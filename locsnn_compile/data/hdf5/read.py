@@ -1,6 +1,9 @@
-"""Read untrusted HDF5 files: sizes are checked before data are read, and links out of the file are never followed.
+"""Read untrusted HDF5 files: networks and recordings from strangers.
 
-A separate process, started once, tries each file first: the C library may crash on it.
+Sizes are checked before data are read, and links are never followed. The C library may crash on a
+damaged file, which Python cannot catch, so a separate process (:mod:`.probe`), started once, reads
+each file first; a file on which it crashes is refused. Readers get a :class:`Group`, whose every fault
+is an ``InputError`` that names the place.
 """
 
 import atexit
@@ -40,47 +43,54 @@ _NUMBERS = "biuf"
 _TEXTS = "OS"
 """Kinds of numpy's types in which HDF5 gives texts: objects of any length, and bytes of a fixed one."""
 _WHOLE = "Give a whole file, or write it again."
+"""The way out for a damaged file, in errors."""
 _PROBE = Path(__file__).with_name("probe.py")
 
 _SURVIVED = b"\1"
-"""The answer of the process that tries files: the library read this one. As :mod:`.probe` writes it."""
+"""The probe's answer if the library can read a file; see :mod:`.probe`."""
 _OUT_OF_TIME = b"\2"
-"""Its answer where the processor time that it inherited did not suffice."""
+"""The probe's answer if the processor time that it inherited did not suffice."""
 
 answers: dict[bytes, bytes] = {}
-"""The answers of the process so far, by the hashes of the files: loading looks at a file more than once."""
+"""The probe's answers so far, by the hashes of the files: loading a network opens a file more than once."""
 _lock = threading.Lock()
+"""Held during a request: two threads must not mix theirs on the one connection."""
 
 
 @cache
 def start_prober(owner: int) -> "Connection":
-    """Start the process that tries files, and return the connection to it.
+    """Start the probe, and return the connection to it; further calls return the same connection.
 
-    It ends with the process ``owner``, an id by which a forked process starts one of its own.
+    ``owner`` is the id of the calling process. It only tells calls apart: a forked process, which must
+    not share its parent's connection, has another id and so starts a probe of its own.
     """
     from multiprocessing.connection import Pipe
 
     ours, theirs = Pipe()
+    # The probe must find h5py where this process finds it. It runs with -P so that it does not look
+    # in its own folder, whose modules have general names.
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-P", str(_PROBE), str(theirs.fileno())]
     process = subprocess.Popen(
         command, stderr=subprocess.DEVNULL, env=environment, pass_fds=[theirs.fileno()]
     )
     theirs.close()
-    # Called last first: the process ends when its connection is closed, and is then waited for.
+    # Exit handlers are called last first: the connection is closed, which ends the probe, and then
+    # the probe is waited for.
     atexit.register(process.wait)
     atexit.register(ours.close)
     return ours
 
 
 def library_survives(data: bytes) -> bool:
-    """Tell whether the library can read these bytes as HDF5 without crashing; also True if no process can be started.
+    """Return whether the library can read these bytes as HDF5 without crashing.
 
-    The library crashes, or runs for ever, on some damaged files. Neither can be caught in the reading process.
-    ``InputError`` where the processor time that this process inherited is too little to find out.
+    The library crashes, or runs for ever, on some damaged files. Neither can be caught in the reading
+    process. If the probe cannot be started, the answer is True, so that files can be read anyway.
+    Raises ``InputError`` if the processor time that this process inherited is too little to find out.
     """
     if sys.platform == "win32":
-        return True
+        return True  # The probe needs fork and resource limits, which Windows does not have.
     digest = hashlib.sha256(data).digest()
     try:
         with _lock:
@@ -90,6 +100,7 @@ def library_survives(data: bytes) -> bool:
                 answers[digest] = prober.recv_bytes()
             answer = answers[digest]
     except (OSError, EOFError):
+        # The probe itself is gone: the next file starts another.
         start_prober.cache_clear()
         return True
     seconds = processor_seconds()
@@ -105,14 +116,14 @@ class Group:
         self._group, self.where, self._budget = group, where, budget
 
     def names(self) -> list[str]:
-        """Return the names of its members, in file order."""
+        """Return the names of the groups and datasets in it, in file order."""
         return [str(name) for name in self._group]
 
     def __contains__(self, name: str) -> bool:
         return name in self.names()
 
     def group(self, name: str, where: str | None = None) -> "Group":
-        """Return a group inside; ``where`` names it in errors."""
+        """Return the group ``name`` inside this one; errors call it ``where``."""
         member = self._member(name)
         if not _is_group(member):
             raise InputError(self.where, f"{name!r} is a value, not a group", fix=_WHOLE)
@@ -258,6 +269,7 @@ class Group:
                 raise InputError(self.where, what, measured=measured, fix=fix)
 
     def _read(self, dataset: Any, name: str) -> Any:
+        """Return the values of a dataset of h5py; refuse it, unread, if the file would unpack to too much."""
         # Numbers become int64 or float64, so each takes 8 bytes or more.
         unpacked_bytes = int(dataset.size) * max(8, dataset.dtype.itemsize)
         self._budget.take(unpacked_bytes, f"{self.where}: {name!r}")
@@ -269,7 +281,7 @@ def _is_group(member: Any) -> bool:
 
 
 class _Budget:
-    """The number of bytes that were read so far."""
+    """The number of bytes that were read so far from one file; all of its groups share it."""
 
     taken = 0
 
@@ -281,7 +293,7 @@ class _Budget:
 
 @contextmanager
 def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
-    """Open a file: give its root group and its bytes. Whatever HDF5 stumbles over becomes an ``InputError``."""
+    """Open a file: yield its root group and its bytes. Any exception of h5py becomes an ``InputError``."""
     data = read_bytes(path, where)
     with open_hdf5_bytes(data, where) as root:
         yield root, data
@@ -289,7 +301,7 @@ def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
 
 @contextmanager
 def open_hdf5_bytes(data: bytes, where: str) -> Iterator[Group]:
-    """Open the bytes of a file: give its root group. Whatever HDF5 stumbles over becomes an ``InputError``."""
+    """Open the bytes of a file: yield its root group. Any exception of h5py becomes an ``InputError``."""
     import h5py
 
     what = "it is damaged, truncated or not an HDF5 file"
