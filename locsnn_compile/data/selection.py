@@ -48,6 +48,10 @@ class _Places(Frozen, eq=False):
         """The numbers of all taxels that are read, place by place."""
         return np.concatenate(self.taxels)
 
+    def are_all_of(self, taxels: int) -> bool:
+        """Return whether the places are the ``taxels`` taxels of the sensor, each by itself, in their order."""
+        return not self.joins and np.array_equal(self.in_order, np.arange(taxels))
+
 
 def selected_layout(layout: SensorLayout, selection: ChannelSelection) -> SensorLayout:
     """Return the layout of the channels that a selection leaves, as if they were a sensor of their own.
@@ -61,8 +65,8 @@ def selected_layout(layout: SensorLayout, selection: ChannelSelection) -> Sensor
     taxels = layout.surfaces * layout.taxels
     places = _places(selection, taxels, layout.polarities)
     polarities = len(places.polarities)
-    if len(places.in_order) == taxels and not places.joins:
-        # All taxels, each by itself: only the polarities change.
+    if places.are_all_of(taxels):
+        # Only the polarities change.
         return replace(layout, polarities=polarities)
     count = len(places.taxels)
     return SensorLayout(
@@ -141,9 +145,9 @@ def selected(
 
 
 def _channels(sensor: Channels, places: _Places) -> Channels:
-    """Return the places as pixels: the sensor's own if all of its taxels are read, else a row of places."""
+    """Return the places as pixels: the sensor's own if they are its taxels in their order, else a row of places."""
     polarities = len(places.polarities)
-    if len(places.taxels) == sensor.pixels:
+    if places.are_all_of(sensor.pixels):
         return Channels(sensor.columns, sensor.rows, polarities, reached=sensor.reached)
     return Channels(len(places.taxels), 1, polarities)
 

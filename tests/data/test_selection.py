@@ -13,6 +13,7 @@ import locsnn_compile as lc
 from hw_model.mapping.recorded import ChannelSelection, RecordedChannels, recorded_of
 from hw_model.targets.programs import load_any_program
 from locsnn_compile.cli.main import main as locsnn
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.selection import recorded_in, selected_layout
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
@@ -116,6 +117,30 @@ def test_merged_taxels_lie_in_the_middle_of_theirs_and_picked_ones_keep_their_na
     assert two.positions == (corners[1], corners[3])
     assert two.names == ("b", "d")
     assert two.polarities == 2
+
+
+def test_all_taxels_in_another_order_take_their_positions_and_names_along():
+    corners = ((0.0, 0.0), (2.0, 0.0), (0.0, 4.0))
+    layout = SensorLayout("pad", taxels=3, positions=corners, names=("a", "b", "c"))
+
+    reversed_pad = selected_layout(layout, ChannelSelection(only_taxels="3,2,1"))
+
+    assert reversed_pad.positions == corners[::-1]
+    assert reversed_pad.names == ("c", "b", "a")
+
+
+def test_all_pixels_of_a_grid_in_another_order_are_no_grid(tmp_path):
+    grid = asked_layout("2x2", polarities=1, channels=None, layout=None)
+    spikes = np.array([[[1, 0, 0, 0]]], dtype=np.uint8)
+    file = tmp_path / "pixel-0.npz"
+    np.savez(file, spikes=spikes.transpose(0, 2, 1))
+    selection = {"only_taxels": "4,3,2,1"}
+
+    recordings = read_recordings(file, sensor=grid, **selection)
+
+    assert recordings.spikes.tolist() == [[[0, 0, 0, 1]]]
+    assert recordings.channels == Channels(4, 1, 1)
+    assert selected_layout(grid, ChannelSelection(**selection)).columns is None
 
 
 SENSOR = {"sensor": SensorLayout("grid 10x1", TAXELS, polarities=2, columns=TAXELS)}
