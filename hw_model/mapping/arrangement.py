@@ -1,12 +1,16 @@
 """Choose where on the board each core sits, so that spikes travel few hops.
 
 Before: a PlacedGraph whose cores sit in network order.
-After:  the same cores and slices in other slots; the expected hops a step are no more than before.
+After:  the same cores and slices in other slots; the expected hops per step are no more than before.
 
-The traffic between two cores is the expected spikes of all compartments of the one that reach the other. Where to put
-cores so that traffic times distance is least is the quadratic assignment problem. Starts are network order, the
-spectral order of the traffic graph laid along the tiles in a snake, and on one chip a few shuffles. Each is improved by
-exchanging the pair of slots, one of them perhaps empty, that saves most, until none saves any; the best end is taken.
+A *slot* is a position on the board that holds one core; some slots stay empty. A *hop* is one link between
+neighbouring tiles of the chip's mesh. The *traffic* between two cores is the number of spikes per step that they are
+expected to send each other.
+
+To put cores where traffic times distance is least is the quadratic assignment problem, which is NP-hard. So this is a
+local search from several starts: network order, the spectral order of the traffic graph, and on small boards a few
+random orders. From each start, the exchange of two slots that saves the most hops is repeated until no exchange saves
+any. The best result is taken. Network order is a start, so the result is never worse than no arrangement.
 """
 
 import math
@@ -20,24 +24,28 @@ from hw_model.mapping.placement import PlacedGraph
 from hw_model.values import ArrayLike, FloatArray, IntArray
 
 MIN_CORES = 3
-"""Of fewer cores no order is better than another."""
+"""The fewest cores that are arranged. Two cores send all their traffic to each other, whichever comes first."""
 MAX_SLOTS = 1024
-"""Boards that need more slots than this keep network order: the search takes time with their cube."""
+"""Boards that need more slots keep network order: the search takes time with the cube of the slots.
+
+462 cores take 4 seconds (docs/research/benchmarks/placing.md).
+"""
 SHUFFLES = 4
-"""Shuffled starts that are tried too, from a fixed seed."""
+"""Random starts that are tried, from a fixed seed. Chosen by hand."""
 MAX_SHUFFLED = 128
-"""Most slots of a board on which shuffled starts are tried."""
+"""The most slots for which random starts are tried, so that they add little time. Chosen by hand."""
 _NO_GAIN = 1e-9
-"""Hops that an exchange must save: less is rounding."""
+"""An exchange must save more hops than this; without it, rounding could exchange the same pair for ever."""
 
 
 def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None) -> PlacedGraph:
     """Return the graph with slots that lower the expected hops.
 
-    ``expected_spikes``: spikes a step of every source, numbered as :func:`hw_model.mapping.fan_in.first_source` does;
-    by default all compartments are taken to spike alike.
+    ``expected_spikes``: spikes per step of every source, numbered as :func:`hw_model.mapping.fan_in.first_source`
+    does; by default every compartment counts as one spike per step.
     """
     chip = placed.chip
+    # Only the chips that the cores need take part; the others of the board stay empty.
     chips = math.ceil(placed.cores / chip.limits.cores_per_chip)
     slots = chips * chip.limits.cores_per_chip
     if placed.cores < MIN_CORES or slots > MAX_SLOTS:
@@ -54,40 +62,52 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
 
 
 def core_traffic(placed: PlacedGraph, expected_spikes: FloatArray | None = None) -> FloatArray:
-    """Return expected packets a step between cores, (cores, cores), both ways added up; 0 from a core to itself."""
+    """Return the expected packets per step between cores, (cores, cores): both directions added, the diagonal 0.
+
+    A packet goes from a spiking compartment to each core that it reaches, however many synapses it has there.
+    """
     core_of = placed.core_of_source()
     spikes = np.ones(len(core_of)) if expected_spikes is None else expected_spikes
     sent = np.zeros((placed.cores, placed.cores))
     for target, axons in enumerate(placed.axons):
+        # Input lines have core -1: their spikes come from outside, so they pull a core nowhere.
         senders = axons[core_of[axons] >= 0]
         sent[:, target] = np.bincount(core_of[senders], spikes[senders], minlength=placed.cores)
+    # Spikes within a core cross no link.
     np.fill_diagonal(sent, 0.0)
     return sent + sent.T
 
 
 def slot_distances(chip: Chip, slots: int) -> FloatArray:
-    """Return hops between the first slots of the board, (slots, slots)."""
+    """Return the hops between each two of the first ``slots`` slots, (slots, slots): Manhattan distance of tiles."""
     tiles = np.array([chip.tile_of(slot) for slot in range(slots)], dtype=np.float64)
     return np.asarray(np.abs(tiles[:, None] - tiles[None]).sum(axis=2))
 
 
 def total_hops(traffic: FloatArray, distance: FloatArray, slots: ArrayLike) -> float:
-    """Return the expected hops a step: traffic times distance, every pair of cores once."""
+    """Return the expected hops per step: traffic times distance, summed over pairs of cores."""
     slot_of = np.asarray(slots)
+    # The matrices hold every pair twice, so the sum is halved.
     return float((traffic * distance[np.ix_(slot_of, slot_of)]).sum() / 2)
 
 
 def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
-    """Lay cores along a snake through the tiles, part by connected part, in the order of the part's Fiedler vector."""
-    parts = sources_first(len(traffic), np.argwhere(traffic))
-    order = np.concatenate([_spectral_order(traffic, np.array(part)) for part in parts])
+    """Return the slot of each core in spectral order: cores with much traffic become neighbours on the tiles.
+
+    The traffic graph is divided into its connected components, since the Fiedler vector orders only a connected
+    graph. The cores follow each other along a snake through the tiles.
+    """
+    # Traffic is symmetric, so the strongly connected components are the connected ones.
+    components = sources_first(len(traffic), np.argwhere(traffic))
+    component_orders = [_spectral_order(traffic, np.array(component)) for component in components]
+    order = np.concatenate(component_orders)
     start = np.empty(len(order), dtype=np.int64)
     start[order] = _snake(chip, slots)[: len(order)]
     return start
 
 
 def _snake(chip: Chip, slots: int) -> list[int]:
-    """Return slots column by column of tiles, down one and up the next."""
+    """Return the slots along a snake: down one column of tiles, up the next, so that successors are neighbours."""
 
     def place(slot: int) -> tuple[int, int, int]:
         column, row = chip.tile_of(slot)
@@ -98,23 +118,28 @@ def _snake(chip: Chip, slots: int) -> list[int]:
     return sorted(range(slots), key=place)
 
 
-def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
-    """Return the cores of a connected part in the order of its Fiedler vector, which keeps neighbours close."""
-    if len(part) < MIN_CORES:
-        return part
-    within = traffic[np.ix_(part, part)]
-    laplacian = np.diag(within.sum(axis=1)) - within
+def _spectral_order(traffic: FloatArray, component: IntArray) -> IntArray:
+    """Return the cores of a connected component in the order of their entries in its Fiedler vector.
+
+    The Fiedler vector is the eigenvector of the graph's Laplacian with the second smallest eigenvalue. Nodes with
+    strong links have similar entries.
+    """
+    if len(component) < MIN_CORES:
+        return component
+    traffic_within = traffic[np.ix_(component, component)]
+    laplacian = np.diag(traffic_within.sum(axis=1)) - traffic_within
+    # eigh sorts eigenvalues in ascending order.
     fiedler = np.linalg.eigh(laplacian).eigenvectors[:, 1]
-    # Its sign is arbitrary: the first core goes first.
-    from_first = fiedler if fiedler[0] <= 0 else -fiedler
-    # Rounding keeps the order from hanging on the last bits.
-    return part[np.argsort(np.round(from_first, 9), kind="stable")]
+    # The sign of an eigenvector is arbitrary: choose the one that puts the first core near the start.
+    ascending = fiedler if fiedler[0] <= 0 else -fiedler
+    # Rounded, so that the last bits, which differ between machines, do not decide the order.
+    return component[np.argsort(np.round(ascending, 9), kind="stable")]
 
 
 def _exchange_slots(traffic: FloatArray, distance: FloatArray, start: IntArray) -> IntArray:
-    """Exchange the best pair of slots until none saves hops; return the slot of each core.
+    """Exchange the pair of slots that saves the most hops until none saves any; return the slot of each core.
 
-    Empty slots take part as cores without traffic, numbered after the others.
+    An empty slot is treated as a core without traffic, numbered after the real ones. Thus a core can move to it.
     """
     cores = len(start)
     slots = len(distance)
@@ -122,27 +147,33 @@ def _exchange_slots(traffic: FloatArray, distance: FloatArray, start: IntArray) 
     slot_of = np.concatenate((start, empty))
     flow = np.zeros((slots, slots))
     flow[:cores, :cores] = traffic
-    # hops[i, s]: those of core i's traffic were it in slot s, all others staying.
+    # hops[i, s] is the hops of core i's traffic if core i were in slot s and all other cores stayed.
     hops = flow @ distance[slot_of]
     while True:
         change = _change_of_hops(hops, flow, distance, slot_of)
-        # Two empty slots need not be exchanged.
+        # The rows of real cores are enough: to exchange two empty slots changes nothing.
         i, j = np.unravel_index(int(change[:cores].argmin()), (cores, slots))
         if change[i, j] >= -_NO_GAIN:
             return slot_of[:cores]
-        # All traffic with core i now ends at the slot of j, and the other way round.
-        further = distance[slot_of[j]] - distance[slot_of[i]]
-        hops += flow[:, [i]] * further - flow[:, [j]] * further
+        # Update `hops` in place, which costs slots^2; to compute it anew would cost slots^3.
+        # Traffic with core i now ends at the slot of core j, and the other way round.
+        distance_change = distance[slot_of[j]] - distance[slot_of[i]]
+        hops += flow[:, [i]] * distance_change - flow[:, [j]] * distance_change
         slot_of[[i, j]] = slot_of[[j, i]]
 
 
 def _change_of_hops(
     hops: FloatArray, flow: FloatArray, distance: FloatArray, slot_of: IntArray
 ) -> FloatArray:
-    """Return by how much the hops change if cores i and j exchange slots, (cores, cores)."""
-    # Of core i in the slot of core j.
-    moved = hops[:, slot_of]
-    stayed = np.diag(moved)
-    # Traffic between the two that are exchanged is counted as if the other had stayed.
-    between = 2 * flow * distance[np.ix_(slot_of, slot_of)]
-    return np.asarray(moved + moved.T - stayed[:, None] - stayed[None] + between)
+    """Return the change of all hops if cores i and j exchange slots, (slots, slots); negative is better.
+
+    ``change[i, j] = hops[i, slot of j] + hops[j, slot of i] - hops[i, slot of i] - hops[j, slot of j] + correction``
+    """
+    hops_in_slot_of = hops[:, slot_of]
+    hops_now = np.diag(hops_in_slot_of)
+    # `hops` assumes that the other core stays where it is, so it puts both into one slot, at distance 0 from each
+    # other. In fact they are as far apart after the exchange as before, which counts once for each of the two.
+    correction = 2 * flow * distance[np.ix_(slot_of, slot_of)]
+    return np.asarray(
+        hops_in_slot_of + hops_in_slot_of.T - hops_now[:, None] - hops_now[None] + correction
+    )

@@ -1,4 +1,9 @@
-"""Check a graph of compartments: every rule that its network or the chip sets, before anything is placed."""
+"""Check a graph of compartments against the rules of networks and the limits of the chip's registers.
+
+This is the first step of mapping. Later steps rely on it: they do not check names, shapes or ranges again. An error
+names the group or synapses, so that a user recognises a part of their network. Limits of a core, such as its number of
+axons, are checked when cores are filled (:mod:`hw_model.mapping.core_load`).
+"""
 
 from collections.abc import Iterable
 from dataclasses import fields
@@ -14,7 +19,8 @@ from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase,
 from hw_model.values import IntArray
 
 MOST_CHARGES = 1 << 27
-"""Charges that are due in later steps, of a phase: half a gigabyte, or a whole one in 64 bits."""
+"""The most charges of a phase that can be under way to later steps. In the simulator's memory, 2^27 charges take half
+a gigabyte as 32-bit integers, and a gigabyte as 64-bit integers."""
 
 _EFFECTIVE = f"Give an effective decay, what is subtracted from {loihi.FORGETS}."
 WAYS_OUT = {
@@ -25,11 +31,13 @@ WAYS_OUT = {
     "bias_exponent": "Use a smaller exponent and a larger mantissa.",
     "refractory": "Shorten the refractory period; 1 blocks no step.",
 }
-"""What to do about a parameter outside its domain, in the order in which parameters are checked."""
+"""What to do about a parameter that is out of its range. Parameters are checked in this order, so the first wrong one
+is reported."""
 
 
 def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
-    """Check the whole level; the first broken rule is an ``InputError`` or, for a chip limit, a ``TargetError``."""
+    """Raise an error for the first broken rule: ``TargetError`` for a limit of the chip, else ``InputError``."""
+    # Names come first, since every later check finds groups and phases by their names.
     _check_names(graph)
     for phase in graph.phases:
         if not can_start(phase, graph.inputs):
@@ -49,14 +57,20 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
 
 
 def can_start(phase: Phase, inputs: Iterable[Input]) -> bool:
-    """Tell whether the start of a phase is valid; an aligned phase is transposed as a whole, or not at all."""
-    kinds = {item.positions is not None for item in inputs if item.phase == phase.name}
-    return phase.align_events is None or (
-        phase.align_events >= 1 and kinds == {phase.axis == "location"}
-    )
+    """Return whether the phase can start where it says.
+
+    Without ``align_events`` it starts with the recording. With it, either all inputs of the phase go through the
+    transpose buffer (a location phase) or none does (a time phase): otherwise the inputs would start apart.
+    """
+    if phase.align_events is None:
+        return True
+    inputs_of_phase = [item for item in inputs if item.phase == phase.name]
+    are_transposed = {item.positions is not None for item in inputs_of_phase}
+    return phase.align_events >= 1 and are_transposed == {phase.axis == "location"}
 
 
 def _check_readout(graph: CompartmentGraph) -> None:
+    """Raise InputError unless the readout names groups of one size: neuron i of each votes for class i."""
     if graph.readout is None:
         return
     size_of = {group.name: group.size for group in graph.groups}
@@ -76,12 +90,17 @@ def _check_readout(graph: CompartmentGraph) -> None:
 
 
 def _check_charges(graph: CompartmentGraph) -> None:
-    """Every compartment of a phase keeps the charges of as many steps as the phase's longest delay."""
+    """Raise TargetError if the charges under way in a phase need more memory than the simulator allows.
+
+    The simulator keeps a ring of charges per compartment, as long as the longest delay of the phase requires.
+    """
     for phase in graph.phases:
-        names = {group.name: group.size for group in graph.groups if group.phase == phase.name}
-        delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
+        size_of = {group.name: group.size for group in graph.groups if group.phase == phase.name}
+        synapses_of_phase = [item for item in graph.synapses if item.target in size_of]
+        delays = [int(synapses.delay.max(initial=0)) for synapses in synapses_of_phase]
+        # A spike of step t arrives in step t + 1 + delay: with step t itself, the ring has delay + 2 slots.
         slots = max(delays, default=0) + 2
-        compartments = sum(names.values())
+        compartments = sum(size_of.values())
         if slots * compartments > MOST_CHARGES:
             what = "its longest delay keeps more charges in flight than the simulator allows"
             measured = (
@@ -92,6 +111,7 @@ def _check_charges(graph: CompartmentGraph) -> None:
 
 
 def _check_names(graph: CompartmentGraph) -> None:
+    """Raise InputError unless inputs and groups have different names, existing phases and at least one member."""
     names = [node.name for node in graph.nodes]
     for name in names:
         if names.count(name) > 1:
@@ -111,12 +131,17 @@ def _check_names(graph: CompartmentGraph) -> None:
 
 
 def _check_visits(item: Input, phase: Phase) -> None:
-    """Channels are visited within the phase, on lines that exist and are theirs alone in that step."""
+    """Raise InputError unless channels are visited within the phase, on existing lines that they do not share.
+
+    A visit is the step in which the transpose buffer plays a channel. An input without positions has no visits.
+    """
     if item.positions is None:
         return
     where = f"input {item.name!r}"
     lines = item.first_lines
-    outside = item.positions[(item.positions < 0) | (item.positions >= (phase.steps or np.inf))]
+    # A phase without a number of steps lasts until its last visit, so no visit is too late.
+    end = phase.steps or np.inf
+    outside = item.positions[(item.positions < 0) | (item.positions >= end)]
     if len(outside):
         measured = f"step {outside[0]} of {phase.steps}, counted from 0"
         fix = "Give the phase more steps."
@@ -138,6 +163,7 @@ def _check_visits(item: Input, phase: Phase) -> None:
 
 
 def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> None:
+    """Check a group's parameters and, if it is joined to another group, that the two fit together."""
     domains = loihi.domains(chip.registers)
     for name, fix in WAYS_OUT.items():
         _check_range(group, name, domains[name], fix)
@@ -163,6 +189,7 @@ def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> No
 
 
 def _check_range(group: Compartments, name: str, domain: Domain, fix: str) -> None:
+    """Check that a parameter has one value per compartment, each within its register's range."""
     values: IntArray = getattr(group, name)
     where = f"compartments {group.name!r}"
     if values.shape != (group.size,):
@@ -178,6 +205,7 @@ def _check_range(group: Compartments, name: str, domain: Domain, fix: str) -> No
 
 
 def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
+    """Raise TargetError for a vmin or vmax that the chip cannot be set to: it stores only the exponent k of each."""
     rules = (
         ("vmin", loihi.voltage_minima(chip.registers), "1 - 2^k"),
         ("vmax", loihi.voltage_maxima(chip.registers), "2^(9 + 2k) - 1"),
@@ -193,6 +221,7 @@ def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
 
 
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
+    """Check the ends of synapses first, then their weights and delays."""
     where = f"synapses {synapses.source!r} -> {synapses.target!r}"
     _check_ends(graph, synapses, where)
     _check_weights(synapses, chip, where)
@@ -200,7 +229,7 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
 
 
 def _check_ends(graph: CompartmentGraph, synapses: Synapses, where: str) -> None:
-    """Refuse synapses whose ends do not exist, lie in different phases, or are not one for each synapse."""
+    """Raise InputError if an end does not exist, the ends are in different phases, or arrays differ in length."""
     sizes = {node.name: node.size for node in graph.nodes}
     if synapses.target in {item.name for item in graph.inputs}:
         raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
@@ -224,7 +253,7 @@ def _check_ends(graph: CompartmentGraph, synapses: Synapses, where: str) -> None
 
 
 def _check_weights(synapses: Synapses, chip: Chip, where: str) -> None:
-    """Refuse weights that no synapse of the chip can hold."""
+    """Raise TargetError for weights that no synapse of the chip can store."""
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
     if synapses.weight_bits not in chip.registers.weight_bits:
         measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
@@ -255,7 +284,10 @@ def _check_weights(synapses: Synapses, chip: Chip, where: str) -> None:
 
 
 def _check_delays(synapses: Synapses, chip: Chip, where: str) -> None:
-    """Refuse delays that no synapse of the chip can hold; say how many compartments would relay the longest."""
+    """Raise TargetError for delays that no synapse of the chip can store.
+
+    The error says how many compartments, one after the other, would relay the longest delay.
+    """
     delays = synapses.delay
     domain = loihi.domains(chip.registers)["delay"]
     longest_delay = domain.high
@@ -263,7 +295,8 @@ def _check_delays(synapses: Synapses, chip: Chip, where: str) -> None:
     if len(off):
         worst = int(off[np.abs(off).argmax()])
         measured = f"{worst} against 0..{longest_delay} steps; {len(off)} of {counted(len(delays), 'delay')} outside"
-        # A relay adds the step that every spike takes, so k of them reach a delay of (k + 1) * (delay_max + 1) - 1.
+        # Every synapse takes one step more than its delay. So k relays, which make k + 1 synapses, reach a total
+        # delay of (k + 1) * (longest_delay + 1) - 1.
         relays = counted(worst // (longest_delay + 1), "compartment")
         fix = (
             f"Relay the spike through {relays}, or shorten the delay."

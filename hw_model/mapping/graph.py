@@ -2,6 +2,11 @@
 
 CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 (this file)         placement      routing        program
+
+The compiler lowers a network to this level, in the chip's integers; :class:`hw_model.ProgramBuilder` builds it by
+hand. A *compartment* is the chip's unit with a current u and a voltage v; a neuron takes one or more of them. A
+:class:`Phase` is a part of the run with its own step axis: over time steps, or over the channels of a recording, which
+a *transpose buffer* keeps and plays channel by channel.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,9 +22,10 @@ from hw_model.values import AnyArray, ArrayLike, FloatArray, Frozen, IntArray, s
 Axis = Literal["time", "location"]
 AXES: tuple[Axis, ...] = get_args(Axis)
 MAX_STEPS = 10_000_000
-"""Most steps of a phase, in programs of all families: far more than a chip is used for."""
+"""The most steps of a phase, in programs for all chips. Chosen by hand, far above real recordings, to refuse absurd
+files before they use up memory."""
 MAX_LINES = 10_000_000
-"""Most lines of an input, likewise."""
+"""The most lines of an input, likewise."""
 
 
 def read_only(array: object) -> IntArray:
@@ -27,31 +33,38 @@ def read_only(array: object) -> IntArray:
     return sealed(np.array(array, dtype=np.int64))
 
 
-def held(array: ArrayLike) -> AnyArray:
-    """Return integers (n,), one for each synapse, that nobody can write to, in little memory.
+def compact(array: ArrayLike) -> AnyArray:
+    """Return integers (n,), one for each synapse, as a read-only array that takes little memory.
 
-    Equal ones, as delays mostly are, take that of one; others take 32 bits, or 64 where these do not hold them.
+    If all values are equal, as delays mostly are, the array is one value with stride 0. Otherwise it has 32 bits per
+    value, or 64 bits if a value does not fit 32.
     """
     values = np.asarray(array)
     if len(values) and (values == values[0]).all():
+        # A broadcast array is read-only already.
         return np.broadcast_to(np.int64(values[0]), values.shape)
     narrow = values.astype(np.int32)
     return sealed(narrow if np.array_equal(narrow, values) else values.astype(np.int64))
 
 
-def _keep(record: object, kept: Callable[[Any], AnyArray], *names: str) -> None:
-    """Put what nobody can write to in the place of a record's arrays; what is None stays."""
+def _convert_arrays(record: object, convert: Callable[[Any], AnyArray], *names: str) -> None:
+    """Replace the named arrays of a frozen record by ``convert`` of each; None stays None."""
     for name in names:
-        if (value := getattr(record, name)) is not None:
-            object.__setattr__(record, name, kept(value))
+        value = getattr(record, name)
+        if value is not None:
+            # The record is frozen, so an ordinary assignment would be refused.
+            object.__setattr__(record, name, convert(value))
 
 
 class Phase(Frozen):
-    """One run over one step axis; ``steps`` is None where the recording, or the last visit of its channels, decides.
+    """A part of a recording's time on the chip, with its own step axis: time steps, or channels.
 
-    With ``align_events`` a recording starts at the first step in which its streams have that many events together: what
-    lies before is left out. Over time the phase begins there, and ends after its steps or with the recording; steps
-    before and after are not run, and registers are 0 in them. A transposed phase takes that step for the first row.
+    ``steps`` is None if the recording, or the last visit of its channels, decides the number of steps.
+
+    With ``align_events``, what lies before the first step with that many events, over all streams together, is left
+    out. A time phase begins at that step, and ends after ``steps`` steps or with the recording; the chip does not run
+    in the steps before and after, in which registers count as 0. A location phase takes that step as the first row of
+    its transpose buffer.
     """
 
     name: str
@@ -63,9 +76,11 @@ class Phase(Frozen):
 class Input(Frozen, eq=False):
     """``size`` input lines of a phase, fed from the recording ``stream`` (steps, channels).
 
-    With ``positions`` None, line c spikes at step t where channel c does. Else through the transpose buffer: an event
-    of channel c at step t becomes a spike of line ``first_lines[c] + t`` at step ``positions[c]``, both (channels,);
-    ``first_lines`` None: 0 for all. Channels of one step have lines of their own.
+    If ``positions`` is None, line c spikes at step t whenever channel c does.
+
+    Otherwise the recording goes through the transpose buffer, which exchanges steps and channels: an event of channel c
+    at step t becomes a spike of line ``first_lines[c] + t`` at step ``positions[c]`` of the phase. Both arrays are
+    (channels,); ``first_lines`` None means 0 for all. Channels that are played in the same step must not share lines.
     """
 
     name: str
@@ -76,7 +91,7 @@ class Input(Frozen, eq=False):
     first_lines: IntArray | None = None
 
     def __post_init__(self) -> None:
-        _keep(self, read_only, "positions", "first_lines")
+        _convert_arrays(self, read_only, "positions", "first_lines")
 
     @property
     def channels(self) -> int:
@@ -85,33 +100,38 @@ class Input(Frozen, eq=False):
 
     @property
     def visits(self) -> tuple[IntArray, IntArray]:
-        """Step and first line of every channel that goes through the transpose buffer."""
+        """Step and first line of every channel, each (channels,); both empty if the recording is not transposed."""
         steps = np.empty(0, dtype=np.int64) if self.positions is None else self.positions
         return steps, np.zeros_like(steps) if self.first_lines is None else self.first_lines
 
     @property
     def rows(self) -> int:
-        """Rows of a recording that the transpose buffer takes: one a line, from the highest of ``first_lines`` on."""
-        return (
-            self.size
-            if self.first_lines is None
-            else self.size - int(self.first_lines.max(initial=0))
-        )
+        """The most steps of a recording that fit the transpose buffer.
+
+        Channel c takes one line per step of the recording, from ``first_lines[c]`` on. The channel that begins on the
+        highest line has the fewest lines left.
+        """
+        if self.first_lines is None:
+            return self.size
+        return self.size - int(self.first_lines.max(initial=0))
 
     @property
     def lines_are_shared(self) -> bool:
-        """Whether two channels of one step have a line in common."""
+        """Whether two channels that are played in the same step have a line in common."""
         steps, first_lines = self.visits
+        # Sorted by step, then line: it is enough to compare neighbours, which must be ``rows`` lines apart.
         order = np.lexsort((first_lines, steps))
-        one_step = np.diff(steps[order]) == 0
-        return bool((one_step & (np.diff(first_lines[order]) < self.rows)).any())
+        is_same_step = np.diff(steps[order]) == 0
+        is_too_close = np.diff(first_lines[order]) < self.rows
+        return bool((is_same_step & is_too_close).any())
 
 
 class Compartments(Frozen, eq=False):
-    """A group of ``size`` compartments; every parameter is an array (size,) of integers, or given as one for all.
+    """A group of ``size`` compartments with their parameters, each an array (size,) of integers.
 
-    They take the step of :mod:`hw_model.arithmetic.loihi`, which says which values each parameter can have. With
-    ``joined_to``, compartment i adds its v to compartment i of that group, and neither spikes nor is reset.
+    A parameter can also be given as one integer for all. :mod:`hw_model.arithmetic.loihi` says what a compartment does
+    in a step, and which values each parameter can have. With ``joined_to``, compartment i adds its v to compartment i
+    of that group, and neither spikes nor is reset.
     """
 
     name: str
@@ -128,12 +148,12 @@ class Compartments(Frozen, eq=False):
     joined_to: str | None = None
 
     def __post_init__(self) -> None:
-        names = (item.name for item in fields(self) if item.type == IntArray)
-        _keep(
-            self,
-            lambda given: read_only(given if np.ndim(given) else np.full(self.size, given)),
-            *names,
-        )
+        def full(value: ArrayLike) -> IntArray:
+            is_for_all = np.ndim(value) == 0
+            return read_only(np.full(self.size, value) if is_for_all else value)
+
+        names = [item.name for item in fields(self) if item.type == IntArray]
+        _convert_arrays(self, full, *names)
 
     @property
     def joined(self) -> IntArray:
@@ -142,9 +162,11 @@ class Compartments(Frozen, eq=False):
 
 
 class Synapses(Frozen, eq=False):
-    """Synapses from ``source`` (input or compartments) to ``target``, one row each, ordered by source, then target.
+    """Synapses from ``source``, an input or group, to the group ``target``.
 
-    Their arrays may have 32 bits a number, see :func:`held`.
+    There is one row per synapse, ordered by source, then target. ``weight = mantissa * 2^exponent``, where all
+    synapses share the exponent; a spike of step t arrives in step t + 1 + ``delay``. Arrays may have 32 bits per
+    value, see :func:`compact`.
     """
 
     source: str
@@ -158,7 +180,7 @@ class Synapses(Frozen, eq=False):
     sign_mode: SignMode
 
     def __post_init__(self) -> None:
-        _keep(self, held, "source_index", "target_index", "mantissa", "delay")
+        _convert_arrays(self, compact, "source_index", "target_index", "mantissa", "delay")
 
     @property
     def delay_bits(self) -> int:
@@ -167,15 +189,17 @@ class Synapses(Frozen, eq=False):
 
 
 class Readout(Frozen):
-    """Class scores: what populations of one size give, weighted and added.
+    """How class scores follow from populations of equal size: ``score[i] = sum(weight * reading[i])`` over populations.
 
-    The highest score predicts, and the first of equal ones. Where all scores are equal, nothing is predicted, unless
-    ``tie_class`` names a class for that.
+    The class with the highest score is predicted, the first one of equal scores. If all scores are equal, nothing is
+    predicted, unless ``tie_class`` names a class for this case.
 
-    A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
-    threshold sees it, of neurons that do not spike. One value is for all, None among several for a population that
-    gives its spikes. Files hold a weight by name of a population, so a population that is named twice is an
-    ``InputError``.
+    The reading of a population is its spike counts. With ``potentials_from``, it is the largest potentials of its
+    neurons from that step on, where a potential is v just before it is compared with the threshold; such neurons do not
+    spike. ``potentials_from`` is one step for all populations, or a tuple with one entry per population, None for a
+    population that is read by its spikes.
+
+    Files hold the weights by population name, so a name that occurs twice is an ``InputError``.
     """
 
     populations: tuple[str, ...]
@@ -191,7 +215,7 @@ class Readout(Frozen):
 
     @property
     def from_step(self) -> dict[str, int]:
-        """The populations that give potentials, each with its first step."""
+        """The populations that are read by their potentials, each with the first step that counts."""
         first_steps = self.potentials_from
         if not isinstance(first_steps, tuple):
             first_steps = (first_steps,) * len(self.populations)
@@ -209,7 +233,7 @@ class Readout(Frozen):
     def scores(
         self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]
     ) -> FloatArray:
-        """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
+        """Return the scores (batch, classes), given each population's spikes and potentials (batch, steps, classes)."""
         first_steps = self.from_step
         readings: dict[str, AnyArray] = {}
         for name in self.populations:
@@ -220,9 +244,10 @@ class Readout(Frozen):
         return self.weighed(readings)
 
     def weighed(self, readings: Mapping[str, AnyArray]) -> FloatArray:
-        """Return the scores (batch, classes) of what each population gives, added in the order of the readout.
+        """Return the weighted sum (batch, classes) of the populations' readings, added in the order of the readout.
 
-        Sums of weights that are not whole depend on their order, and sessions add in this one.
+        The order matters: with weights that are not whole numbers, floating-point sums depend on it in the last bits.
+        Streaming sessions add in the same order, so they predict the same.
         """
         total = np.zeros(np.shape(readings[self.populations[0]]))
         for name, weight in self.terms:
@@ -230,30 +255,34 @@ class Readout(Frozen):
         return total
 
     def decided(self, scores: FloatArray) -> IntArray:
-        """Return the class that scores (..., classes) predict, or -1 where they predict none."""
+        """Return the class that scores (..., classes) predict, or -1 if they predict none."""
         return decided(scores, self.tie_class)
 
 
 def decided(scores: FloatArray, tie_class: int | None = None) -> IntArray:
-    """Return the class with the highest score, the first of equals; where all (..., classes) tie, ``tie_class`` or -1.
+    """Return the class with the highest of the scores (..., classes), the first one of equal scores.
 
-    An only class ties with nothing: it is not predicted where its score is 0.
+    If all scores are equal, return ``tie_class``, or -1 if it is None. A single class has no other to tie with: it
+    counts as tied if its score is 0.
     """
-    tied = (scores == (scores[..., :1] if scores.shape[-1] > 1 else 0)).all(axis=-1)
-    return np.where(tied, -1 if tie_class is None else tie_class, scores.argmax(axis=-1))
+    rival = scores[..., :1] if scores.shape[-1] > 1 else 0
+    is_tied = (scores == rival).all(axis=-1)
+    class_of_tie = -1 if tie_class is None else tie_class
+    return np.where(is_tied, class_of_tie, scores.argmax(axis=-1))
 
 
 def winning(scores: FloatArray, tie_class: int | None = None) -> IntArray:
-    """Return the class that scores (..., classes) predict as :func:`decided` does, but the first class, not -1."""
+    """Return the class that scores (..., classes) predict, as :func:`decided` does, but class 0 instead of -1."""
     return np.maximum(decided(scores, tie_class), 0)
 
 
 def largest(potential: AnyArray, first: int) -> FloatArray:
-    """Return the largest potentials (batch, n) of (batch, steps, n) from step ``first`` on; of no steps, 0."""
+    """Return the largest potentials (batch, n) of (batch, steps, n) from step ``first`` on; 0 if there is no step."""
     rows = potential[:, first:]
-    return np.asarray(
-        rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64
-    )
+    if rows.shape[1] == 0:
+        batch, _, neurons = rows.shape
+        return np.zeros((batch, neurons))
+    return np.asarray(rows.max(axis=1), dtype=np.float64)
 
 
 class CompartmentGraph(Frozen, eq=False):
@@ -269,10 +298,10 @@ class CompartmentGraph(Frozen, eq=False):
     provenance: dict[str, str] = field(default_factory=dict)
     """Texts that a saved program carries: where it came from and how it was made."""
     apart: tuple[str, ...] = ()
-    """Parts whose groups, which begin with ``part/``, get cores of their own."""
+    """Names of parts of the network that share no core with the rest: a group of part P is named ``P/...``."""
 
     def part(self, name: str) -> str:
-        """Return the part that a group belongs to."""
+        """Return the part that a group belongs to, or an empty text for the rest of the network."""
         return next((part for part in self.apart if name.startswith(f"{part}/")), "")
 
     @property
@@ -285,11 +314,11 @@ class CompartmentGraph(Frozen, eq=False):
         return next(group for group in self.groups if group.name == name)
 
     def joins(self, name: str) -> list[str]:
-        """Return a group and those that it is joined to, one after the other."""
-        way = [name]
-        while (parent := self.group(way[-1]).joined_to) is not None:
-            way.append(parent)
-        return way
+        """Return the path from a group along ``joined_to`` to its root: the group, its parent, its grandparent, ..."""
+        path = [name]
+        while (parent := self.group(path[-1]).joined_to) is not None:
+            path.append(parent)
+        return path
 
     def phase_of(self, name: str) -> str:
         """Return the phase of an input or group."""

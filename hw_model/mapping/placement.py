@@ -2,7 +2,8 @@
 
 Before: a checked CompartmentGraph.
 After:  every compartment is in exactly one slice on one core; joined compartments share a core, children first; a core
-        serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
+        serves one phase and no core exceeds a limit. Cores are numbered in network order, and core i is in slot i of
+        the board, until :mod:`hw_model.mapping.arrangement` moves it.
 """
 
 import math
@@ -14,14 +15,19 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.description.chip import Chip
 from hw_model.errors import TargetError
-from hw_model.mapping.core_load import Piece, first_broken, fitting, synapses
+from hw_model.mapping.core_load import (
+    PopulationPart,
+    axons_and_words,
+    count_fitting_neurons,
+    first_exceeded_limit,
+)
 from hw_model.mapping.fan_in import FanIn, fan_in, first_source
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.values import Frozen, IntArray
 
 
 class Slice(Frozen):
-    """Compartments ``start..stop`` of a group, on a core from compartment ``offset`` on."""
+    """Compartments ``start..stop`` of a group, which are compartments ``offset``, ``offset + 1``, ... of a core."""
 
     group: str
     core: int
@@ -67,12 +73,15 @@ class PlacedGraph(Frozen, eq=False):
 
 
 def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
-    """Fill cores in network order, never going back, so equal inputs place equally.
+    """Fill cores in network order, never going back to an earlier core, so equal graphs are placed equally.
 
-    Output axons depend on where the targets went. Where a core has too many, its populations get fewer neurons a core
-    and all is placed again. A graph that fits in no way is a ``TargetError``.
+    A compartment takes an output axon for each core that it reaches, which is known only once its targets are placed.
+    If a core then has too many output axons, its populations get fewer neurons per core, and everything is placed
+    again. A graph that does not fit is a ``TargetError``.
     """
     incoming = fan_in(graph, chip)
+    # The most neurons per core of populations that were found to take too many output axons. The numbers only ever
+    # shrink, so the loop ends.
     most_neurons: dict[str, int] = {}
     while True:
         placed = _fill(graph, chip, incoming, most_neurons)
@@ -90,38 +99,54 @@ def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
 
 
 def check_placed(placed: PlacedGraph) -> None:
-    """Every compartment is placed exactly once; what cores hold is checked with the program that they become."""
-    seen = {group.name: np.zeros(group.size, dtype=np.int64) for group in placed.graph.groups}
+    """Assert that every compartment is placed exactly once.
+
+    The contents of cores are checked later, with the program that they become (:mod:`hw_model.program.check`).
+    """
+    times_placed = {
+        group.name: np.zeros(group.size, dtype=np.int64) for group in placed.graph.groups
+    }
     for piece in placed.slices:
-        seen[piece.group][piece.start : piece.stop] += 1
-    for name, times in seen.items():
+        times_placed[piece.group][piece.start : piece.stop] += 1
+    for name, times in times_placed.items():
         assert (times == 1).all(), f"placement lost or doubled compartments of {name!r}"
 
 
-def populations(graph: CompartmentGraph, phase: str, incoming: Sequence[FanIn]) -> list[Piece]:
-    """Return the neurons of groups joined to each other, in network order of their roots, children before parents."""
-    # From each group up to the one that it is joined to in the end, its root.
-    joins_of = {
+def populations(
+    graph: CompartmentGraph, phase: str, incoming: Sequence[FanIn]
+) -> list[PopulationPart]:
+    """Return the populations of a phase, in network order of their roots, each as a part with all its neurons.
+
+    A population is all groups that are joined to each other, children before parents.
+    """
+    # The path from each group along its joins up to its root.
+    path_of = {
         group.name: graph.joins(group.name) for group in graph.groups if group.phase == phase
     }
-    pieces = []
-    for root in joins_of:
-        names = [name for name, joins in joins_of.items() if joins[-1] == root]
+    parts = []
+    for root in path_of:
+        names = [name for name, path in path_of.items() if path[-1] == root]
         if not names:
+            # This group is joined to another one, so it belongs to that one's population.
             continue
-        children_first = sorted(names, key=lambda name: -len(joins_of[name]))
+        # The longer the path to the root, the deeper the group lies below it.
+        children_first = sorted(names, key=lambda name: -len(path_of[name]))
         groups = [graph.group(name) for name in children_first]
         projections = [p for p in incoming if p.target_group in names]
-        pieces.append(Piece(groups, projections, 0, graph.group(root).size))
-    return pieces
+        parts.append(PopulationPart(groups, projections, 0, graph.group(root).size))
+    return parts
 
 
 def _fill(
     graph: CompartmentGraph, chip: Chip, incoming: Sequence[FanIn], most_neurons: Mapping[str, int]
 ) -> PlacedGraph:
-    """Put populations on cores, as many neurons of each as fit, at most ``most_neurons`` of those named there."""
-    cores: list[list[Piece]] = []
+    """Put populations on cores, as many neurons of each as fit.
+
+    A population that ``most_neurons`` names gets at most that many neurons per core.
+    """
+    cores: list[list[PopulationPart]] = []
     for phase in graph.phases:
+        # A core runs in one phase only.
         cores.append([])
         for population in populations(graph, phase.name, incoming):
             if cores[-1] and graph.part(cores[-1][-1].root) != graph.part(population.root):
@@ -129,50 +154,58 @@ def _fill(
             _fill_population(cores, population, chip, most_neurons.get(population.root))
         if not cores[-1]:
             cores.pop()
-    slices = [piece for number, pieces in enumerate(cores) for piece in _slices(number, pieces)]
+    slices: list[Slice] = []
+    for number, parts in enumerate(cores):
+        slices += _slices(number, parts)
     return PlacedGraph(
         graph=graph,
         chip=chip,
         slices=tuple(slices),
         slots=tuple(range(len(cores))),
-        axons=tuple(synapses(pieces, chip)[0] for pieces in cores),
+        axons=tuple(axons_and_words(parts, chip)[0] for parts in cores),
     )
 
 
 def _fill_population(
-    cores: list[list[Piece]], population: Piece, chip: Chip, most_neurons: int | None
+    cores: list[list[PopulationPart]],
+    population: PopulationPart,
+    chip: Chip,
+    most_neurons: int | None,
 ) -> None:
-    """Add the neurons of a population to the last of ``cores``, and begin further ones as they fill up."""
-    neurons_of_core = population.stop if most_neurons is None else most_neurons
+    """Add the neurons of a population to the last of ``cores``, and append further cores as they fill up."""
+    neurons_per_core = population.stop if most_neurons is None else most_neurons
     start = 0
     while start < population.stop:
-        stop = min(population.stop, start + neurons_of_core)
-        left = replace(population, start=start, stop=stop)
-        neurons = fitting(cores[-1], left, chip)
+        stop = min(population.stop, start + neurons_per_core)
+        unplaced = replace(population, start=start, stop=stop)
+        neurons = count_fitting_neurons(cores[-1], unplaced, chip)
         if neurons:
-            cores[-1].append(replace(left, stop=start + neurons))
+            cores[-1].append(replace(unplaced, stop=start + neurons))
         elif not cores[-1]:
-            raise _too_large(replace(left, stop=start + 1), chip)
+            # Not even one neuron fits an empty core.
+            raise _too_large(replace(unplaced, stop=start + 1), chip)
         start += neurons
-        # After as many as may be, the room left is for no other: its output axons are used up.
+        # The core is full if no neuron fitted. With `most_neurons` on it, its output axons are used up, so that no
+        # other population can use the rest of it.
         if neurons == 0 or neurons == most_neurons:
             cores.append([])
 
 
-def _slices(core: int, pieces: list[Piece]) -> Iterator[Slice]:
-    """Yield the slices of a core's pieces, one after the other."""
+def _slices(core: int, parts: list[PopulationPart]) -> Iterator[Slice]:
+    """Yield a slice for each group of each part on a core, one after the other."""
     offset = 0
-    for piece in pieces:
-        for group in piece.groups:
-            yield Slice(group.name, core, piece.start, piece.stop, offset)
-            offset += piece.stop - piece.start
+    for part in parts:
+        for group in part.groups:
+            yield Slice(group.name, core, part.start, part.stop, offset)
+            offset += part.stop - part.start
 
 
 def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
-    """Return the populations of cores with too many output axons, and how many neurons of each fit a core.
+    """Return, for populations on cores with too many output axons, how many neurons they may have per core.
 
-    Of several on one core it is the one with the most that gives way; where not one neuron of it fits next to the
-    others, each is to have cores of its own.
+    On such a core, the slice with the most output axons shrinks until the core fits. If not even one of its neurons
+    fits next to the other slices, every slice of the core is limited to what a core of its own would hold. The numbers
+    are estimates, from the mean of output axons per neuron; if they are too high, placement comes here again.
     """
     limit = placed.chip.limits.output_axons_per_core
     crowded: dict[str, int] = {}
@@ -181,13 +214,13 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
         if excess <= 0:
             continue
         largest = max(output_axons, key=lambda piece: output_axons[piece])
-        axons_left = output_axons[largest] - excess
-        neurons_of = {largest: largest.size * axons_left // output_axons[largest]}
+        allowed_axons = output_axons[largest] - excess
+        neurons_of = {largest: largest.size * allowed_axons // output_axons[largest]}
         if neurons_of[largest] < 1:
             neurons_of = {
                 piece: min(piece.size, piece.size * limit // axons)
                 for piece, axons in output_axons.items()
-                if axons
+                if axons > 0
             }
         for piece, neurons in neurons_of.items():
             crowded[piece.group] = min(crowded.get(piece.group, neurons), neurons)
@@ -195,7 +228,7 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
 
 
 def _output_axons_by_core(placed: PlacedGraph) -> Iterable[dict[Slice, int]]:
-    """Return how many output axons each slice of each core takes: one for each core that a compartment reaches."""
+    """Return a dictionary per core of the output axons that each slice takes, one for each core reached."""
     sources = sum(node.size for node in placed.graph.nodes)
     cores_reached = np.bincount(np.concatenate(placed.axons), minlength=sources)
     axons_of_core: dict[int, dict[Slice, int]] = {}
@@ -205,27 +238,34 @@ def _output_axons_by_core(placed: PlacedGraph) -> Iterable[dict[Slice, int]]:
     return axons_of_core.values()
 
 
-def _too_large(neuron: Piece, chip: Chip) -> TargetError:
-    broken = first_broken([neuron], chip)
-    assert broken is not None
+def _too_large(neuron: PopulationPart, chip: Chip) -> TargetError:
+    """Return the error for a single neuron that an empty core cannot hold."""
+    exceeded = first_exceeded_limit([neuron], chip)
+    # The caller has found that the neuron does not fit, so there is such a limit.
+    assert exceeded is not None
     return TargetError(
         f"population {neuron.root!r}",
-        f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
-        measured=f"{chip.name} holds {broken.limit}",
-        fix=broken.fix,
+        f"{exceeded.use} {exceeded.what} of neuron {neuron.start} do not fit one core",
+        measured=f"{chip.name} holds {exceeded.limit}",
+        fix=exceeded.fix,
     )
 
 
 def _too_many_cores(
     placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neurons: Mapping[str, int]
 ) -> TargetError:
-    """Say how many chips would do, and, where narrower weights alone would, the most bits that do."""
+    """Return the error for a network that needs more cores than the board has.
+
+    It says how many chips would be enough and, if narrower weights alone would be enough, the most bits that fit.
+    """
     graph = placed.graph
     chip = placed.chip
     chips = math.ceil(placed.cores / chip.limits.cores_per_chip)
     fix = f"Give a chip file with chips: {chips}, if the board has as many"
     widest = max((p.format.weight_bits for p in incoming), default=1)
-    for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
+    narrower_bits = sorted((bits for bits in WEIGHT_BITS if bits < widest), reverse=True)
+    for bits in narrower_bits:
+        # Only the room that the weights take matters here, so they keep their values.
         narrow = [
             replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits)))
             for p in incoming
@@ -243,6 +283,7 @@ def _too_many_cores(
 
 
 def _too_many_targets(placed: PlacedGraph, name: str) -> TargetError:
+    """Return the error for a neuron with more output axons than a core has."""
     limit = placed.chip.limits.output_axons_per_core
     what = f"a neuron reaches more cores than a core has output axons ({placed.cores} cores in all)"
     fix = "Connect it to fewer populations, or relay its spikes through compartments."

@@ -1,4 +1,8 @@
-"""What a program reads of a sensor that has more channels than the program has inputs."""
+"""Which channels of a sensor a program reads, if the sensor has more channels than the program has inputs.
+
+Training may use some taxels of a sensor only, or merge channels. The program remembers this, so that recordings of the
+whole sensor are reduced the same way before they are played.
+"""
 
 from dataclasses import asdict
 from typing import Annotated, Any
@@ -7,19 +11,20 @@ from hw_model.errors import InputError
 from hw_model.io.records import Checked, RecordReader, between
 
 MOST_TAXELS = 32_768
-"""Of a sensor: those of an event camera of 128 x 128 pixels and two polarities."""
+"""The most taxels of a sensor along a side, or to merge: the channels of an event camera of 128 x 128 pixels with two
+polarities."""
 Taxels = Annotated[int, between(1, MOST_TAXELS)]
 
 
 class ChannelSelection(Checked):
-    """Which channels of a sensor are read, and which of them become one channel.
+    """Which channels of a sensor are read, and which of them are merged into one channel.
 
     - ``only_taxels``: numbers of taxels from 1 on, such as ``13-24`` or ``1,5,9``; None: all
     - ``only_polarity``: 0 (rising) or 1 (falling); None: all
     - ``merge_polarities``: both polarities of a taxel become one channel
-    - ``merge_channels``: so many channels of neighbouring taxels; None: each taxel by itself
+    - ``merge_channels``: how many neighbouring taxels become one channel; None: each taxel stays by itself
 
-    A merged channel is 1 in the steps in which any of its channels is.
+    A merged channel is 1 in the steps in which any of its channels is 1.
     """
 
     only_taxels: str | None = None
@@ -38,12 +43,12 @@ class ChannelSelection(Checked):
 
     @property
     def merges_polarities_at_most(self) -> bool:
-        """Whether each taxel is read, and stays a channel of its own."""
+        """Whether every taxel is read and stays a channel of its own, with its polarities merged or not."""
         return self in (ChannelSelection(), ChannelSelection(merge_polarities=True))
 
     @property
     def options(self) -> str:
-        """The options of the command line that ask for it."""
+        """The options of the command line that make this selection."""
         words = []
         if self.only_taxels is not None:
             words.append(f"--only-taxels {self.only_taxels}")
@@ -57,7 +62,7 @@ class ChannelSelection(Checked):
 
 
 class RecordedChannels(Checked):
-    """A sensor of ``columns`` x ``rows`` taxels, with ``polarities`` each, and what is read of it."""
+    """A sensor of ``columns`` x ``rows`` taxels with ``polarities`` channels each, and the selection that is read."""
 
     columns: Taxels
     rows: Taxels
@@ -72,9 +77,9 @@ class RecordedChannels(Checked):
         return self.columns * self.rows * self.polarities
 
     def document(self) -> dict[str, Any]:
-        """Return it as plain values, without those that were not asked for."""
+        """Return plain values for ``program.yaml``, without the settings of the selection that are off."""
         entries = asdict(self)
-        # A polarity of 0 was asked for, so not everything that counts as false is left out.
+        # Polarity 0 is a setting, so the test is for None and False, not for all that counts as false.
         entries["selection"] = {
             name: value
             for name, value in entries["selection"].items()
@@ -84,7 +89,10 @@ class RecordedChannels(Checked):
 
 
 def recorded_of(where: str, document: object) -> RecordedChannels | None:
-    """Return what plain values hold, which may be missing; ``InputError`` for anything else."""
+    """Return the record that :meth:`RecordedChannels.document` wrote, or None if the entry is missing.
+
+    Raises ``InputError`` for anything else.
+    """
     if document is None:
         return None
     return RecordReader(where, fix="Compile again.").record(RecordedChannels, document, "recorded")

@@ -1,8 +1,11 @@
-"""Give every spike a way: output axons, input axons and synapse lists.
+"""Route spikes from their sources to their synapses, through output axons, input axons and synapse lists.
 
 Before: every compartment has a core.
 After:  every source (input line or compartment) has one input axon on each core that it reaches, whose list holds each
         of its synapses there exactly once; every compartment has one output axon for each core that it reaches.
+
+A spike takes this path: compartment -> output axon of its core -> input axon of the target core -> the synapse list of
+this axon -> compartments. An input line goes straight to input axons.
 """
 
 from collections.abc import Sequence
@@ -13,7 +16,7 @@ import numpy as np
 
 from hw_model.description.chip import Chip
 from hw_model.mapping.fan_in import FanIn, SynapseFormat, fan_in, first_source
-from hw_model.mapping.graph import held
+from hw_model.mapping.graph import compact
 from hw_model.mapping.placement import PlacedGraph, Slice
 from hw_model.mapping.synapse_lists import synapse_lists
 from hw_model.values import Frozen, IntArray
@@ -22,9 +25,10 @@ from hw_model.values import Frozen, IntArray
 class AxonTables(Frozen, eq=False):
     """Axons and synapse lists of one core; compartments are numbered as on the core.
 
-    Input axon j's list is rows ``list_start[j]..list_start[j + 1]`` of the synapse arrays, which may have 32 bits a
-    number (:func:`hw_model.mapping.graph.held`). Output axon k carries the spikes of ``out_compartment[k]`` to input
-    axon ``out_axon[k]`` of core ``out_core[k]``.
+    The synapse arrays are ``target``, ``mantissa``, ``delay`` and ``format_index``, an index into ``formats``. Input
+    axon j has rows ``list_start[j]..list_start[j + 1]`` of them. They may have 32 bits per value
+    (:func:`hw_model.mapping.graph.compact`). All lists together take ``synapse_words`` words of memory. Output axon k
+    carries the spikes of ``out_compartment[k]`` to input axon ``out_axon[k]`` of core ``out_core[k]``.
     """
 
     formats: tuple[SynapseFormat, ...]
@@ -65,7 +69,7 @@ class RoutedCore(Frozen, eq=False):
 
 
 class InputRoute(Frozen, eq=False):
-    """Where the spikes of an input's lines go: row by row a line, a core and an input axon there."""
+    """Where the spikes of an input's lines go: row i leads from ``line[i]`` to input axon ``axon[i]`` of a core."""
 
     input: str
     line: IntArray
@@ -82,20 +86,23 @@ class RoutedGraph(Frozen, eq=False):
 
 
 class Destinations(Frozen, eq=False):
-    """Where senders reach, row by row: a sender, a core that it reaches, and its input axon there; arrays (rows,)."""
+    """Where the spikes of senders go: row i leads from ``sender[i]`` to input axon ``axon[i]`` of ``core[i]``.
+
+    Arrays are (rows,), ordered by sender. :func:`_first_sender` says how senders are numbered.
+    """
 
     sender: IntArray
     core: IntArray
     axon: IntArray
 
     def of(self, start: int, stop: int) -> "Destinations":
-        """Return those of senders ``start..stop``, numbered from 0; rows must be in the order of their senders."""
+        """Return the destinations of senders ``start..stop``, which are numbered from 0 in the result."""
         low, high = np.searchsorted(self.sender, (start, stop))
         return Destinations(self.sender[low:high] - start, self.core[low:high], self.axon[low:high])
 
 
 def route_axons(placed: PlacedGraph) -> RoutedGraph:
-    """Number axons by source in network order, and list synapses by projection, then target."""
+    """Number the input axons of a core by source in network order; order an axon's synapses by projection, target."""
     graph = placed.graph
     projections = fan_in(graph, placed.chip)
     destinations = _destinations(placed)
@@ -103,9 +110,8 @@ def route_axons(placed: PlacedGraph) -> RoutedGraph:
     for number, slices_of_core in groupby(placed.slices, key=lambda piece: piece.core):
         slices = tuple(slices_of_core)
         first_sender = _first_sender(placed, number)
-        output = destinations.of(
-            first_sender, first_sender + placed.chip.limits.compartments_per_core
-        )
+        end_sender = first_sender + placed.chip.limits.compartments_per_core
+        output = destinations.of(first_sender, end_sender)
         axons = _axon_tables(slices, projections, placed.chip, output)
         phase = graph.phase_of(slices[0].group)
         cores.append(RoutedCore(number, placed.slots[number], phase, slices, axons))
@@ -121,7 +127,10 @@ def route_axons(placed: PlacedGraph) -> RoutedGraph:
 
 
 def check_routed(routed: RoutedGraph) -> None:
-    """Every synapse is in exactly one list; what cores hold is checked with the program that they become."""
+    """Assert that there are as many synapses in lists as in the graph.
+
+    The contents of cores are checked later, with the program that they become (:mod:`hw_model.program.check`).
+    """
     stored = sum(len(core.axons.target) for core in routed.cores)
     assert stored == sum(len(s.mantissa) for s in routed.placed.graph.synapses), (
         "routing lost or doubled synapses"
@@ -131,15 +140,17 @@ def check_routed(routed: RoutedGraph) -> None:
 def _first_sender(placed: PlacedGraph, core: int) -> int:
     """Return the number of a core's first compartment as a sender.
 
-    Senders are the input lines by number, then the compartments of each core, which has as many
-    numbers as compartments fit it.
+    Senders are numbered by place, unlike sources, which are numbered in network order: first all input lines, then the
+    compartments of core 0, core 1, ... Every core takes as many numbers as compartments fit a core, so that the
+    senders of a core are one range.
     """
     lines = sum(item.size for item in placed.graph.inputs)
     return lines + core * placed.chip.limits.compartments_per_core
 
 
 def _destinations(placed: PlacedGraph) -> Destinations:
-    """Return where every sender reaches, in the order of senders, and of cores for each."""
+    """Return the destinations of all senders, ordered by sender, then core."""
+    # Input lines come first in both numberings, so they keep their numbers.
     sender_of_source = np.arange(len(placed.core_of_source()))
     for piece in placed.slices:
         first_sender = _first_sender(placed, piece.core) + piece.offset
@@ -148,14 +159,16 @@ def _destinations(placed: PlacedGraph) -> Destinations:
     axons_of_core = [len(sources) for sources in placed.axons]
     core = np.repeat(np.arange(placed.cores), axons_of_core)
     axon = np.concatenate([np.arange(axons) for axons in axons_of_core])
+    # Stable: the rows of a sender stay in the order of cores.
     by_sender = np.argsort(sender, kind="stable")
     return Destinations(sender[by_sender], core[by_sender], axon[by_sender])
 
 
 class _Synapses(NamedTuple):
-    """Synapses of a core, arrays (synapses,), before they are put in lists.
+    """Synapses of a core, arrays (synapses,), before they are sorted into lists.
 
-    ``rank``: which projection onto which slice of the core it is of. ``format_index``: of the core's formats.
+    ``rank`` numbers the pairs of a projection and a slice of the core that it ends on. ``format_index`` is an index
+    into the formats of the core.
     """
 
     source: IntArray
@@ -169,7 +182,7 @@ class _Synapses(NamedTuple):
 def _axon_tables(
     slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, output: Destinations
 ) -> AxonTables:
-    """Return the tables of a core, given its output axons."""
+    """Return the axons and synapse lists of a core; ``output`` is the destinations of its compartments."""
     ending_on_core = [
         (projection, piece)
         for projection in projections
@@ -178,7 +191,9 @@ def _axon_tables(
     ]
     formats = sorted({projection.format for projection, _ in ending_on_core})
     synapses = _synapses_of_core(ending_on_core, formats)
+    # The last key of lexsort is the first to sort by: source, then projection, then target.
     by_source = np.lexsort((synapses.target, synapses.rank, synapses.source))
+    # Every source that occurs gets an input axon, whose list begins at its first synapse.
     _, first_synapses = np.unique(synapses.source[by_source], return_index=True)
     list_start = np.append(first_synapses, len(by_source))
     target = synapses.target[by_source]
@@ -190,10 +205,10 @@ def _axon_tables(
     return AxonTables(
         formats=tuple(formats),
         list_start=list_start,
-        target=held(target),
-        mantissa=held(synapses.mantissa[by_source]),
-        delay=held(synapses.delay[by_source]),
-        format_index=held(format_index),
+        target=compact(target),
+        mantissa=compact(synapses.mantissa[by_source]),
+        delay=compact(synapses.delay[by_source]),
+        format_index=compact(format_index),
         synapse_words=int(lists.words.sum()),
         out_compartment=output.sender,
         out_core=output.core,
@@ -204,9 +219,10 @@ def _axon_tables(
 def _synapses_of_core(
     ending_on_core: Sequence[tuple[FanIn, Slice]], formats: Sequence[SynapseFormat]
 ) -> _Synapses:
-    """Return the synapses of projections onto slices of a core, one after the other."""
-    # A core without synapses has empty arrays of integers.
-    parts = [_Synapses(*(np.empty(0, dtype=np.int64) for _ in _Synapses._fields))]
+    """Return the synapses of all projections onto slices of a core, one pair after the other."""
+    # Begin with empty arrays, so that there is something to concatenate for a core without synapses.
+    none = np.empty(0, dtype=np.int64)
+    parts = [_Synapses(none, none, none, none, none, none)]
     for rank, (projection, piece) in enumerate(ending_on_core):
         rows = projection.rows(piece.start, piece.stop)
         target = projection.targets(piece.start, piece.stop) - piece.start + piece.offset

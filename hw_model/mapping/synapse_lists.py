@@ -1,7 +1,8 @@
-"""Synapse lists: how an axon's synapses on a core become runs of memory words. Placement, report and image count by it.
+"""Divide the synapses of an input axon into lists, and count the memory words that each list takes.
 
-A run is of one format. So an axon has a list for each format of its synapses on the core, whatever populations they end
-on. A dense list has no index: it ends where its targets do not simply go on, and with each population.
+Routing, the report and the memory image of the open core use it. All synapses of a list have one format, so an axon has
+a list for each format of its synapses on the core, whichever populations they end on. A dense list stores no target
+numbers: it ends where a target does not follow the one before, and at the end of each population.
 """
 
 from collections.abc import Sequence
@@ -14,9 +15,10 @@ from hw_model.values import BoolArray, Frozen, IntArray
 
 
 class SynapseLists(Frozen, eq=False):
-    """Rows ``order[start[i] : start[i] + length[i]]`` of a core's synapses are list i, of axon ``axon[i]``.
+    """The synapse lists of a core. List i is rows ``order[start[i] : start[i] + length[i]]`` of the core's synapses.
 
-    ``width`` of a synapse in bits, ``words`` of memory, and whether the list is ``dense``; all (lists,) but ``order``.
+    It belongs to input axon ``axon[i]``, takes ``width[i]`` bits per synapse and ``words[i]`` words of memory, and is
+    dense if ``dense[i]``. Arrays are (lists,), except ``order`` (synapses,).
     """
 
     order: IntArray
@@ -38,7 +40,7 @@ def synapse_lists(
 ) -> SynapseLists:
     """Return the lists of a core; axon j has the synapses ``list_start[j]..list_start[j + 1]``.
 
-    ``ends``: the compartment after the last of each population on the core, ascending.
+    ``ends`` has an entry per slice of a group on the core: the compartment after its last, ascending.
     """
     is_dense = np.array([form.index_bits == 0 for form in formats], dtype=np.bool_)
     bits = np.array([form.bits_per_synapse for form in formats], dtype=np.int64)
@@ -51,7 +53,8 @@ def synapse_lists(
     compartment = target[order]
     population = np.searchsorted(ends, compartment, side="right")
 
-    # A list begins where the synapse before it is not its neighbour.
+    # Compare each synapse with the one before it: a list begins where axon, format or, in a dense list, the sequence
+    # of targets changes. The first synapse of all begins a list, too, unless there is none.
     other_axon = np.diff(axon) != 0
     other_format = np.diff(stored_as) != 0
     skips_targets = np.diff(compartment) != 1

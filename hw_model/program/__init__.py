@@ -1,1 +1,1 @@
-"""Programs, which are what a chip is loaded with: their type, file, checks and text, and the builder."""
+"""A program is what a chip is loaded with. This folder has its type, files, checks and text, and a builder by hand."""

@@ -1,4 +1,8 @@
-"""Programs written by hand: name inputs and compartments, connect them, build."""
+"""Write a program for a chip by hand: add inputs and compartments, connect them, build.
+
+For users who have no trained network, and for tests. The builder collects a graph of compartments and sends it through
+the same checks, placement and routing as the compiler does.
+"""
 
 import math
 from typing import Any
@@ -34,7 +38,7 @@ Ints = int | ArrayLike
 
 
 class Node(Frozen):
-    """An input or a group of compartments in a builder, as an end of connections."""
+    """An input or a group of compartments in a builder. ``add_...`` returns it; ``connect`` takes two of them."""
 
     name: str
     size: int
@@ -54,7 +58,8 @@ class ProgramBuilder:
 
     @checked
     def __init__(self, chip: Chip, name: str = "program") -> None:
-        self._chip, self._name = chip, name
+        self._chip = chip
+        self._name = name
         self._inputs: list[Input] = []
         self._groups: list[Compartments] = []
         self._synapses: list[Synapses] = []
@@ -89,7 +94,7 @@ class ProgramBuilder:
         - ``decay_u``, ``decay_v``: effective decays 0..4096; ``threshold``: mantissa
         - ``bias``: its value, which must be a 13-bit mantissa times a power of two up to 2^7
         - ``refractory`` k: no spike in the k - 1 steps after a spike
-        - ``vmin``, ``vmax``: values that the chip can be set to
+        - ``vmin``, ``vmax``: values that the chip can be set to; None: the ends of the voltage register
         - ``joined_to``: compartment i adds its v to compartment i of that group in the same step, and neither spikes
           nor is reset. ``join`` names the operation; only ADD is modelled.
         """
@@ -98,24 +103,31 @@ class ProgramBuilder:
             what = f"the join operation {join!r} is not modelled: no public source gives its integer timing"
             raise TargetError(f"compartments {name!r}", what, fix="Join with ADD.")
 
-        def column(key: str, value: Ints) -> IntArray:
-            return _whole(f"compartments {name!r}", key, value, (node.size,))
+        def parameter(key: str, value: Ints) -> IntArray:
+            return _whole_numbers(f"compartments {name!r}", key, value, (node.size,))
 
-        last = self._chip.registers.voltage_max
-        joined = None if joined_to is None else joined_to.name
-        given = {
-            "decay_u": decay_u,
-            "decay_v": decay_v,
-            "threshold": threshold,
-            "refractory": refractory,
+        registers = self._chip.registers
+        lowest = -registers.voltage_max if vmin is None else vmin
+        highest = registers.voltage_max if vmax is None else vmax
+        parameters = {
+            "decay_u": parameter("decay_u", decay_u),
+            "decay_v": parameter("decay_v", decay_v),
+            "threshold": parameter("threshold", threshold),
+            "refractory": parameter("refractory", refractory),
+            "vmin": loihi.held_minimum(parameter("vmin", lowest), registers),
+            "vmax": parameter("vmax", highest),
         }
-        given |= {"vmin": -last if vmin is None else vmin, "vmax": last if vmax is None else vmax}
-        columns = {key: column(key, value) for key, value in given.items()}
-        columns["vmin"] = loihi.held_minimum(columns["vmin"], self._chip.registers)
-        columns["bias_mantissa"], columns["bias_exponent"] = _bias(
-            name, column("bias", bias), self._chip
+        bias_mantissa, bias_exponent = _bias(name, parameter("bias", bias), self._chip)
+        group = Compartments(
+            name,
+            phase="time",
+            size=node.size,
+            **parameters,
+            bias_mantissa=bias_mantissa,
+            bias_exponent=bias_exponent,
+            joined_to=None if joined_to is None else joined_to.name,
         )
-        self._groups.append(Compartments(name, "time", node.size, **columns, joined_to=joined))
+        self._groups.append(group)
         return node
 
     @checked
@@ -130,79 +142,117 @@ class ProgramBuilder:
         weight_bits: int | None = None,
         sign_mode: SignMode = "mixed",
     ) -> None:
-        """Connect by mantissas (n_target, n_source), dense or scipy sparse; zeros make no synapse and are counted.
+        """Connect by weight mantissas (n_target, n_source), a dense array or scipy sparse.
 
-        Mantissas must be on the grid of the format. ``weight_bits`` default to the chip's most. ``delay`` is in steps:
-        one for all, or an array of the shape of the weights.
+        A mantissa of 0 makes no synapse; the program counts it as pruned. Mantissas must be on the grid of the format.
+        ``weight_bits`` defaults to the chip's widest weights. ``delay`` is in steps: one for all, or an array of the
+        shape of the weights.
         """
         where = f"synapses {source.name!r} -> {target.name!r}"
         shape = (target.size, source.size)
         if sparse.issparse(weights) and weights.shape != shape:
             raise _wrong_shape(where, "weights", weights.shape, shape)
-        entries = sparse.coo_array(
-            weights if sparse.issparse(weights) else _whole(where, "weights", weights, shape)
-        )
+        is_sparse = sparse.issparse(weights)
+        matrix = weights if is_sparse else _whole_numbers(where, "weights", weights, shape)
+        entries = sparse.coo_array(matrix)
+        # A sparse matrix may list an entry more than once; its value is the sum.
         entries.sum_duplicates()
-        keep = entries.data != 0
-        rows, columns = (index.astype(np.int64)[keep] for index in (entries.row, entries.col))
-        mantissa = _whole(where, "weights", entries.data[keep], rows.shape)
-        self._pruned += (entries.nnz if sparse.issparse(weights) else math.prod(shape)) - len(rows)
-        # One delay for all is not spread over all pairs, since there may be many more pairs than synapses.
-        if sparse.issparse(delay) and delay.shape == shape:
-            delay = _whole(where, "delay", sparse.csr_array(delay)[rows, columns], rows.shape)
-        elif np.ndim(delay):
-            delay = _whole(
-                where, "delay", delay.toarray() if sparse.issparse(delay) else delay, shape
-            )[rows, columns]
-        delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
-        order = np.lexsort((rows, columns))
-        number = int(_whole(where, "exponent", exponent, ()))
-        bits = self._chip.registers.weight_bits[-1] if weight_bits is None else int(weight_bits)
-        arrays = columns[order], rows[order], mantissa[order], delays[order]
-        self._synapses.append(Synapses(source.name, target.name, *arrays, number, bits, sign_mode))
+        is_synapse = entries.data != 0
+        targets = entries.row.astype(np.int64)[is_synapse]
+        sources = entries.col.astype(np.int64)[is_synapse]
+        mantissa = _whole_numbers(where, "weights", entries.data[is_synapse], targets.shape)
+        # Every entry of a dense array counts as given, but only the stored entries of a sparse one.
+        given_entries = entries.nnz if is_sparse else math.prod(shape)
+        self._pruned += given_entries - len(targets)
+        delays = _delays(where, delay, shape, targets, sources)
+        # The order of `Synapses`: by source, then target.
+        order = np.lexsort((targets, sources))
+        widest_bits = self._chip.registers.weight_bits[-1]
+        synapses = Synapses(
+            source=source.name,
+            target=target.name,
+            source_index=sources[order],
+            target_index=targets[order],
+            mantissa=mantissa[order],
+            delay=delays[order],
+            exponent=int(_whole_numbers(where, "exponent", exponent, ())),
+            weight_bits=widest_bits if weight_bits is None else int(weight_bits),
+            sign_mode=sign_mode,
+        )
+        self._synapses.append(synapses)
 
     def read_out(self, *populations: Node) -> None:
         """Use the sum of the spike counts of these populations as class scores."""
         self._readout = Readout(tuple(node.name for node in populations), (1.0,) * len(populations))
 
     def graph(self) -> CompartmentGraph:
-        """Return what was collected so far as a checked graph, not yet placed on cores."""
+        """Return everything added so far as a checked graph, not yet placed on cores."""
         if not self._inputs or not self._groups:
             fix = "Call add_input and add_compartments first."
             raise InputError(f"program {self._name!r}", "has no input or no compartments", fix=fix)
-        parts = tuple(self._inputs), tuple(self._groups), tuple(self._synapses)
         graph = CompartmentGraph(
-            self._name, (Phase("time", "time", None),), *parts, self._readout, self._pruned
+            name=self._name,
+            phases=(Phase("time", "time", steps=None),),
+            inputs=tuple(self._inputs),
+            groups=tuple(self._groups),
+            synapses=tuple(self._synapses),
+            readout=self._readout,
+            synapses_pruned=self._pruned,
         )
         check_graph(graph, self._chip)
         return graph
 
     def build(self) -> ChipProgram:
-        """Check, place, arrange, route and assemble; ``TargetError`` for a broken limit, saying what would fit."""
-        return assemble(route_axons(arrange_cores(place_cores(self.graph(), self._chip))))
+        """Check, place, arrange, route and assemble.
+
+        Raises ``TargetError`` if a limit of the chip is exceeded; it says what would fit.
+        """
+        placed = place_cores(self.graph(), self._chip)
+        routed = route_axons(arrange_cores(placed))
+        return assemble(routed)
+
+
+def _delays(
+    where: str, delay: Any, shape: tuple[int, int], targets: IntArray, sources: IntArray
+) -> IntArray:
+    """Return the delay of every synapse (synapses,), given one for all, or a dense or sparse array of ``shape``."""
+    if sparse.issparse(delay) and delay.shape == shape:
+        of_synapses = sparse.csr_array(delay)[targets, sources]
+    elif np.ndim(delay):
+        # A sparse array of a wrong shape comes here, too, for the message about its shape.
+        dense = delay.toarray() if sparse.issparse(delay) else delay
+        of_synapses = _whole_numbers(where, "delay", dense, shape)[targets, sources]
+    else:
+        # One delay for all is not expanded to all pairs: there may be many more pairs than synapses.
+        of_synapses = delay
+    checked_delays = _whole_numbers(where, "delay", of_synapses, targets.shape)
+    return np.broadcast_to(checked_delays, targets.shape)
 
 
 def _node(name: str, size: int) -> Node:
+    """Return a node of a size that is checked to be possible."""
     if size < 1:
         raise InputError(f"{name!r}", "it is empty", measured=f"size {size}", fix="Give it a size.")
     check_most(size, MAX_LINES, repr(name), "no chip holds so many", fix="Give a smaller size.")
     return Node(name, int(size))
 
 
-def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:
+def _whole_numbers(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:
     """Return integers of this shape; one value stands for all. Raises ``InputError`` for anything else."""
     array = np.asarray(value)
-    if array.dtype.kind not in "biuf" or not np.array_equal(array, np.round(array)):
+    # Booleans, signed and unsigned integers and floats are numbers; NaN is not equal to itself.
+    is_number = array.dtype.kind in "biuf"
+    if not is_number or not np.array_equal(array, np.round(array)):
         raise InputError(
             where, f"{key} has values that are not whole numbers", fix="Quantise them first."
         )
-    beyond = array[(array < -LARGEST) | (array > LARGEST)]
-    if beyond.size:
+    too_large = array[(array < -LARGEST) | (array > LARGEST)]
+    if too_large.size:
         fix = "Quantise them first."
         raise InputError(
             where,
             f"{key} has values that no register holds",
-            measured=f"{beyond.flat[0]:g}",
+            measured=f"{too_large.flat[0]:g}",
             fix=fix,
         )
     if array.shape not in ((), shape):
@@ -223,12 +273,17 @@ def _wrong_shape(
 
 
 def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
-    """Split bias values into mantissa and the smallest exponent that holds them."""
+    """Return the mantissa and the smallest exponent of each bias value, both (n,).
+
+    Raises ``TargetError``, which names the nearest possible value, if a bias is no mantissa times a power of two.
+    """
     domains = loihi.domains(chip.registers)
-    most = domains["bias_exponent"].high
-    exponents = np.arange(most + 1)[:, None]
+    largest_exponent = domains["bias_exponent"].high
+    # Try all exponents at once, in rows; the nearest mantissa for each.
+    exponents = np.arange(largest_exponent + 1)[:, None]
     low, high = domains["bias_mantissa"]
     mantissas = np.clip(np.rint(values / 2.0**exponents), low, high).astype(np.int64)
+    # The first minimum has the smallest exponent of those that are equally near.
     exponent = np.abs(loihi.bias_of(mantissas, exponents) - values).argmin(axis=0)
     mantissa = mantissas[exponent, np.arange(len(values))]
     nearest = loihi.bias_of(mantissa, exponent)
@@ -237,7 +292,7 @@ def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
         what = (
             f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two"
         )
-        measured = f"mantissa {low}..{high}, exponent 0..{most}"
+        measured = f"mantissa {low}..{high}, exponent 0..{largest_exponent}"
         raise TargetError(
             f"compartments {name!r}",
             what,

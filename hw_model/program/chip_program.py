@@ -1,4 +1,8 @@
-"""The last level: everything that a chip is loaded with, core by core, and how a recording is played to it."""
+"""The last level of the chip side: everything that a chip is loaded with, core by core, and how a recording is played.
+
+The engines simulate a :class:`ChipProgram`, and the files of a compiled network hold it. Results of a simulation are
+arrays over the compartments of a phase, called *columns*: groups follow one another in the order of the cores.
+"""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -17,7 +21,10 @@ from hw_model.values import Frozen, IntArray, Shown
 
 
 class CompartmentProfile(Frozen, order=True):
-    """Settings that compartments of a core share; ``joined`` compartments add v to their parent and do not spike."""
+    """Parameters that compartments of a core share.
+
+    ``joined`` is 1 for compartments that add their v to their parent and do not spike, else 0.
+    """
 
     decay_u: int
     decay_v: int
@@ -26,10 +33,12 @@ class CompartmentProfile(Frozen, order=True):
 
 
 class Core(Frozen, eq=False):
-    """One core: ``profile[i]``, ``threshold[i]``, bias and ``parent[i]`` (-1: none) configure compartment i.
+    """One core and the tables that it is loaded with.
 
-    ``number`` counts the cores of the program, ``slot`` those of the board (chip ``slot // cores_per_chip``).
-    ``threshold`` is an index into ``thresholds``, which are mantissas. Children come before their parents.
+    Compartment i has the parameters ``profiles[profile[i]]``, the threshold mantissa ``thresholds[threshold[i]]``, the
+    bias ``bias_mantissa[i] * 2^bias_exponent[i]``, and the parent ``parent[i]`` (-1: none). Children come before their
+    parents. ``number`` counts the cores of the program. ``slot`` is the core's position on the board: core
+    ``slot % cores_per_chip`` of chip ``slot // cores_per_chip``.
     """
 
     number: int
@@ -64,10 +73,15 @@ class Core(Frozen, eq=False):
 
     @property
     def turns(self) -> list[IntArray]:
-        """The compartments in turns: those without children, then those whose children all came before, and so on."""
+        """The compartments in turns, which can be updated one after the other.
+
+        The first turn is compartments without children; each further one, those whose children all had their turn.
+        """
         turn = np.zeros(self.compartments, dtype=np.int64)
+        # Children come before their parents, so a child's turn is final when it is read.
         for child in np.flatnonzero(self.parent >= 0):
-            turn[self.parent[child]] = max(turn[self.parent[child]], turn[child] + 1)
+            parent = self.parent[child]
+            turn[parent] = max(turn[parent], turn[child] + 1)
         return [np.flatnonzero(turn == number) for number in np.unique(turn)]
 
     @property
@@ -79,7 +93,7 @@ class Core(Frozen, eq=False):
 
     @property
     def effective_weights(self) -> IntArray:
-        """Weights as they are added to q, shape (synapses,)."""
+        """Weights as they are added to a compartment's charge q, shape (synapses,)."""
         exponent_of_format = np.array(
             [synapse_format.exponent for synapse_format in self.axons.formats], dtype=np.int64
         )
@@ -93,14 +107,14 @@ class Core(Frozen, eq=False):
 
     @property
     def step_parameters(self) -> loihi.Parameters:
-        """What a step reads of every compartment, each (compartments,)."""
+        """The parameters with which a step updates each compartment, each (compartments,)."""
         size = self.compartments
         vmax = np.full(size, self.vmax, dtype=np.int64)
         return loihi.Parameters(
             keep_u=loihi.keep_of(self.setting("decay_u")),
             keep_v=loihi.keep_of(self.setting("decay_v")),
             bias=self.bias,
-            # What is joined never spikes: no v exceeds vmax.
+            # Joined compartments never spike: v is clipped to vmax, so it cannot exceed a threshold of vmax.
             threshold=np.where(self.setting("joined") == 1, vmax, self.threshold_voltage),
             refractory=self.setting("refractory"),
             vmin=np.full(size, self.vmin, dtype=np.int64),
@@ -109,7 +123,11 @@ class Core(Frozen, eq=False):
 
 
 class ChipProgram(Shown):
-    """A program for a chip; phases run one after the other, each over its own step axis."""
+    """A program for a chip.
+
+    Its phases run one after the other, each over its own step axis. The fields with a default say how recordings
+    become steps and predictions; programs of earlier versions, and programs built by hand, lack them.
+    """
 
     name: str
     chip: Chip
@@ -125,13 +143,14 @@ class ChipProgram(Shown):
     event_threshold: int | None = None
     """The number of events that a bin of a recording has to exceed to become 1; None if unknown."""
     psi: float | None = None
-    """How late a time-weighted prediction turns to the location branch; None if unknown."""
+    """How steeply a time-weighted prediction turns from the time branch to the location branch
+    (:mod:`hw_model.streaming.psi`); None if unknown."""
     polarities: int | None = None
     """Polarities of channels, for events with x and y; None if unknown."""
     columns: int | None = None
     """Columns of the grid, for events with x and y; None if unknown."""
     class_names: tuple[str, ...] | None = None
-    """Of the classes of the readout, if they have names."""
+    """The names of the readout's classes, if they have names."""
     channel_order: str | None = None
     """How channels are numbered: ``yxp``, by pixel and then polarity, or ``pyx``; None if unknown."""
     start: float | str | None = None
@@ -154,7 +173,7 @@ class ChipProgram(Shown):
         return next(route for route in self.input_routes if route.input == name)
 
     def columns_of(self, phase: str) -> dict[str, slice]:
-        """Return the columns of every group in arrays over a phase's compartments, where groups follow each other."""
+        """Return the columns that each group has in arrays over the compartments of a phase."""
         return self._columns_of.get(phase, {})
 
     @cached_property
@@ -173,7 +192,7 @@ class ChipProgram(Shown):
         return columns_by_phase
 
     def columns_of_core(self, core: Core) -> IntArray:
-        """Return the column of every compartment of a core, in arrays over its phase's compartments."""
+        """Return the column of every compartment of a core, (compartments,)."""
         columns = self.columns_of(core.phase)
         columns_by_slice = [
             columns[part.group].start + np.arange(part.start, part.stop) for part in core.slices
@@ -181,7 +200,7 @@ class ChipProgram(Shown):
         return np.concatenate(columns_by_slice)
 
     def by_column(self, phase: str, values: Callable[[Core], IntArray | int]) -> IntArray:
-        """Return ``values(core)`` for the compartments of all cores of a phase, (columns,)."""
+        """Return an array over the columns of a phase, filled core by core with ``values(core)``."""
         size = sum(core.compartments for core in self.cores_of(phase))
         by_column = np.empty(size, dtype=np.int64)
         for core in self.cores_of(phase):
@@ -189,7 +208,7 @@ class ChipProgram(Shown):
         return by_column
 
     def lines_of(self, phase: str) -> dict[str, slice]:
-        """Return the lines of every input in arrays over a phase's input lines, where inputs follow each other."""
+        """Return the lines that each input has in arrays over all input lines of a phase, one input after the other."""
         lines: dict[str, slice] = {}
         first_line = 0
         for line_input in self.inputs_of(phase):
@@ -200,8 +219,9 @@ class ChipProgram(Shown):
 
     @cached_property
     def senders(self) -> tuple[IntArray, ...]:
-        """The source of each input axon of every core, as a number in its phase: lines first, then columns."""
-        # The input axons of all cores, one core after the other.
+        """For every core, the source of each of its input axons, numbered within the phase: lines, then columns."""
+        # Routes lead from sources to axons. Invert them: number the input axons of all cores one core after the other,
+        # and write each source to the axons that it reaches.
         first_axon = np.cumsum([0, *(core.axons.input_axons for core in self.cores)])
         source_of_axon = np.full(first_axon[-1], -1, dtype=np.int64)
         for phase in self.phases:
@@ -228,7 +248,7 @@ class ChipProgram(Shown):
         groups: set[str] = set()
         for core in self.cores:
             for part in core.slices:
-                # Of a group, all compartments are joined, or none is.
+                # Either all compartments of a group are joined or none, so the first stands for all.
                 profile = core.profiles[core.profile[part.offset]]
                 if not profile.joined:
                     groups.add(part.group)
@@ -236,12 +256,12 @@ class ChipProgram(Shown):
 
     @cached_property
     def joined_to(self) -> dict[str, str]:
-        """For each group that adds its voltage to another one, the name of that other group."""
+        """For each joined group, the name of the group that it adds its voltage to."""
         parent_groups: dict[str, str] = {}
         for core in self.cores:
             group_by_offset = {part.offset: part.group for part in core.slices}
             for part in core.slices:
-                # Slices are joined compartment by compartment, the first to the first.
+                # Slices are joined compartment by compartment, so the parent of the first begins the parent slice.
                 parent = int(core.parent[part.offset])
                 if parent >= 0:
                     parent_groups[part.group] = group_by_offset[parent]
@@ -249,7 +269,7 @@ class ChipProgram(Shown):
 
     @cached_property
     def populations(self) -> dict[str, int]:
-        """The names and sizes of all compartment groups, in order of their cores."""
+        """The names and sizes of all compartment groups, in the order of their cores."""
         sizes: dict[str, int] = {}
         for core in self.cores:
             for part in core.slices:
@@ -259,6 +279,7 @@ class ChipProgram(Shown):
     @checked
     def save(self, folder: str | Path) -> None:
         """Write ``program.yaml`` and ``program.npz`` into a folder; see :mod:`hw_model.program.write`."""
+        # Imported here, because the module imports this one.
         from hw_model.program.write import save_program
 
         save_program(self, folder)

@@ -1,7 +1,8 @@
 """Read a program from disk, as :mod:`hw_model.program.write` writes it.
 
-Nothing in the files is executed. A file is refused by name if it is damaged, newer, or of another
-program than the other.
+Nothing in the files is executed. An error names the file that is damaged, has a newer format, or belongs to another
+program than the other file. Files may be hostile: whatever goes wrong while entries are read is reported as an
+``InputError`` (:func:`hw_model.io.files.parsing`), and the program that they make is checked like any other.
 """
 
 import math
@@ -14,7 +15,7 @@ from hw_model.errors import InputError
 from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.mapping.fan_in import SynapseFormat
-from hw_model.mapping.graph import Input, Phase, Readout, held
+from hw_model.mapping.graph import Input, Phase, Readout, compact
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.recorded import recorded_of
 from hw_model.mapping.routing import AxonTables, InputRoute
@@ -42,23 +43,26 @@ def load_program(folder: str | Path) -> ChipProgram:
 
 
 def chip_program_of(pair: SealedPair) -> ChipProgram:
-    """Return the program in both files as read."""
+    """Return the program that the two files hold."""
     pair.check_format(CHIP_PROGRAM, VERSION)
     pair.check_arrays()
     with parsing(PROGRAM_YAML, "its entries do not make a program", fix="Compile again."):
         arrays = _vectors(pair)
-        # Taken before arrays are popped.
-        stored = set(arrays)
+        # The names have to be taken first, since `_program` removes arrays from the dictionary.
+        stored_names = set(arrays)
         program = _program(pair.document, arrays)
         check_program(program)
-    _check_names(stored, program)
-    # The last check: the others say what is wrong, this one only that something is.
+    _check_names(stored_names, program)
+    # The checksum comes last: the checks before it say what is wrong, it says only that something is.
     pair.check_seal()
     return program
 
 
 def _vectors(pair: SealedPair) -> dict[str, IntArray]:
-    """Return the arrays by name. Raises ``ValueError``, which :func:`parsing` words, where one is not a vector."""
+    """Return the arrays by name.
+
+    Raises ``ValueError`` if one is not a vector; :func:`parsing` makes an ``InputError`` of it.
+    """
     arrays = pair.unpack()
     for name, array in arrays.items():
         if array.ndim != 1:
@@ -66,17 +70,20 @@ def _vectors(pair: SealedPair) -> dict[str, IntArray]:
     return arrays
 
 
-def _check_names(stored: set[str], program: ChipProgram) -> None:
-    """Refuse arrays that belong to nothing in a program: nobody would see what they hold."""
-    known = {
+def _check_names(stored_names: set[str], program: ChipProgram) -> None:
+    """Raise InputError if a file holds arrays that the program does not use.
+
+    Otherwise a file could carry data that no report shows.
+    """
+    known_names = {
         f"core{core.number}/{name}"
         for core in program.cores
         for name in (*CORE_ARRAYS, *AXON_ARRAYS)
     }
     for index in range(len(program.inputs)):
         for name in (*ROUTE_ARRAYS, "positions", "first_lines"):
-            known.add(f"input{index}/{name}")
-    unknown = sorted(stored - known)
+            known_names.add(f"input{index}/{name}")
+    unknown = sorted(stored_names - known_names)
     if unknown:
         measured = unknown[0] if len(unknown) == 1 else f"{unknown[0]} and {len(unknown) - 1} more"
         raise InputError(
@@ -88,6 +95,7 @@ def _check_names(stored: set[str], program: ChipProgram) -> None:
 
 
 def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
+    """Return the program; the arrays of synapses are removed from ``arrays``, see :func:`_core`."""
     inputs = []
     routes = []
     for index, item in enumerate(document["inputs"]):
@@ -97,7 +105,6 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
         inputs.append(Input(**entries, positions=positions, first_lines=first_lines))
         route_arrays = {name: arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS}
         routes.append(InputRoute(item["name"], **route_arrays))
-    readout = document["readout"]
     return ChipProgram(
         name=str(document["name"]),
         chip=parse_chip(document["chip"], where=f"{PROGRAM_YAML}: chip"),
@@ -105,17 +112,11 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
         inputs=tuple(inputs),
         input_routes=tuple(routes),
         cores=tuple(_core(core, arrays) for core in document["cores"]),
-        readout=None
-        if readout is None
-        else _readout(
-            readout,
-            document.get("readout_potentials_from"),
-            _optional_number(document, "readout_tie_class", int),
-        ),
+        readout=_readout(document),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _optional_number(document, name, kind) for name, kind in RECORDINGS.items()},
-        class_names=_names(document.get("class_names")),
+        class_names=_class_names(document.get("class_names")),
         channel_order=_channel_order(document.get("channel_order")),
         start=_start(document.get("start")),
         time_unit=_time_unit(document.get("time_unit")),
@@ -124,10 +125,11 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
 
 
 def _optional_number(document: Mapping[str, Any], name: str, kind: type[int] | type[float]) -> Any:
-    """Return an entry that may be missing: a number of this kind from 0 up, ``step_seconds`` above 0."""
+    """Return an entry that may be missing: a number of this kind, 0 or more, and ``step_seconds`` more than 0."""
     value = document.get(name)
     if value is None:
         return None
+    # `type`, not isinstance: True is an instance of int. A whole number will do where a float is expected.
     is_number = type(value) in (kind, int)
     if not is_number or not 0 <= value < math.inf:
         raise ValueError(name)
@@ -137,14 +139,14 @@ def _optional_number(document: Mapping[str, Any], name: str, kind: type[int] | t
 
 
 def _channel_order(order: Any) -> str | None:
-    """Return how channels are numbered; programs of earlier versions do not say so."""
+    """Return how channels are numbered; the entry is missing in programs of earlier versions."""
     if order not in (None, *CHANNEL_ORDERS):
         raise ValueError("channel_order")
     return None if order is None else str(order)
 
 
 def _start(start: Any) -> float | str | None:
-    """Return where recordings of events start, which may be missing: seconds, or ``first``."""
+    """Return where recordings of events start: seconds, or ``first`` for the first event; the entry may be missing."""
     if start is None:
         return None
     if start == FIRST:
@@ -155,14 +157,14 @@ def _start(start: Any) -> float | str | None:
 
 
 def _time_unit(unit: Any) -> str | None:
-    """Return the unit of times of events, which may be missing."""
+    """Return the unit of the times of events; the entry may be missing."""
     if unit not in (None, *TIME_UNITS):
         raise ValueError("time_unit")
     return None if unit is None else str(unit)
 
 
-def _names(names: Any) -> tuple[str, ...] | None:
-    """Return names of classes, which may be missing: a list of texts."""
+def _class_names(names: Any) -> tuple[str, ...] | None:
+    """Return the names of the classes, a list of texts; the entry may be missing."""
     if names is None:
         return None
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
@@ -170,27 +172,37 @@ def _names(names: Any) -> tuple[str, ...] | None:
     return tuple(names)
 
 
-def _readout(weights: dict[str, float], potentials_from: Any, tie_class: int | None) -> Readout:
-    """Return a readout.
+def _readout(document: Mapping[str, Any]) -> Readout | None:
+    """Return the readout, if the program has one.
 
-    ``potentials_from`` is the step from which potentials count: one for all populations, or one for each that gives
-    potentials; None where spikes count.
+    The entry ``readout_potentials_from`` is the step from which potentials count: one for all populations, or one for
+    each population that is read by its potentials. It is missing if only spikes count.
     """
+    weights = document["readout"]
+    if weights is None:
+        return None
+    potentials_from = document.get("readout_potentials_from")
     first_step: int | tuple[int | None, ...] | None = None
     if isinstance(potentials_from, dict):
         steps = (potentials_from.get(name) for name in weights)
         first_step = tuple(None if step is None else int(step) for step in steps)
     elif potentials_from is not None:
         first_step = int(potentials_from)
-    return Readout(tuple(weights), tuple(map(float, weights.values())), first_step, tie_class)
+    return Readout(
+        populations=tuple(weights),
+        weights=tuple(map(float, weights.values())),
+        potentials_from=first_step,
+        tie_class=_optional_number(document, "readout_tie_class", int),
+    )
 
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
+    """Return a core; the arrays of its synapses are removed from ``arrays``."""
     prefix = f"core{int(core['number'])}/"
-    held_as: dict[str, Any] = {name: int(core[name]) for name in ("number", "slot", "vmin", "vmax")}
-    held_as |= {name: arrays[prefix + name] for name in CORE_ARRAYS}
+    fields: dict[str, Any] = {name: int(core[name]) for name in ("number", "slot", "vmin", "vmax")}
+    fields |= {name: arrays[prefix + name] for name in CORE_ARRAYS}
     return Core(
-        **held_as,
+        **fields,
         phase=core["phase"],
         slices=tuple(Slice(**piece) for piece in core["slices"]),
         profiles=tuple(CompartmentProfile(**profile) for profile in core["compartment_profiles"]),
@@ -199,7 +211,7 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
             formats=tuple(SynapseFormat(**form) for form in core["synapse_formats"]),
             synapse_words=int(core["synapse_words"]),
             **{name: arrays[prefix + name] for name in AXON_ARRAYS if name not in OF_SYNAPSES},
-            # Popped, so that synapses, which are most of a program, are not in memory twice.
-            **{name: held(arrays.pop(prefix + name)) for name in OF_SYNAPSES},
+            # Synapses are most of a program. Popped, so that the original is freed once its compact copy exists.
+            **{name: compact(arrays.pop(prefix + name)) for name in OF_SYNAPSES},
         ),
     )

@@ -1,6 +1,8 @@
-"""Two files tied by checksums: a readable ``program.yaml``, and its arrays in ``program.npz``.
+"""The two files of a program: a readable ``program.yaml``, and its arrays in ``program.npz``.
 
-Every kind of program is saved so. Nothing in the files is executed.
+Programs for all chips are saved this way. ``program.yaml`` holds a checksum of ``program.npz``, so that files of two
+programs are not mixed up, and ends with a *seal*: a comment line with the checksum of everything above it. Nothing in
+the files is executed.
 """
 
 import hashlib
@@ -27,12 +29,14 @@ KINDS = (CHIP_PROGRAM, XYLO_PROGRAM, SPINNAKER_PROGRAM)
 """The kinds of programs, by the ``format`` that their files say."""
 PROGRAM_YAML = "program.yaml"
 PROGRAM_NPZ = "program.npz"
+# The following limits protect against files that are made to use up memory. They are chosen by hand, far above the
+# programs of real boards.
 MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES = 3 << 29
 MAX_PACKING = 64
-"""Largest size of all arrays, unpacked: in bytes, or as a multiple of the file's if that is more."""
+"""All arrays together may unpack to MAX_ARRAY_BYTES, or to this multiple of the file's size if that is more."""
 MAX_YAML_NODES = 2_000_000
-"""Most values, keys and containers in ``program.yaml``, which has about a hundred per core."""
+"""The most values, keys and containers in ``program.yaml``, which has about a hundred per core."""
 _NO_PROGRAM = "Give the folder that the compiler wrote."
 
 
@@ -64,22 +68,26 @@ def save_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes the chip's own YAML text as a block."""
+    """A dumper that writes texts of several lines, such as the text of a chip file, as readable blocks."""
 
 
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    # A reader takes what is left bare of these for the end of a line.
-    # No file can hold half of a surrogate pair.
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    # A lone surrogate has no UTF-8 encoding, so it is written as an escape.
     text = text.encode(errors="backslashreplace").decode()
-    style = '"' if {*"\x85\u2028\u2029"} & {*text} else "|" if "\n" in text else None
+    style = None
+    if {*"\x85\u2028\u2029"} & {*text}:
+        # YAML readers take these characters for line ends, unless they are escaped in a quoted text.
+        style = '"'
+    elif "\n" in text:
+        style = "|"
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
-_Dumper.add_representer(str, _text)
+_Dumper.add_representer(str, _represent_text)
 
 
 class SealedPair(Frozen, eq=False):
-    """Both files as read: the entries of the first, and the bytes of both."""
+    """The two files as read: the entries of ``program.yaml``, and the bytes of both."""
 
     document: Mapping[str, Any]
     yaml_bytes: bytes
@@ -87,11 +95,11 @@ class SealedPair(Frozen, eq=False):
 
     @property
     def kind(self) -> object:
-        """The kind of program that it says it is."""
+        """The kind of program that the file claims to hold; a damaged file may claim anything."""
         return self.document.get("format")
 
     def check_format(self, kind: str, version: int) -> None:
-        """Refuse another kind of program, and another version of its format."""
+        """Raise InputError for another kind of program, or another version of its format."""
         if self.kind != kind and self.kind in KINDS:
             what = "this is a program of another kind"
             measured = f"{self.kind} against {kind}"
@@ -105,13 +113,14 @@ class SealedPair(Frozen, eq=False):
         check_same(version_of_file, repr(version), PROGRAM_YAML, what, fix=fix)
 
     def check_arrays(self) -> None:
-        """Refuse arrays that the entries were not written with."""
+        """Raise InputError unless ``program.npz`` is the file that ``program.yaml`` was written with."""
         if hashlib.sha256(self.npz_bytes).hexdigest() != self.document.get("arrays_sha256"):
             what = "the checksum differs: it is damaged, or of another program"
             raise InputError(PROGRAM_NPZ, what, fix="Compile again.")
 
     def check_seal(self) -> None:
-        """Refuse entries that were edited; a file without its last line is taken as it is."""
+        """Raise InputError if ``program.yaml`` was edited. A file without the seal, its last line, is accepted."""
+        # Some tools change line ends when they copy text files.
         plain = self.yaml_bytes.replace(b"\r\n", b"\n")
         above, seal, digest = plain.rpartition(SEAL.encode())
         if seal and hashlib.sha256(above).hexdigest().encode() != digest.strip():
@@ -120,7 +129,10 @@ class SealedPair(Frozen, eq=False):
             raise InputError(PROGRAM_YAML, what, fix=fix)
 
     def unpack(self) -> dict[str, IntArray]:
-        """Return the int64 arrays by name, read-only; any exception for something else."""
+        """Return the int64 arrays by name, read-only.
+
+        A damaged file can raise any exception; callers use :func:`hw_model.io.files.parsing`.
+        """
         arrays: dict[str, IntArray] = {}
         content = io.BytesIO(self.npz_bytes)
         with BoundedZip(content, PROGRAM_NPZ, "Compile again.") as archive:
@@ -137,7 +149,8 @@ class SealedPair(Frozen, eq=False):
 
 
 def read_pair(folder: Path) -> SealedPair:
-    """Read both files of a program of any kind; ``InputError`` where one is missing or damaged."""
+    """Read both files of a program of any kind; raise ``InputError`` if one is missing or damaged."""
+    # A writer that was interrupted may have left one file replaced and the other not.
     finish_writing(folder)
     yaml_bytes, npz_bytes = (
         read_bytes(

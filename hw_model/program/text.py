@@ -1,7 +1,7 @@
 """Every level of the chip side as stable text, for people to read and for golden tests to compare.
 
-Small arrays are written out. Large ones are shown by their range and a digest, so any change of a
-value shows.
+Small arrays are written out in full. A large array is shown by its range and a digest, so that the text changes if any
+value does. Functions with an underscore return the lines of one entry.
 """
 
 import hashlib
@@ -17,11 +17,11 @@ from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
 from hw_model.values import AnyArray
 
 WRITTEN_OUT = 16
-"""Largest number of values of an array that is written out."""
+"""The most values of an array that is written out in full. Chosen by hand: they fit a line."""
 
 
 def array_text(array: AnyArray) -> str:
-    """Return the one value of a constant array, the values of a small array, or else range and digest."""
+    """Return an array as text: the value of a constant array, all values of a small array, else range and digest."""
     values = np.asarray(array)
     if values.size == 0:
         return "none"
@@ -29,12 +29,14 @@ def array_text(array: AnyArray) -> str:
         return f"{values.flat[0]}"
     if values.size <= WRITTEN_OUT:
         return " ".join(map(str, values.ravel().tolist()))
-    content = np.ascontiguousarray(values, np.int64 if values.dtype.kind == "i" else None).tobytes()
+    # Integers are hashed as int64, so that the digest does not depend on the width that they are stored in.
+    hashed_type = np.int64 if values.dtype.kind == "i" else None
+    content = np.ascontiguousarray(values, hashed_type).tobytes()
     return f"{values.min()}..{values.max()} #{hashlib.sha256(content).hexdigest()[:12]}"
 
 
 def ended(lines: Iterable[str]) -> str:
-    """Return lines as a text, each with its end."""
+    """Return lines as a text, each ended by a line feed."""
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -75,7 +77,7 @@ def routed_text(routed: RoutedGraph) -> str:
 
 
 def program_text(program: ChipProgram) -> str:
-    """Return the text of a ChipProgram: tables of every core."""
+    """Return the text of a ChipProgram: the tables of every core."""
     lines = program_heading(program.name, program.chip.name, program.provenance)
     for core in program.cores:
         lines += _core(core)
@@ -83,7 +85,7 @@ def program_text(program: ChipProgram) -> str:
 
 
 def program_heading(name: str, chip: str, provenance: Mapping[str, str]) -> list[str]:
-    """Return the first lines of the text of a program of any arithmetic: what it is, and from where."""
+    """Return the first lines of a program's text, for chips of any kind: its name, its chip and its provenance."""
     return [
         f"program {name} for {chip}",
         *(f"  {key}: {value}" for key, value in provenance.items()),
@@ -112,7 +114,7 @@ def _input(item: Input) -> str:
 
 
 def _group(group: Compartments) -> str:
-    """Return the line of a group; of a bias of 0 and a refractory count of 1, nothing is said."""
+    """Return the line of a group; the defaults, a bias of 0 and a refractory count of 1, are left out."""
     text = (
         f"  group {group.name}: {group.size}, phase {group.phase}, "
         f"decay_u {array_text(group.decay_u)}, decay_v {array_text(group.decay_v)}"
@@ -139,11 +141,11 @@ def _synapses(synapses: Synapses) -> str:
 
 
 def _readout(readout: Readout) -> str:
-    what = {
+    reading_of = {
         name: f"largest potential, from step {step} on," for name, step in readout.from_step.items()
     }
     terms = " + ".join(
-        f"{weight:g} * {what.get(name, 'spikes')} of {name}" for name, weight in readout.terms
+        f"{weight:g} * {reading_of.get(name, 'spikes')} of {name}" for name, weight in readout.terms
     )
     return terms if readout.tie_class is None else f"{terms}; ties predict {readout.tie_class}"
 

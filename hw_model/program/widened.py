@@ -1,4 +1,7 @@
-"""Programs whose registers are wider than the chip's: what they would do if nothing wrapped or clipped."""
+"""Give a program wider registers than its chip has, to play what it would do if nothing wrapped or clipped.
+
+To compare such a run with an ordinary one shows how much the register widths matter.
+"""
 
 from dataclasses import replace
 
@@ -6,13 +9,14 @@ from hw_model.description.chip import Chip
 from hw_model.program.chip_program import ChipProgram, Core
 
 WIDEST_BITS = 40
-"""The widest registers that a chip may be described with."""
+"""The widest registers that a chip file may describe."""
 HANDY_VOLTAGE_BITS = 27
-"""The widest voltages that the fast engine plays in numbers of 32 bits, whose loops are compiled already."""
+"""The widest voltages that the fast engine plays with 32-bit integers. Wider ones would take its 64-bit loops, which
+may have to be compiled first."""
 
 
 def with_wide_voltages(program: ChipProgram) -> ChipProgram:
-    """Return the program with voltages of :data:`HANDY_VOLTAGE_BITS` bits, and other registers as they are."""
+    """Return the program with voltages of at least :data:`HANDY_VOLTAGE_BITS` bits, other registers unchanged."""
     registers = program.chip.registers
     voltage_bits = max(registers.voltage_bits, HANDY_VOLTAGE_BITS)
     wide = replace(program.chip, registers=replace(registers, voltage_bits=voltage_bits))
@@ -31,12 +35,16 @@ def with_wide_registers(program: ChipProgram) -> ChipProgram:
 
 
 def has_voltage_limits(program: ChipProgram) -> bool:
-    """Tell whether a core limits its voltages within their register, as a network with a floor asks for."""
+    """Return whether a core limits its voltages more narrowly than their register does.
+
+    A network whose neurons have a lowest voltage needs that.
+    """
     last = program.chip.registers.voltage_max
     return any(core.vmin != -last or core.vmax != last for core in program.cores)
 
 
 def _on_chip(program: ChipProgram, wide: Chip) -> ChipProgram:
+    """Return the program for a chip with wider registers."""
     cores = tuple(
         _widened(core, program.chip.registers.voltage_max, wide.registers.voltage_max)
         for core in program.cores
@@ -45,7 +53,10 @@ def _on_chip(program: ChipProgram, wide: Chip) -> ChipProgram:
 
 
 def _widened(core: Core, end: int, wide_end: int) -> Core:
-    """Return a core whose voltages end with the wider register; a limit before the ``end`` stays."""
+    """Return a core with voltage limits at the ends of the wider register.
+
+    A limit that was not at the ``end`` of the chip's register is part of the network, and stays.
+    """
     vmin = -wide_end if core.vmin == -end else core.vmin
     vmax = wide_end if core.vmax == end else core.vmax
     return replace(core, vmin=vmin, vmax=vmax)

@@ -1,4 +1,8 @@
-"""Write a program: a readable ``program.yaml``, and its arrays in ``program.npz``, tied together by a checksum."""
+"""Write a program: a readable ``program.yaml``, and its arrays in ``program.npz``, tied together by a checksum.
+
+The names of entries and arrays stand here, once for writing and reading (:mod:`hw_model.program.read`). They are the
+names of fields, so a field that is renamed changes the file format.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +26,18 @@ _NUMBERS: dict[str, type[int] | type[float]] = {
     "psi": float,
 }
 RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
-"""What is known about how recordings become steps and predictions, with its type; unknown values are left out."""
+"""Optional numbers of a program, with their types: how recordings become steps and predictions. An unknown number has
+no entry."""
 CHANNEL_ORDERS = ("yxp", "pyx")
 """How channels may be numbered, by their axes from the slowest to the fastest: rows, columns and polarities."""
 TIME_UNITS = ("ns", "us", "ms", "s")
 """Units of the times of events."""
 FIRST = "first"
-"""The start of recordings at their first events."""
+"""The value of ``start`` for recordings that start at their first events."""
 START = Must(
     lambda start: start == FIRST or not isinstance(start, str), f"of seconds, or {FIRST!r}"
 )
-"""What the start of recordings must be."""
+"""The rule for the option that sets the start of recordings: a number of seconds, or ``first``."""
 # Arrays of ``program.npz``, and entries of ``program.yaml``: fields of Core, AxonTables, InputRoute and Input.
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = (
@@ -60,7 +65,7 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
 
 
 def program_document(program: ChipProgram) -> dict[str, Any]:
-    """Return the entries of ``program.yaml`` but for its format and checksums."""
+    """Return the entries of ``program.yaml``, except its format and checksums."""
     return {
         "name": program.name,
         "target": program.chip.name,
@@ -76,7 +81,7 @@ def program_document(program: ChipProgram) -> dict[str, Any]:
 
 
 def _recording_entries(program: ChipProgram) -> dict[str, Any]:
-    """Return what is known of recordings; what is unknown has no entry."""
+    """Return the entries about recordings; an unknown value has no entry."""
     entries = {
         name: value for name, value in picked(program, *RECORDINGS).items() if value is not None
     }
@@ -94,7 +99,10 @@ def _recording_entries(program: ChipProgram) -> dict[str, Any]:
 
 
 def _phase_entries(phase: Phase) -> dict[str, Any]:
-    """Return the entries of a phase; one that starts with the recording does not say so."""
+    """Return the entries of a phase, without ``align_events`` if the phase starts with the recording.
+
+    Files from before that setting have no such entry, and equal programs give equal files.
+    """
     entries = asdict(phase)
     if phase.align_events is None:
         del entries["align_events"]
@@ -102,13 +110,13 @@ def _phase_entries(phase: Phase) -> dict[str, Any]:
 
 
 def _input_entries(line_input: Input) -> dict[str, Any]:
-    """Return the entries of an input; its positions, if it is transposed, are an array."""
+    """Return the entries of an input. ``transposed`` says whether ``program.npz`` has positions for it."""
     is_transposed = line_input.positions is not None
     return {**picked(line_input, *INPUT_ENTRIES), "transposed": is_transposed}
 
 
 def _readout_entries(readout: Readout | None) -> dict[str, Any]:
-    """Return the entries of the readout, which may be none."""
+    """Return the entries of the readout; a program without one has ``readout: null``."""
     if readout is None:
         return {"readout": None}
     entries: dict[str, Any] = {"readout": dict(readout.terms)}
@@ -120,7 +128,7 @@ def _readout_entries(readout: Readout | None) -> dict[str, Any]:
 
 
 def _potentials_from(readout: Readout) -> int | dict[str, int]:
-    """Return the first step whose potentials count: one for all populations, or by population if some give spikes."""
+    """Return the first step whose potentials count: one for all populations, or one for each that gives potentials."""
     if isinstance(readout.potentials_from, int):
         return readout.potentials_from
     return readout.from_step
@@ -158,5 +166,5 @@ def program_arrays(program: ChipProgram) -> dict[str, IntArray]:
     return arrays
 
 
-# An array that is added to the axons is written, or this fails.
+# Fails if somebody adds an array to AxonTables and forgets to write it.
 assert {f.name for f in fields(AxonTables)} == {*AXON_ARRAYS, "formats", "synapse_words"}

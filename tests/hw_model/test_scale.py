@@ -8,7 +8,7 @@ import pytest
 from scipy import sparse
 
 import hw_model as hw
-from hw_model.mapping.graph import held
+from hw_model.mapping.graph import compact
 from hw_model.mapping.placement import place_cores
 from hw_model.program import sealed
 from tests.support.register_units import FORGETS_AT_ONCE
@@ -91,13 +91,13 @@ def test_what_is_held_for_a_synapse():
         (rows - 2**31, 4),
         (rows * 0 + 7, 0),
     ):
-        kept = held(values)
+        kept = compact(values)
         assert (kept.tolist(), kept.strides, kept.flags.writeable) == (
             values.tolist(),
             (bytes_of_one,),
             False,
         )
-    assert held([]).tolist() == []
+    assert compact([]).tolist() == []
 
 
 def test_a_file_may_unpack_to_more_the_larger_it_is(tmp_path, monkeypatch):
