@@ -1,1 +1,1 @@
-"""Write files and folders whole or not at all, and read untrusted files with care."""
+"""Write files and folders whole or not at all, read untrusted files with care, and check arguments and records."""

@@ -1,4 +1,8 @@
-"""Write a build: all of its files, or none."""
+"""Write the output folder of a command, called a build: all of its files, or none.
+
+:func:`check_folder` is called before any work is done, so that a user does not wait minutes for an error about the
+folder; :func:`write_build` is called when the files are ready.
+"""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -9,26 +13,32 @@ from hw_model.io.folders import check_entries, replace_entries
 from hw_model.io.given import check_path
 
 LONGEST = 200
-"""Largest number of bytes of a folder's name: file systems allow 255, and a stage next to it has a longer name."""
+"""The most bytes of a folder's name. File systems allow 255, and the folder is first written next to its place under a
+longer, temporary name."""
 
 NO_NAMES = r"(?!)"
-"""Matches no name: a folder inside that holds anything is then somebody's own."""
+"""A pattern that matches no name: then every file in a folder that would be replaced counts as the user's own."""
 
 
 def default_folder(model: str, suffix: str = "") -> Path:
-    """Return ``build/<model name>``: one folder inside ``build``, whatever the file is called."""
-    name = "".join(c if c.isprintable() and c not in "/\\" else "_" for c in Path(model).stem)
-    name = name.encode()[:LONGEST].decode(errors="ignore")
-    return Path("build") / f"{name if name.strip('.') else 'model'}{suffix}"
+    """Return ``build/<model name>``. Whatever the model's file is called, this is one folder inside ``build``."""
+    safe_name = "".join(c if c.isprintable() and c not in "/\\" else "_" for c in Path(model).stem)
+    # Cut bytes, not characters, and drop a character that the cut has split.
+    safe_name = safe_name.encode()[:LONGEST].decode(errors="ignore")
+    if not safe_name.strip("."):
+        # Empty, `.` and `..` name no folder inside `build`.
+        safe_name = "model"
+    return Path("build") / f"{safe_name}{suffix}"
 
 
 def check_folder(folder: Path, names: Iterable[str] = (), ours: str = NO_NAMES) -> None:
-    """Refuse a folder that cannot be written, before any work is done, and one in which ``names`` would remove files.
+    """Raise InputError if the folder cannot be written, or if writing ``names`` into it would remove a user's files.
 
-    Names that end in / are folders. Files in them that match the pattern ``ours``, such as
-    ``vectors/README.md``, are those of an earlier build.
+    Names that end in / are folders. Files in them that match the pattern ``ours``, such as ``vectors/README.md``, were
+    written by an earlier build and may be replaced.
     """
     check_path(folder, f"output {folder.name[:60]!r}")
+    # The folder may not exist yet, so its nearest parent that exists must be writable.
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not existing.is_dir():
         raise InputError(
@@ -36,9 +46,9 @@ def check_folder(folder: Path, names: Iterable[str] = (), ours: str = NO_NAMES) 
             f"{existing.name!r} is a file",
             fix="Choose a folder with -o.",
         )
-    if not os.access(
-        existing, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids
-    ):
+    # Ask for the effective user, as the system does when it writes; not all systems can.
+    can_ask_effective = os.access in os.supports_effective_ids
+    if not os.access(existing, os.W_OK | os.X_OK, effective_ids=can_ask_effective):
         raise _unwritable(folder, "permission denied")
     try:
         check_entries(folder, names, ours)
@@ -49,8 +59,8 @@ def check_folder(folder: Path, names: Iterable[str] = (), ours: str = NO_NAMES) 
 def write_build(folder: Path, files: Mapping[str, bytes], ours: str = NO_NAMES) -> None:
     """Write the files into the folder, all or none; everything else in it stays.
 
-    A name may lie in a folder, as in ``vectors/manifest.yaml``. Such a folder replaces the previous one as a whole, if
-    that holds only names that match the pattern ``ours``.
+    A file may lie in a subfolder, as in ``vectors/manifest.yaml``. The subfolder then replaces the previous one as a
+    whole, provided that all names in the previous one match the pattern ``ours``.
     """
     try:
         replace_entries(folder, files, ours)
@@ -59,6 +69,7 @@ def write_build(folder: Path, files: Mapping[str, bytes], ours: str = NO_NAMES) 
 
 
 def _unwritable(folder: Path, reason: str) -> InputError:
+    """Return the error for a folder that cannot be written; ``reason`` is the system's, which begins with a capital."""
     where = f"output {folder.name or str(folder)!r}"
     what = f"cannot be written: {reason[:1].lower()}{reason[1:]}"
     return InputError(where, what, fix="With -o, choose a folder that you may write to.")

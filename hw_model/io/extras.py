@@ -1,4 +1,4 @@
-"""Packages that are installed only with an extra of this project, and the words that say how to get them."""
+"""Optional packages: import one that only an extra of this project installs, or say how to install it."""
 
 from importlib import import_module
 from typing import Any
@@ -12,18 +12,19 @@ PACKAGES_OF_EXTRA = {
     "tensorboard": ("tensorboard",),
     "train": ("torch",),
 }
-"""What pip is told to install, as a shell takes it: packages of an index, so that the words hold in a checkout of this
-project and outside of one. The proofs' solver is left out of ``rtl``: no command runs it.
+"""The arguments of ``pip install`` for each extra, quoted for a shell. They name packages rather than the extra, so
+that the hint is right both in a checkout of this project and outside. ``rtl`` leaves out the solver of the proofs,
+since no command runs it.
 """
 
 
 def install_hint(extra: str) -> str:
-    """Return the sentence that says how to install the packages of an extra."""
+    """Return the sentence for a user on how to install the packages of an extra."""
     return f"Install it with: pip install {' '.join(PACKAGES_OF_EXTRA[extra])}."
 
 
 def needed(package: str, extra: str, where: str) -> Any:
-    """Return a package; raise ``InputError`` if it is not installed. ``where`` names what needs it."""
+    """Import and return a package; raise ``InputError`` if it is not installed. ``where`` names what needs it."""
     try:
         return import_module(package)
     except ImportError:

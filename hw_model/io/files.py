@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and archives of arrays whose bytes depend only on the arrays.
+"""Write files whole or not at all, read files with readable errors, and pack arrays into reproducible archives.
 
 In each function, ``where`` names the file in errors.
 """
@@ -20,26 +20,29 @@ from hw_model.io.partial import locked, note_written, partial_path, remove, remo
 from hw_model.values import AnyArray
 
 MAX_FILE_BYTES = 1_000_000_000
-"""Size of the largest file that is read."""
+"""The size of the largest file that is read, unless a caller sets another. Chosen by hand."""
 _LEAST_LIKENESS = 0.8
-"""Likeness from which a name is offered for one that does not exist; 1 is the same name."""
+"""The least similarity (difflib's ratio; 1 is equal) of an existing name that is suggested for a missing one. Chosen by
+hand."""
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
-    """Write a file under a temporary name next to it, then put it in place.
+    """Write a file under a temporary name next to it, then rename it, so that readers see the old file or the new one.
 
-    A link stays, and its target is written. Raises ``InputError`` for anything but a plain file
-    (see :func:`check_file`), and where the file cannot be written.
+    If ``path`` is a link, the link stays and its target is replaced. Raises ``InputError`` if ``path`` is anything but
+    a plain file (see :func:`check_file`), and if the file cannot be written.
     """
     path = Path(os.path.realpath(path))
     check_file(path, where)
     remove_leftovers(path)
     partial = partial_path(path)
     try:
+        # Created empty first, since only an existing file can be locked. The lock tells other processes that the file
+        # is in use, not a leftover that they may remove.
         partial.touch(exist_ok=False)
-        # The lock tells other processes that this file is no leftover.
         with locked(partial):
             partial.write_bytes(content)
+            # On the disk before the rename: otherwise a power failure could leave an empty file in the old one's place.
             sync(partial)
             os.replace(partial, path)
         note_written(path)
@@ -61,12 +64,12 @@ def read_bytes(
 ) -> bytes:
     """Return the bytes of a file.
 
-    Raises ``InputError`` where it is missing, unreadable, a folder, or has more than ``most``
-    bytes. ``fix`` is the way out for a file that is too large, ``missing`` for one that cannot be
-    read.
+    Raises ``InputError`` if it is missing, unreadable or a folder, or has more than ``most`` bytes. The error's way out
+    is ``fix`` for a file that is too large, and ``missing`` for one that cannot be read.
     """
     try:
         status = path.stat()
+        # A pipe or a device may never end. (A folder passes, and read_bytes raises OSError for it.)
         if not is_plain(status):
             raise InputError(where, "it is not a plain file", fix="Write it to a file first.")
         check_most(status.st_size, most, where, "it is too large", unit="bytes", fix=fix)
@@ -80,28 +83,32 @@ def read_bytes(
 
 
 def near(path: Path, otherwise: str) -> str:
-    """Return the way out for a path that does not exist: one that differs by a few letters.
+    """Return a "Did you mean" with an existing path for one that does not exist, or else the text ``otherwise``.
 
-    Without such a path, return ``otherwise``.
+    The suggestion replaces the first part of the path that does not exist by the most similar name in its folder.
     """
-    wrong = _first_missing(path)
-    if os.path.lexists(wrong):
+    misspelt = _first_missing(path)
+    # The last part may exist all the same, as a broken link: then no name is misspelt.
+    if os.path.lexists(misspelt):
         return otherwise
-    # Unlike iterdir(), glob() passes over a folder that must not be read.
-    neighbours = [*wrong.parent.glob("*")]
-    if wrong != path:
-        # The path goes on below the wrong name, so only a folder can be meant.
+    # Unlike iterdir(), glob() raises no error for a folder that may not be read.
+    neighbours = [*misspelt.parent.glob("*")]
+    if misspelt != path:
+        # The path goes on below the misspelt name, so only a folder can be meant.
         neighbours = [neighbour for neighbour in neighbours if neighbour.is_dir()]
     names = [neighbour.name for neighbour in neighbours]
-    alike = get_close_matches(wrong.name, names, n=1, cutoff=_LEAST_LIKENESS)
-    if not alike:
+    similar_names = get_close_matches(misspelt.name, names, n=1, cutoff=_LEAST_LIKENESS)
+    if not similar_names:
         return otherwise
-    meant = wrong.with_name(alike[0]) / path.relative_to(wrong)
-    return f"Did you mean {str(meant)!r}?"
+    suggestion = misspelt.with_name(similar_names[0]) / path.relative_to(misspelt)
+    return f"Did you mean {str(suggestion)!r}?"
 
 
 def _first_missing(path: Path) -> Path:
-    """Return the longest part of a path whose folder exists; if a name is wrong, its last one is."""
+    """Return the longest leading part of a path that lies in an existing folder.
+
+    If a name in the path does not exist, the first such name is the last one of this part.
+    """
     part = path
     while not part.parent.is_dir() and part != part.parent:
         part = part.parent
@@ -110,24 +117,24 @@ def _first_missing(path: Path) -> Path:
 
 @contextmanager
 def parsing(where: str, what: str, *, fix: str) -> Iterator[None]:
-    """Turn whatever a parser raises on damaged bytes into one ``InputError``.
+    """Turn any exception of a parser into one ``InputError``.
 
-    Our own errors pass, and so does a lack of memory, which is no damage. Parsers raise many more
-    kinds of exception than they document, and each means the same to the user.
+    On damaged bytes, parsers raise many more kinds of exception than they document, and all mean the same to the user.
+    Our own errors pass unchanged, and so does a lack of memory, which is not the file's fault.
     """
     try:
         yield
     except LocsnnError:
         raise
     except Exception as error:
-        # Far from the limit, a parser lacks memory because damaged bytes claim a huge size.
+        # If there is memory left, the parser lacked it only because damaged bytes claim a huge size: that is damage.
         if lacks_memory(error) and near_limit():
             raise MemoryError(str(error)) from error
         raise InputError(where, what, fix=fix) from error
 
 
 def check_file(path: Path, where: str) -> None:
-    """Refuse a file that cannot be written, or that would replace a folder, a device or the like."""
+    """Raise InputError if the path is a folder, a device or the like, or lies in a folder that does not exist."""
     check_path(path, where)
     if os.path.lexists(path) and not path.is_file():
         kind = "a folder" if path.is_dir() else "not a plain file"
@@ -137,7 +144,7 @@ def check_file(path: Path, where: str) -> None:
 
 
 def pack_arrays(arrays: Mapping[str, AnyArray], *, compressed: bool) -> bytes:
-    """Return an ``.npz`` without time stamps; compressed bytes also depend on the build of zlib."""
+    """Return an ``.npz`` file whose bytes depend on the arrays alone and, if compressed, on the version of zlib."""
     # A generator, so that only one array's bytes are in memory at a time.
     files = ((f"{name}.npy", npy_bytes(array)) for name, array in arrays.items())
     return pack_files(files, compressed=compressed)
@@ -146,22 +153,22 @@ def pack_arrays(arrays: Mapping[str, AnyArray], *, compressed: bool) -> bytes:
 def npy_bytes(array: AnyArray) -> bytes:
     """Return the bytes of a ``.npy`` file."""
     content = io.BytesIO()
-    # One order and one version of the format, so that equal arrays give equal bytes.
+    # Always C order and version 1.0 of the format, so that equal arrays give equal bytes.
     in_c_order = np.asarray(array, order="C")
     np.lib.format.write_array(content, in_c_order, version=(1, 0), allow_pickle=False)
     return content.getvalue()
 
 
 def pack_files(files: Iterable[tuple[str, bytes]], *, compressed: bool) -> bytes:
-    """Return a zip archive of names and contents, without time stamps.
+    """Return a zip archive of files, given by name and content, without time stamps.
 
-    Only one content is in memory at a time.
+    ``files`` may be a generator: its contents are packed one at a time.
     """
     method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         for name, content in files:
-            # The earliest date that a zip archive can hold stands for none.
+            # Every entry has a date. The earliest one that a zip archive can hold stands for none.
             entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
             entry.compress_type = method
             archive.writestr(entry, content)

@@ -1,4 +1,8 @@
-"""Whether an error comes from too little memory, which libraries say in many ways, rather than from what was read."""
+"""Limits of memory (``ulimit -v``): refuse a limit that is too low, and recognise errors that come from one.
+
+Libraries report a lack of memory in many ways, and some hang or abort. The commands check the limit before they load
+such libraries. Readers of files ask whether an exception means damaged bytes or too little memory.
+"""
 
 import errno
 import os
@@ -8,27 +12,32 @@ from pathlib import Path
 from hw_model.errors import InputError
 
 if sys.platform != "win32":
-    import resource  # here, because it cannot be loaded any more when memory has run out
+    # Imported early, because it cannot be loaded any more once memory has run out.
+    import resource
 
 MIB = 1 << 20
 NEAR_BYTES = 256 * MIB
 """A process with less than this left below its limit cannot load a large library, such as LLVM."""
-READING_BYTES, PLAYING_BYTES = 192 * MIB, 768 * MIB
-"""The lowest limits with which commands begin: those that read and write files, and those that play recordings.
+READING_BYTES = 192 * MIB
+"""The lowest limit with which commands start that read and write files.
 
-With less, numpy's OpenBLAS ends the process, and scipy's tries again without end.
+With less, numpy's OpenBLAS ends the process, and scipy's retries for ever.
 """
+PLAYING_BYTES = 768 * MIB
+"""The lowest limit with which commands start that play recordings."""
 LOOPS_BYTES = 400 * MIB
-"""What is left below the limit before the compiled loops are loaded: LLVM ends the process where it gets too little."""
+"""How much must be left below the limit before the compiled loops are loaded: LLVM aborts if it gets too little."""
 RESERVE_BYTES = 16 * MIB
+"""How much :func:`keep_reserve` holds back for the error message."""
 _NOT_LOADED = ("failed to map segment", "cannot allocate memory", "cannot create shared object")
-"""How the loader of libraries says that there was no room for one."""
+"""Messages of the dynamic loader when there is no room for a library."""
 
 _reserve: list[bytearray] = []
+"""The memory that is held back, if any."""
 
 
 def memory_limit() -> int | None:
-    """Return how many bytes of addresses this process may have (``ulimit -v``); None where there is no limit."""
+    """Return how many bytes of address space this process may have (``ulimit -v``); None if there is no limit."""
     if sys.platform == "win32":
         return None
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
@@ -36,50 +45,52 @@ def memory_limit() -> int | None:
 
 
 def check_memory(least_bytes: int) -> None:
-    """Refuse a limit below ``least_bytes``: libraries in C hang or abort without a word."""
+    """Raise InputError if the limit is below ``least_bytes``, with which C libraries hang or abort silently."""
     limit = memory_limit()
     if limit is not None and limit < least_bytes:
+        # The need is rounded up to MiB (`-(-a // b)`), the limit down.
         measured = f"{limit // MIB} MiB for this process against {-(-least_bytes // MIB)} MiB"
         fix = "Raise the limit, as with ulimit -v."
         raise InputError("memory", "there is too little", measured=measured, fix=fix)
 
 
 def check_room(more_bytes: int) -> None:
-    """Refuse a limit that leaves less than ``more_bytes`` above what this process has."""
-    check_memory(_addresses() + more_bytes)
+    """Raise InputError if this process may not take ``more_bytes`` in addition to what it has."""
+    check_memory(_address_space_bytes() + more_bytes)
 
 
 def keep_reserve() -> None:
-    """Hold some addresses until :func:`spend_reserve`, where there is a limit: saying that it is reached takes some."""
+    """Hold some memory back until :func:`spend_reserve`, if there is a limit: an error message takes memory, too."""
     if memory_limit() is not None and not _reserve:
         _reserve.append(bytearray(RESERVE_BYTES))
 
 
 def spend_reserve() -> None:
-    """Give back what :func:`keep_reserve` held."""
+    """Free the memory that :func:`keep_reserve` held back."""
     _reserve.clear()
 
 
 def near_limit() -> bool:
-    """Tell whether this process has nearly as much memory as it may have."""
+    """Return whether this process has nearly as much memory as it may have."""
     limit = memory_limit()
-    return limit is not None and limit - _addresses() < NEAR_BYTES
+    return limit is not None and limit - _address_space_bytes() < NEAR_BYTES
 
 
 def lacks_memory(error: BaseException) -> bool:
-    """Tell whether an error that no reader has put into words comes from too little memory."""
+    """Return whether an exception that is none of our own errors comes from too little memory."""
     if isinstance(error, MemoryError):
         return True
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno == errno.ENOMEM
-    if memory_limit() is not None and any(said in str(error).lower() for said in _NOT_LOADED):
+    message = str(error).lower()
+    if memory_limit() is not None and any(words in message for words in _NOT_LOADED):
         return True
-    # A library that cannot be loaded, or a thread that cannot be started, is an error of its own kind each time.
+    # A library that cannot be loaded, or a thread that cannot be started, raises exceptions of many kinds.
     return isinstance(error, ImportError | OSError | RuntimeError | SystemError) and near_limit()
 
 
 def too_little(error: BaseException) -> InputError:
-    """Return the message for an error that :func:`lacks_memory`."""
+    """Return the error for the user, given an exception that :func:`lacks_memory`."""
     limit = memory_limit()
     if limit is None:
         fix = "Give fewer recordings, or free some."
@@ -89,9 +100,10 @@ def too_little(error: BaseException) -> InputError:
     return InputError("memory", "there is too little", measured=measured, fix=fix)
 
 
-def _addresses() -> int:
-    """Return how many bytes of addresses this process has; 0 where the system does not say."""
+def _address_space_bytes() -> int:
+    """Return how many bytes of address space this process has; 0 if the system does not tell."""
     try:
+        # The first number is the size of the address space in pages, see proc(5).
         pages = Path("/proc/self/statm").read_text("ascii").split()[0]
     except OSError:
         return 0

@@ -1,7 +1,8 @@
-"""Temporary names under which output is written, and the removal of those that a killed process left behind.
+"""Partial files: output under a temporary name, locks on it, and the removal of what a killed process left behind.
 
-A partial file or folder lies next to its target, as ``.<name>.partial-<token>``, and is locked by the process that
-writes it. The lock ends with the process, so a partial file that can be locked belongs to nobody.
+A partial file or folder lies next to its target, named ``.<name>.partial-<token>``, and is locked by the process that
+writes it. The system releases the lock when the process ends, even if it is killed. So a partial file that can be
+locked is a leftover and may be removed.
 """
 
 import os
@@ -16,10 +17,11 @@ from pathlib import Path
 from hw_model.errors import InputError
 
 MAX_NAME_BYTES = 100
-"""Largest number of bytes of a target's name in its partial name, because the length of names is limited."""
+"""How many bytes of a target's name its partial name takes, since file systems limit names to 255 bytes."""
 
 
 _written: set[Path] = set()
+"""The files and folders that this process has put in place, to be listed if a command is interrupted."""
 
 
 def note_written(path: Path) -> None:
@@ -28,7 +30,7 @@ def note_written(path: Path) -> None:
 
 
 def forget_written() -> None:
-    """Begin anew: a command tells what it has written itself, not one before it in this process."""
+    """Forget the files and folders written so far: a command lists its own, not those of earlier commands."""
     _written.clear()
 
 
@@ -44,21 +46,23 @@ def partial_path(target: Path) -> Path:
 
 @contextmanager
 def claimed(target: Path, where: str) -> Iterator[None]:
-    """Be the only process that writes a target; ``InputError`` where another one does, named by ``where``.
+    """Make sure that no other process writes the target meanwhile; raise ``InputError`` if one does.
 
-    What says so is a locked file next to the target, which is removed in the end.
+    The claim is a locked file next to the target, which is removed at the end. ``where`` names the target in the error.
     """
+    # Locks need fcntl, which Windows does not have.
     if sys.platform == "win32":
         yield
         return
     claim = target.with_name(f"{_prefix(target)}claim")
     try:
         handle = os.open(claim, os.O_RDONLY | os.O_CREAT | os.O_NOFOLLOW, 0o644)
-    except OSError:  # what is wrong with the folder is said when the target is written
+    except OSError:
+        # The folder cannot be written. The error about that comes when the target is written.
         yield
         return
     try:
-        # Who ended meanwhile has removed the file that was opened here.
+        # Another process may have removed the file at its end, after we opened it: then our lock protects nothing.
         if (
             not _lock(handle)
             or not claim.exists()
@@ -76,12 +80,15 @@ def claimed(target: Path, where: str) -> Iterator[None]:
 
 @contextmanager
 def locked(path: Path, wait: bool = False) -> Iterator[bool]:
-    """Hold the lock of an existing partial file or folder, and tell whether it could be taken.
+    """Hold the lock of an existing partial file or folder; the value is whether the lock was free.
 
-    ``wait`` for that of a file, which is created if missing.
+    With ``wait``, wait until it is free; the file is created if it is missing.
     """
-    plain = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    handle = os.open(path, os.O_RDONLY | plain | (os.O_CREAT if wait else 0), 0o644)
+    # Never follow a link, and never wait for the other end of a pipe. Windows has neither flag.
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    if wait:
+        flags |= os.O_CREAT
+    handle = os.open(path, flags, 0o644)
     try:
         yield _lock(handle, wait)
     finally:
@@ -89,20 +96,21 @@ def locked(path: Path, wait: bool = False) -> Iterator[bool]:
 
 
 def remove_leftovers(target: Path) -> None:
-    """Remove what killed processes left of this target; partial files of living processes stay."""
-    ours = re.compile(re.escape(_prefix(target)) + "[0-9a-f]{12}")
+    """Remove partial files of this target that killed processes left; those of running processes stay."""
+    # The names that `partial_path` makes: 6 random bytes are 12 hexadecimal digits.
+    partial_name = re.compile(re.escape(_prefix(target)) + "[0-9a-f]{12}")
     try:
-        leftovers = [name for name in os.listdir(target.parent) if ours.fullmatch(name)]
+        names = [name for name in os.listdir(target.parent) if partial_name.fullmatch(name)]
     except OSError:
         return
-    for name in leftovers:
+    for name in names:
         with suppress(OSError), locked(target.parent / name) as is_free:
             if is_free:
                 remove(target.parent / name)
 
 
 def remove(path: Path) -> None:
-    """Remove a file or folder as far as possible: leftovers must not keep anybody from working."""
+    """Remove a file or folder as far as possible, without an error: a leftover must not stop anybody's work."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
@@ -111,7 +119,7 @@ def remove(path: Path) -> None:
 
 
 def sync(path: Path) -> None:
-    """Write a file or folder through to the disk, if the system can."""
+    """Make sure that a file's content, or a folder's list of names, is on the disk, if the system can."""
     handle = os.open(path, os.O_RDONLY)
     try:
         # Some file systems cannot sync folders.
@@ -122,17 +130,23 @@ def sync(path: Path) -> None:
 
 
 def _prefix(target: Path) -> str:
+    """Return the beginning of the partial names of a target; the dot at the front hides them from listings."""
     return f".{os.fsdecode(os.fsencode(target.name)[:MAX_NAME_BYTES])}.partial-"
 
 
 def _lock(handle: int, wait: bool = False) -> bool:
-    """Take a lock that ends with this process; tell whether that succeeded. With ``wait``, wait for it."""
+    """Take the lock of an open file and return whether that succeeded; with ``wait``, wait until it is free.
+
+    The lock ends when the file is closed or the process ends.
+    """
+    # Without locks, nothing counts as free, so that no leftover is removed.
     if sys.platform == "win32":
         return False
     import fcntl
 
+    operation = fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        fcntl.flock(handle, operation)
     except OSError:
         return False
     return True

@@ -1,4 +1,8 @@
-"""How much processor time a process may use (``ulimit -t``), and the words for when it is used up."""
+"""The limit of processor time (``ulimit -t``): keep the last second of it for an error message.
+
+When a process reaches its hard limit, the system kills it at once. At its soft limit, it only sends the signal SIGXCPU,
+which the commands handle. So the soft limit is set a second below the hard one.
+"""
 
 import sys
 from collections.abc import Iterator
@@ -10,25 +14,26 @@ if sys.platform != "win32":
     import resource
 
 LEAST_SECONDS = 2
-"""The last second is kept for saying that the time is used up."""
+"""The smallest limit with which a command starts: one second to work, and one for the error message."""
 
 
-_kept: list[int] = []
-"""The limit that was inherited, while a second of it is kept."""
+_inherited_seconds: list[int] = []
+"""The limit of the process while :func:`last_second_kept` has lowered it; else empty."""
 
 
 def processor_seconds() -> int | None:
-    """Return how many seconds of processor time this process may use; None where there is no limit."""
+    """Return how many seconds of processor time this process may use; None if there is no limit."""
     if sys.platform == "win32":
         return None
-    if _kept:
-        return _kept[0]
+    if _inherited_seconds:
+        return _inherited_seconds[0]
+    # The soft and the hard limit: what is reached first counts.
     limits = resource.getrlimit(resource.RLIMIT_CPU)
     return min((limit for limit in limits if limit != resource.RLIM_INFINITY), default=None)
 
 
 def too_little_time(seconds: int) -> InputError:
-    """Return the message for a process whose seconds of processor time are used up."""
+    """Return the error for the user when the processor time, ``seconds`` in all, is used up."""
     measured = f"{seconds} s for this process"
     fix = "Raise the limit, as with ulimit -t, or give fewer recordings."
     return InputError("processor time", "there is too little", measured=measured, fix=fix)
@@ -36,10 +41,10 @@ def too_little_time(seconds: int) -> InputError:
 
 @contextmanager
 def last_second_kept() -> Iterator[int | None]:
-    """Let the system send SIGXCPU a second before it kills the process; give the seconds that it may use, or None.
+    """Make the system send SIGXCPU a second before it kills the process.
 
-    A shell's ``ulimit -t`` sets both limits, of which the upper one kills without a signal that can be handled.
-    Raises ``InputError`` where no second can be kept.
+    The value is the seconds that the process may use, or None if there is no limit. Raises ``InputError`` if the limit
+    is too short to keep a second of it.
     """
     seconds = processor_seconds()
     if sys.platform == "win32" or seconds is None:
@@ -49,12 +54,14 @@ def last_second_kept() -> Iterator[int | None]:
         measured = f"{seconds} s for this process against {LEAST_SECONDS} s"
         fix = "Raise the limit, as with ulimit -t."
         raise InputError("processor time", "there is too little", measured=measured, fix=fix)
-    inherited = resource.getrlimit(resource.RLIMIT_CPU)
-    if inherited[0] == inherited[1]:
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds - 1, inherited[1]))
-    _kept.append(seconds)
+    inherited_limits = resource.getrlimit(resource.RLIMIT_CPU)
+    soft_limit, hard_limit = inherited_limits
+    # A shell's `ulimit -t` sets both limits. If they differ already, SIGXCPU comes in time.
+    if soft_limit == hard_limit:
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds - 1, hard_limit))
+    _inherited_seconds.append(seconds)
     try:
         yield seconds
     finally:
-        _kept.clear()
-        resource.setrlimit(resource.RLIMIT_CPU, inherited)
+        _inherited_seconds.clear()
+        resource.setrlimit(resource.RLIMIT_CPU, inherited_limits)

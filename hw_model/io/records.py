@@ -1,7 +1,10 @@
-"""Records: frozen values whose annotations say what each field may be, as in ``Annotated[int, between(1, 8)]``.
+"""Records: frozen dataclasses whose annotations say which values each field may have.
 
-The same annotations are checked where a record is made in Python (:class:`Checked`) and where it is read from a file of
-plain values (:class:`RecordReader`): a chip, a profile, the layout of a sensor, a checkpoint.
+An example is ``Annotated[int, between(1, 8)]``. The same annotations are checked in two places: when a record is made
+in Python (:class:`Checked`), and when it is read from plain values such as those of a YAML file
+(:class:`RecordReader`).
+Chips, cost profiles, sensor layouts and checkpoints are records. *Plain* values are numbers, texts, lists and
+dictionaries.
 """
 
 import sys
@@ -37,13 +40,17 @@ KIND_WORDS: dict[type, str] = {
     tuple: "a list",
     NoneType: "nothing",
 }
-"""What messages call a type."""
-_HELD: dict[type, tuple[type, ...]] = {float: (float, int), tuple: (list, tuple), Mapping: (dict,)}
-"""Type of a field -> those that a file may have for it, if they are others."""
+"""How error messages name a type."""
+_PLAIN_TYPES: dict[type, tuple[type, ...]] = {
+    float: (float, int),
+    tuple: (list, tuple),
+    Mapping: (dict,),
+}
+"""The types of plain values that are accepted for a field's type, where they are not just that type."""
 
 
 class Must(NamedTuple):
-    """What every number of a field must be, and the words that say it."""
+    """A rule for the values of a field: a function that returns whether a value obeys it, and its words in errors."""
 
     holds: Callable[[Any], Any]
     words: str
@@ -55,19 +62,20 @@ NOT_NEGATIVE = Must(lambda v: v >= 0, "at least 0")
 
 
 def between(low: float, high: float) -> Must:
-    """Return the rule of numbers from ``low`` to ``high``, both included."""
+    """Return the rule that a number is from ``low`` to ``high``, both included."""
+    # `&`, not `and`: it works for arrays, too.
     return Must(lambda v: (v >= low) & (v <= high), f"from {low:.16g} to {high:.16g}")
 
 
 @cache
 def field_kinds(record: type) -> dict[str, tuple[type, ...]]:
-    """Return the types that a file may have for each field of a record."""
+    """Return the types of plain values that each field of a record accepts."""
     hints = get_type_hints(record)
-    return {item.name: _kinds(hints[item.name]) for item in fields(record)}
+    return {item.name: _plain_types(hints[item.name]) for item in fields(record)}
 
 
 def said_of(record: type) -> dict[str, tuple[Any, ...]]:
-    """Return what the annotation of each field says in addition to its type."""
+    """Return what ``Annotated`` says about each field in addition to its type: rules, choices and notes."""
     return {name: getattr(hint, "__metadata__", ()) for name, hint in _hints(record).items()}
 
 
@@ -76,8 +84,12 @@ def _hints(record: type) -> dict[str, Any]:
     return get_type_hints(record, include_extras=True)
 
 
-def _kinds(hint: Any) -> tuple[type, ...]:
-    return tuple(kind for part in classes_of(hint) for kind in _HELD.get(part, (part,)))
+def _plain_types(hint: Any) -> tuple[type, ...]:
+    """Return the types of plain values that a type hint accepts."""
+    accepted: list[type] = []
+    for kind in classes_of(hint):
+        accepted += _PLAIN_TYPES.get(kind, (kind,))
+    return tuple(accepted)
 
 
 def check_value(
@@ -87,39 +99,56 @@ def check_value(
     said: tuple[Any, ...] = (),
     fix: str = "Correct it.",
 ) -> None:
-    """Refuse a value of another type, a value that breaks a rule, and one that is not among its choices.
+    """Raise InputError for a value of a wrong type, a value that breaks a rule, and one that is not among its choices.
 
-    ``said`` may hold rules and tuples of choices; everything else in it is ignored. Numbers must be finite.
+    ``said`` is the annotation of the field, see :func:`said_of`. Its rules (:class:`Must`) and its tuples of choices
+    are checked, everything else in it is ignored. Numbers must be finite.
     """
     rules = [rule for rule in said if isinstance(rule, Must)]
-    finite = not isinstance(value, int | float) or abs(value) <= sys.float_info.max
-    fits = isinstance(value, kinds) and (
-        bool in kinds or not isinstance(value, bool)
-    )  # True and False are not numbers
-    if not (fits and finite and (value is None or all(rule.holds(value) for rule in rules))):
-        kind = KIND_WORDS.get(kinds[0], f"a {kinds[0].__name__.lower()}")
-        words = [
-            f"of {rule.words}" if rule.words.startswith("at least") else rule.words
-            for rule in rules
-        ]
-        measured = (
-            f"got {value!r}"
-            if isinstance(value, str | int | float | None)
-            else f"got {type(value).__name__}"
-        )
-        fix = "Put it in quotes." if kinds == (str,) and isinstance(value, int | float) else fix
-        raise InputError(
-            where, f"it must be {' '.join([kind, *words])}", measured=measured[:80], fix=fix
-        )
+    # In this order: a rule compares numbers, so it is asked only about a finite value of the right type.
+    if not (
+        _is_of_types(value, kinds)
+        and _is_finite(value)
+        and (value is None or all(rule.holds(value) for rule in rules))
+    ):
+        raise _wrong_value(where, value, kinds, rules, fix)
     for choices in said:
+        # None is the missing value, which is always a choice.
         if type(choices) is tuple and value not in (None, *choices):
             raise InputError(
                 where, f"{value!r} is not known", fix=did_you_mean(value, map(str, choices))
             )
 
 
+def _is_of_types(value: Any, kinds: tuple[type, ...]) -> bool:
+    """Return whether a value is of one of these types; True and False are not numbers here."""
+    if isinstance(value, bool) and bool not in kinds:
+        return False
+    return isinstance(value, kinds)
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether a value, if it is a number, is finite and not an integer too large for a float."""
+    return not isinstance(value, int | float) or abs(value) <= sys.float_info.max
+
+
+def _wrong_value(
+    where: str, value: Any, kinds: tuple[type, ...], rules: list[Must], fix: str
+) -> InputError:
+    """Return the error for a value that is of none of the types or breaks a rule."""
+    words = [KIND_WORDS.get(kinds[0], f"a {kinds[0].__name__.lower()}")]
+    for rule in rules:
+        words.append(f"of {rule.words}" if rule.words.startswith("at least") else rule.words)
+    is_short = isinstance(value, str | int | float | None)
+    measured = f"got {value!r}" if is_short else f"got {type(value).__name__}"
+    if kinds == (str,) and isinstance(value, int | float):
+        # In YAML, a name such as 12 is a number unless it is quoted.
+        fix = "Put it in quotes."
+    return InputError(where, f"it must be {' '.join(words)}", measured=measured[:80], fix=fix)
+
+
 class Checked(Frozen):
-    """A record that checks its fields when it is made; ``called`` names it in errors."""
+    """Base of records that check their fields when they are made. ``called`` names the record in errors."""
 
     called: ClassVar[str] = "field"
 
@@ -130,65 +159,80 @@ class Checked(Frozen):
 
 
 def check_fields(record: object) -> None:
-    """Refuse fields of a record that are not as annotated, and such items of tuples; numbers of numpy become Python's.
+    """Check the fields of a dataclass that a user made in Python, and that does not check itself.
 
-    ``record``: a dataclass that a user made, which itself takes what it is given. A list may stand for a tuple, and
-    arrays are not looked into. Errors name it by its ``where`` if it has one, else by its type.
+    Raises ``InputError`` for a field, or an item of a tuple, that is not as annotated. A list may stand for a tuple,
+    and the contents of arrays are not checked. Numbers of numpy are replaced by Python's. Errors name the record by
+    its field ``where`` if it has one, else by its type.
     """
     own: type = type(record)
     try:
         called = getattr(record, "where", own.__name__)
         hints = get_type_hints(own)
         said = said_of(own)
-    except (
-        NameError
-    ):  # a type from elsewhere, whose annotations may name what only type checkers import
+    except NameError:
+        # A user's type, whose annotations may use names that are imported only for type checkers: check nothing.
         return
     for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
         value = getattr(record, name)
-        hint = hints[name]
         if isinstance(value, Real) and not isinstance(value, int | float):
-            value = value.item()  # type: ignore[attr-defined]  # files hold Python's numbers, not those of numpy
+            # The files that records are written to hold Python's numbers.
+            value = value.item()  # type: ignore[attr-defined]
             object.__setattr__(record, name, value)
         if said[name]:
             check_value(f"{called}, {name}", value, field_kinds(own)[name], said[name])
-            continue
-        chosen = get_args(hint) if get_origin(hint) is Literal else ()
-        kinds = (bool,) if hint is bool else (str,) if chosen else kinds_of(hint)
-        check_argument(
-            called,
-            name,
-            tuple(value) if isinstance(value, list) and tuple in kinds else value,
-            kinds,
+        else:
+            _check_by_hint(called, name, value, hints[name])
+
+
+def _check_by_hint(called: str, name: str, value: Any, hint: Any) -> None:
+    """Check a field that has a type, but no rules; ``called`` names its record."""
+    choices = get_args(hint) if get_origin(hint) is Literal else ()
+    if hint is bool:
+        # `kinds_of` accepts anything for a bool.
+        kinds: tuple[Any, ...] = (bool,)
+    elif choices:
+        kinds = (str,)
+    else:
+        kinds = kinds_of(hint)
+    is_list_for_tuple = isinstance(value, list) and tuple in kinds
+    check_argument(called, name, tuple(value) if is_list_for_tuple else value, kinds)
+    if choices and value not in choices:
+        raise InputError(
+            f"{called}, {name}", f"there is no {value!r}"[:80], fix=did_you_mean(value, choices)
         )
-        if chosen and value not in chosen:
-            raise InputError(
-                f"{called}, {name}", f"there is no {value!r}"[:80], fix=did_you_mean(value, chosen)
-            )
-        for option in (hints[name], *get_args(hints[name])):
-            if (
-                get_origin(option) is tuple
-                and get_args(option)[-1] is ...
-                and isinstance(value, tuple | list)
-            ):
-                for one in value:
-                    check_argument(called, name, one, kinds_of(get_args(option)[0]))
+    if not isinstance(value, tuple | list):
+        return
+    # The hint may be `tuple[int, ...]` itself, or a union that contains it.
+    for option in (hint, *get_args(hint)):
+        if get_origin(option) is tuple and get_args(option)[-1] is ...:
+            item_kinds = kinds_of(get_args(option)[0])
+            for item in value:
+                check_argument(called, name, item, item_kinds)
 
 
 class RecordReader(Frozen):
-    """Reads records from plain values. Errors name the file, ``where``, and the path of the value in it."""
+    """Reads records from plain values.
+
+    Errors name the file, ``where``, and the path of the value in it, such as ``chip.limits.cores``. ``fix`` is the way
+    out of most errors; if it is empty, each error has its own.
+    """
 
     where: str
     fix: str = ""
     lacks: bool = True
-    """Whether a file may lack what has a default."""
+    """Whether an entry may be missing if its field has a default."""
 
     def place(self, key: str) -> str:
-        """Return how errors name a value."""
+        """Return how errors name the value at the path ``key``."""
         return f"{self.where}: {key}" if key else self.where
 
     def entries(self, value: Any, key: str, required: Mapping[str, bool]) -> Mapping[str, Any]:
-        """Return a mapping; refuse other values, unknown names, and the lack of a ``required`` name."""
+        """Return the mapping ``value`` after checking its names.
+
+        ``required`` has all names that it may contain, and whether each must be there. Raises ``InputError`` for a
+        value that is not a mapping, an unknown name, and a missing one.
+        """
         check_value(self.place(key), value, (dict,), fix=self.fix or "Correct it.")
         for name in value:
             if name not in required:
@@ -203,66 +247,79 @@ class RecordReader(Frozen):
         return dict(value)
 
     def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
-        """Return the record that a mapping describes, with the fields that are ``given``."""
+        """Return the record of type ``kind`` that the mapping ``value`` describes.
+
+        The fields ``given`` are set by the caller and must not be in the mapping.
+        """
         own: type = kind
         hints = _hints(own)
-        wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
-        required = {
-            i.name: not self.lacks or (i.default is MISSING and i.default_factory is MISSING)
-            for i in wanted
+        required: dict[str, bool] = {}
+        for item in fields(kind):  # type: ignore[arg-type]
+            if item.name not in given:
+                has_default = item.default is not MISSING or item.default_factory is not MISSING
+                required[item.name] = not (self.lacks and has_default)
+        # A record can accept a shorter form in files, which its `from_plain` turns into a mapping.
+        expand = getattr(kind, "from_plain", None)
+        mapping = value if expand is None else expand(value)
+        prefix = f"{key}." if key else ""
+        values = {
+            name: self.value(hints[name], entry, prefix + name)
+            for name, entry in self.entries(mapping, key, required).items()
         }
-        held = getattr(kind, "from_plain", lambda plain: plain)(value)
-        entries = self.entries(held, key, required)
-        inside = f"{key}." if key else ""
-        return kind(
-            **given,
-            **{
-                name: self.value(hints[name], entry, inside + name)
-                for name, entry in entries.items()
-            },
-        )
+        return kind(**given, **values)
 
     def value(self, hint: Any, value: Any, key: str) -> Any:
-        """Return a value as its annotation asks: mappings become records, lists tuples, and whole numbers floats."""
+        """Return a plain value converted to its annotated type.
+
+        Mappings become records, lists tuples, and whole numbers floats.
+        """
         said = getattr(hint, "__metadata__", ())
+        # Annotated[T, ...] becomes T.
         hint = get_args(hint)[0] if said else hint
         if isinstance(hint, UnionType):
-            return self._one_of(hint, said, value, key)
+            return self._value_of_union(hint, said, value, key)
         origin = get_origin(hint) or hint
-        parts = get_args(hint)
         if hasattr(origin, "__dataclass_fields__"):
             return self.record(origin, value, key)
-        check_value(self.place(key), value, _kinds(hint), said, self.fix or "Correct it.")
+        check_value(self.place(key), value, _plain_types(hint), said, self._way_out)
         if origin is Mapping:
+            _, value_hint = get_args(hint)
             return {
-                name: self.value(parts[1], entry, f"{key}.{name}") for name, entry in value.items()
+                name: self.value(value_hint, entry, f"{key}.{name}")
+                for name, entry in value.items()
             }
         if origin is tuple:
-            if parts[-1] is not ... and len(parts) != len(value):
-                what = f"it must be a list of {len(parts)}"
-                raise InputError(
-                    self.place(key),
-                    what,
-                    measured=f"got {len(value)}",
-                    fix=self.fix or "Correct it.",
-                )
-            each = parts[:1] * len(value) if parts[-1] is ... else parts
-            return tuple(
-                self.value(part, entry, key) for part, entry in zip(each, value, strict=True)
-            )
+            return self._tuple(get_args(hint), value, key)
         return float(value) if origin is float else value
 
-    def _one_of(self, hint: UnionType, said: tuple[Any, ...], value: Any, key: str) -> Any:
-        """Return a value of one of several types, or None: a missing value."""
+    @property
+    def _way_out(self) -> str:
+        return self.fix or "Correct it."
+
+    def _tuple(self, hints: tuple[Any, ...], value: Any, key: str) -> tuple[Any, ...]:
+        """Return a list as a tuple; ``hints`` is a hint per item, or one for all items followed by ``...``."""
+        if hints[-1] is ...:
+            item_hints = hints[:1] * len(value)
+        elif len(hints) == len(value):
+            item_hints = hints
+        else:
+            what = f"it must be a list of {len(hints)}"
+            raise InputError(self.place(key), what, measured=f"got {len(value)}", fix=self._way_out)
+        return tuple(
+            self.value(hint, entry, key) for hint, entry in zip(item_hints, value, strict=True)
+        )
+
+    def _value_of_union(self, hint: UnionType, said: tuple[Any, ...], value: Any, key: str) -> Any:
+        """Return a value whose annotation is a union such as ``int | None``; None is a missing value."""
         if value is None:
             return None
         first, *others = [part for part in get_args(hint) if part is not NoneType]
         if not others:
-            return self.value(_with(first, said), value, key)
-        check_value(self.place(key), value, _kinds(hint), said, self.fix or "Correct it.")
+            return self.value(_annotated(first, said), value, key)
+        check_value(self.place(key), value, _plain_types(hint), said, self._way_out)
         return float(value) if isinstance(value, int) and first is float else value
 
 
-def _with(hint: Any, said: tuple[Any, ...]) -> Any:
-    """Return a hint with these annotations, in addition to its own."""
+def _annotated(hint: Any, said: tuple[Any, ...]) -> Any:
+    """Return a hint with the annotations ``said``, in addition to its own."""
     return Annotated[(hint, *said)] if said else hint

@@ -1,8 +1,9 @@
-"""Untrusted YAML: values that would be deep, endless or exponentially large are refused before they are built.
+"""Read untrusted YAML: values that would be deep, endless or exponentially large are refused before they are built.
 
-The safe loader runs nothing. But a few lines can stand for billions of values (aliases of aliases) or for a list that
-contains itself, deep nesting crashes the interpreter, and a loader in Python takes seconds for a large file. If a
-mapping has a key twice, every loader silently keeps the second value.
+PyYAML's safe loader runs no code. But with aliases of aliases, a few lines can stand for billions of values, or for a
+list that contains itself. Deep nesting crashes the interpreter, and the loader in Python takes seconds for a large
+file. If a mapping has a key twice, every loader silently keeps the second value. So the text is first parsed into
+events, which are counted and checked; only then are values built.
 """
 
 import re
@@ -16,20 +17,25 @@ from hw_model.errors import InputError, check_most
 from hw_model.io.files import read_bytes
 
 MAX_DEPTH = 50
+"""The deepest nesting. Chosen by hand: files that we read have a handful of levels."""
 MAX_NODES = 100_000
-"""Largest number of values, keys and containers in a file that people write; reading it takes about two seconds."""
+"""The most values, keys and containers in a file that people write. To read so many takes about two seconds."""
 MAX_BYTES = 1_000_000
-"""Size of the largest such file."""
+"""The size of the largest file that people write."""
 
 #: The loader in C, if available: with bounded depth it gives the same result, many times faster.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 SEAL = "# SHA-256 of all above: "
-"""Begins the last line of a file that carries its own checksum; a file without that line is read as it is."""
+"""The beginning of the last line of a file that carries its own checksum."""
 WAY_ON = "Write one 'key: value' per line."
+"""The way out for a file that is not YAML, or not a mapping."""
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader, which reads ``1e-3`` as a number as well: YAML 1.1 wants ``1.0e-3``, and takes this for text."""
+    """The safe loader, which in addition reads ``1e-3`` as a number.
+
+    YAML 1.1 requires ``1.0e-3`` and takes ``1e-3`` for a text, which surprises people.
+    """
 
 
 _Loader.add_implicit_resolver(
@@ -48,15 +54,15 @@ def load_yaml(
     loader: Any = _Loader,
     most_nodes: int = MAX_NODES,
 ) -> object:
-    """Return what YAML text holds, plain values only.
+    """Return the plain values of a YAML text.
 
-    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values. For text that is not YAML,
-    the error has the words ``fault``, in which ``{line}`` may stand for the place, and ``fix``.
+    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values. For a text that is not YAML,
+    the error says ``fault``, in which ``{line}`` is replaced by the place, and ``fix``.
     """
     try:
         _check_events(text, where, most_nodes)
         return yaml.load(text, Loader=loader)
-    # The loader trusts explicit tags: `!!int ''` and `!!bool x` raise exceptions that it does not document.
+    # The loader does not check explicit tags: `!!int ''` and `!!bool x` raise exceptions that it does not document.
     except (
         yaml.YAMLError,
         ValueError,
@@ -65,20 +71,21 @@ def load_yaml(
         TypeError,
         ArithmeticError,
         RecursionError,
-    ) as met:
-        if "maximum nesting depth" in str(
-            met
-        ):  # libyaml 0.2.6 and later look ahead, and stop at 1,000 levels
-            raise _too_deep(where) from met
-        line = getattr(getattr(met, "problem_mark", None), "line", None)
-        what = fault.format(line="" if line is None else f" at line {line + 1}")
-        raise InputError(where, what, fix=fix) from met
+    ) as error:
+        # libyaml 0.2.6 and later read ahead of the events that they deliver, and stop by themselves at 1,000 levels.
+        if "maximum nesting depth" in str(error):
+            raise _too_deep(where) from error
+        line = getattr(getattr(error, "problem_mark", None), "line", None)
+        # Lines are counted from 0 in marks.
+        place = "" if line is None else f" at line {line + 1}"
+        raise InputError(where, fault.format(line=place), fix=fix) from error
 
 
 def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
-    """Refuse text whose value would be large or endless, before anything is built."""
+    """Raise InputError for a text whose values would be deep, endless or too many, before any value is built."""
     nodes = 0
-    open_: list[_Container] = []
+    # The lists and mappings that have begun and not ended, the innermost last.
+    containers: list[_Container] = []
     for event in yaml.parse(text, Loader=FAST_LOADER):
         if isinstance(event, yaml.AliasEvent):
             raise InputError(
@@ -89,13 +96,13 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
             )
         if isinstance(event, yaml.NodeEvent):
             nodes += 1
-            if open_:
-                _count_in(open_[-1], event, where)
+            if containers:
+                _count_in(containers[-1], event, where)
         if isinstance(event, yaml.CollectionStartEvent):
-            open_.append(_Container(isinstance(event, yaml.MappingStartEvent)))
+            containers.append(_Container(isinstance(event, yaml.MappingStartEvent)))
         elif isinstance(event, yaml.CollectionEndEvent):
-            open_.pop()
-        if len(open_) > MAX_DEPTH:
+            containers.pop()
+        if len(containers) > MAX_DEPTH:
             raise _too_deep(where)
         check_most(
             nodes, most_nodes, where, "it holds too much", unit="values", fix="Give a smaller file."
@@ -110,7 +117,10 @@ def _too_deep(where: str) -> InputError:
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
-    """Return the mapping in a YAML file; ``InputError`` for any other file, with ``fix`` if it is too large."""
+    """Return the mapping in a YAML file that a person wrote.
+
+    Raises ``InputError`` for any other file; ``fix`` is the way out if it is too large or cannot be read.
+    """
     values = load_yaml(read_bytes(path, where, MAX_BYTES, fix), where)
     if not isinstance(values, dict):
         raise InputError(where, "it is not a mapping", measured=type(values).__name__, fix=WAY_ON)
@@ -127,13 +137,11 @@ class _Container:
 
 
 def _count_in(container: _Container, event: Any, where: str) -> None:
-    """Count a node in its container; ``InputError`` for a key that the mapping already has."""
+    """Count a node in its container; raise ``InputError`` for a key that the mapping already has."""
     container.nodes += 1
-    if (
-        not container.is_mapping
-        or container.nodes % 2 == 0
-        or not isinstance(event, yaml.ScalarEvent)
-    ):
+    # Keys and values alternate, beginning with a key. Keys that are lists or mappings are left to the loader.
+    is_key = container.is_mapping and container.nodes % 2 == 1
+    if not is_key or not isinstance(event, yaml.ScalarEvent):
         return
     if event.value in container.keys:
         fix = "Keep one."
@@ -144,4 +152,5 @@ def _count_in(container: _Container, event: Any, where: str) -> None:
 
 
 def _line(event: Any) -> int:
+    """Return the line at which an event begins, counted from 1."""
     return int(event.start_mark.line) + 1

@@ -1,1 +1,1 @@
-"""Texts in files next to the code that fills them."""
+"""Fill text files that lie next to the code: templates of reports, help pages and generated sources."""

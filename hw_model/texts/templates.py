@@ -1,4 +1,7 @@
-"""Pages, texts and tables in files next to the code, with placeholders ``@@name@@``."""
+"""Read text files that lie in a package next to its code, and fill their placeholders ``@@name@@``.
+
+Braces, as in f-strings, would have to be doubled in every line of CSS or SystemVerilog; ``@@`` is rare in these.
+"""
 
 import re
 from importlib import import_module
@@ -23,8 +26,9 @@ def filled(package: str, name: str, **values: str) -> str:
 
 
 def yaml_table(package: str, name: str, **values: str) -> Any:
-    """Return what a YAML file of a package holds, its placeholders filled as :func:`filled` does."""
-    import yaml  # commands whose help has no table do not wait for it
+    """Return the values in a YAML file of a package, after its placeholders are filled as :func:`filled` does."""
+    # Imported here, so that commands which need no table start faster.
+    import yaml
 
     from hw_model.io.yaml_text import FAST_LOADER
 

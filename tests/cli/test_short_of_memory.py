@@ -137,7 +137,7 @@ def test_a_limit_that_would_end_a_library_is_refused_before_it_is_loaded(limit, 
 
 def test_loops_are_not_loaded_where_a_limit_leaves_no_room_for_them(monkeypatch):
     monkeypatch.setattr(memory, "memory_limit", lambda: 700 << 20)
-    monkeypatch.setattr(memory, "_addresses", lambda: 310 << 20)
+    monkeypatch.setattr(memory, "_address_space_bytes", lambda: 310 << 20)
     usable.why_not_compiled.cache_clear()
     with pytest.raises(InputError) as caught:
         usable.why_not_compiled()
