@@ -1,1 +1,1 @@
-"""Rounding and lowering, by neuron type."""
+"""The compiler's passes from a float network to compartments: rounding (``quantize``) and lowering."""

@@ -5,7 +5,8 @@ After:  a QuantizedNetwork. Thresholds are exact, including their rule. Weights 
         each kernel compensates for its rounded decays. Populations on the grid stay as they were.
 
 Weights that round to 0 are counted, and a population can lose most of them. A population that loses all of them is
-silent on the chip. If a single input could have made it spike, this would be another network, so it is refused.
+silent on the chip. If a single input could have made it spike, the chip would run a different network, so it is
+refused.
 """
 
 from collections.abc import Iterable, Sequence
@@ -49,7 +50,10 @@ def quantize(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> QuantizedNetwork:
-    """Quantise by these values of the first dials, all others usual; see :func:`quantize_by`."""
+    """Quantise with these arguments, and all other settings of the compiler at their defaults.
+
+    See :func:`quantize_by`.
+    """
     setting = Setting(strategy, weight_bits_of(chip, weight_bits), rounding.split)
     return quantize_by(network, chip, setting, rounding, calibration)
 
@@ -61,17 +65,20 @@ def quantize_by(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> QuantizedNetwork:
-    """Quantise every population by itself; ``TargetError`` for a network that no scale fits.
+    """Quantise every population by itself.
 
-    Steps of ``rounding`` that need ``calibration`` recordings are left out without them.
+    Steps of ``rounding`` that need ``calibration`` recordings are left out without them. Raises ``TargetError`` for a
+    network that does not fit the chip at any scale.
     """
     grid = weight_grid(weight_bits_of(chip, setting.weight_bits), "excitatory")
     populations: list[QuantizedPopulation] = []
     projections: list[ChipProjection] = []
     pruned = 0
     for population in network.populations:
-        neuron, incoming = population.neuron, network.into(population.name)
+        neuron = population.neuron
+        incoming = network.into(population.name)
         if isinstance(neuron, ChipNeuron):
+            # Neurons whose potentials are read out need not spike.
             if population.name not in network.readout.from_step:
                 _check_voltage(population, neuron, chip)
             populations.append(
@@ -80,26 +87,32 @@ def quantize_by(
             rounded = [[p] for p in incoming if isinstance(p, ChipProjection)]
         else:
             floats = tuple(p for p in incoming if isinstance(p, Projection))
-            rounding_here = (
-                rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
-            )
-            task = Task(population, floats, chip, grid, setting, rounding_here, calibration)
+            rounding_onto = rounding
+            if not _has_room_for_grades(floats, chip):
+                rounding_onto = replace(rounding, graded=False)
+            task = Task(population, floats, chip, grid, setting, rounding_onto, calibration)
             scaled, rounded = round_onto(neuron, task, integers_of(neuron, task))
             fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
             check_heard(task, rounded, network.steps_of(population.phase))
-        # Count the weights of which no part is left.
-        whole = [
-            np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) for parts in rounded
-        ]
-        pruned += sum(int((left == 0).sum()) for left in whole)
-        projections += [part for of_one in rounded for part in of_one]
+        for parts in rounded:
+            pruned += _count_lost_weights(parts)
+            projections += parts
     return QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)
+
+
+def _count_lost_weights(parts: Sequence[ChipProjection]) -> int:
+    """Return how many weights of a projection are 0 in all the parts that it became."""
+    magnitude = np.sum([np.abs(values_of(part.mantissa)) for part in parts], axis=0)
+    return int((magnitude == 0).sum())
 
 
 @singledispatch
 def integers_of(neuron: Neuron, task: Task) -> Scaled:
-    """Return the neurons of a task in integers, and how their weights are rounded, as registered for the model."""
+    """Return the neurons of a task in integers, and how their weights are scaled, as registered for the model.
+
+    Raises ``TargetError`` for a model without a registration.
+    """
     what = f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__ + ' neurons'}"
     raise TargetError(task.where, what, fix=neuron.way_out)
 
@@ -123,17 +136,22 @@ def _(neuron: SrmAlpha, task: Task, scaled: Scaled) -> Rounded:
     return fine_srm(neuron, task, scaled) or round_onto.dispatch(Neuron)(neuron, task, scaled)
 
 
-def _holds_grades(incoming: Sequence[Projection], chip: Chip) -> bool:
-    """Tell whether a core has room for weights in several formats: in each, the list of a source takes a word or more.
+def _has_room_for_grades(incoming: Sequence[Projection], chip: Chip) -> bool:
+    """Return whether a core has room for weights in several formats.
 
-    With both signs apart, these words may take half of a core's synapse memory.
+    A source has a list of synapses per format, which takes at least one word of memory, and formats are separate for
+    both signs. These words may take half of a core's synapse memory; the share is chosen by hand.
     """
     sources = sum(int(p.weights.shape[1]) for p in incoming)
-    return sources * 2 * GRADES <= chip.limits.synapse_words_per_core // 2
+    signs = 2
+    return sources * signs * GRADES <= chip.limits.synapse_words_per_core // 2
 
 
 def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> None:
-    """Refuse integers that came with a network if no voltage of this chip can pass their threshold."""
+    """Refuse integers that came with a network if no voltage of this chip can pass their threshold.
+
+    Thresholds beyond the threshold register itself are left to a later check.
+    """
     registers = chip.registers
     threshold = loihi.threshold_of(int(neuron.threshold.max()))
     largest = loihi.threshold_of(registers.threshold_mantissa_max)
@@ -144,12 +162,11 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
 
 
 def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
-    """Round a projection onto the grid of its format, magnitudes and signs separately."""
+    """Round every weight of a projection to the nearest mantissa; the grid has magnitudes, signs are put back."""
     values = values_of(p.weights)
-    factor = of_target(p.weights, loihi.in_units(scaled.gain * scaled.scale) / 2**scaled.exponent)
-    mantissa = with_values(
-        p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor)
-    )
+    mantissa_per_weight = loihi.in_units(scaled.gain * scaled.scale) / 2**scaled.exponent
+    magnitude = grid.round(np.abs(values) * of_target(p.weights, mantissa_per_weight))
+    mantissa = with_values(p.weights, np.sign(values).astype(np.int64) * magnitude)
     return ChipProjection(
         p.source, p.target, mantissa, scaled.exponent, grid.weight_bits, delay=p.delay
     )
@@ -157,10 +174,10 @@ def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
 
 def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: int) -> None:
     """Refuse a population whose weights all round to 0 although one input could make it spike within ``steps``."""
-    if any(values_of(p.mantissa).any() for of_one in rounded for p in of_one):
+    if any(values_of(part.mantissa).any() for parts in rounded for part in parts):
         return
-    answer, fix = _answer(task.population.neuron, steps)
-    reached = float((task.largest * answer).max())
+    thresholds_per_weight, fix = _thresholds_per_weight(task.population.neuron, steps)
+    reached = float((task.largest * thresholds_per_weight).max())
     if reached >= 1:
         measured = f"one input that spikes in every step could reach {reached:.3g} thresholds"
         raise TargetError(
@@ -172,23 +189,26 @@ def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: 
 
 
 @singledispatch
-def _answer(neuron: Neuron, steps: int) -> tuple[FloatArray, str]:
-    """Return how many thresholds a weight of 1 reaches if its source spikes in every step, (n,) or (); and a way out.
+def _thresholds_per_weight(neuron: Neuron, steps: int) -> tuple[FloatArray, str]:
+    """Return how many thresholds a weight of 1 reaches if its source spikes in every step, (n,) or (), and advice.
 
-    For models that are not known, it is what one step adds.
+    For models without a registration, it is what a single spike adds at once.
     """
     return 1.0 / np.asarray(neuron.spikes_at, dtype=np.float64), "Use larger weights."
 
 
-@_answer.register
+@_thresholds_per_weight.register
 def _(neuron: SrmAlpha, steps: int) -> tuple[FloatArray, str]:
-    answer = np.array(kernel(neuron.tau_sr, np.arange(1.0, steps)).sum() / neuron.theta)
-    return answer, "Use larger weights, a shorter tau_sr, or a smaller scale_ref."
+    kernel_sum = kernel(neuron.tau_sr, np.arange(1.0, steps)).sum()
+    return np.array(
+        kernel_sum / neuron.theta
+    ), "Use larger weights, a shorter tau_sr, or a smaller scale_ref."
 
 
-@_answer.register
+@_thresholds_per_weight.register
 def _(neuron: Leaky, steps: int) -> tuple[FloatArray, str]:
-    """Return a bound: steady input adds up to less than 1 / decay, and to at most ``steps``, in each register."""
-    with np.errstate(divide="ignore"):
-        u, v = (np.minimum(1.0 / lost, steps) for lost in (neuron.decay_u, neuron.decay_v))
-    return u * v / neuron.threshold, "Use larger weights, or smaller biases."
+    """Return a bound: in each register, steady input adds up to at most 1 / decay, and to at most ``steps``."""
+    with np.errstate(divide="ignore"):  # a decay of 0 leaves the bound of the steps
+        current = np.minimum(1.0 / neuron.decay_u, steps)
+        voltage = np.minimum(1.0 / neuron.decay_v, steps)
+    return current * voltage / neuron.threshold, "Use larger weights, or smaller biases."

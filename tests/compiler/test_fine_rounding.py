@@ -85,7 +85,7 @@ def test_the_finest_grade_that_holds_a_weight_takes_it():
         2,
         2,
     ]
-    assert [grades.exponent(k) for k in grades.held] == [0, 1, 2]
+    assert [grades.exponent(k) for k in grades.numbers] == [0, 1, 2]
     assert Grades.holding(1000.0, 8, count=1) == Grades(8, (2,))
     assert Grades.holding(1e9, 8) == Grades(8, (4, 5, 6, 7))
     assert coarsest(8) == 7

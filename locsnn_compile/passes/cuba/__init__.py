@@ -1,1 +1,1 @@
-"""Integers for integrate-and-fire neurons."""
+"""Integers for leaky integrate-and-fire neurons with a current (current-based, "CUBA")."""

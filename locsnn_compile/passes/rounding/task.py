@@ -1,4 +1,9 @@
-"""The task of putting a population into integers: how carefully to round, and how large its numbers become."""
+"""What the passes of all neuron models need to put one population into integers.
+
+A :class:`Task` is the question: a float population, the weights onto it, the chip, and how carefully to round. A
+:class:`Scaled` is the answer: neurons in integers, and the scale of their potential. :func:`exponent_and_threshold`
+chooses this scale, by the weight exponent and the threshold mantissa.
+"""
 
 import math
 
@@ -17,12 +22,12 @@ from locsnn_compile.settings import Setting
 
 
 class Rounding(Frozen):
-    """What is done beyond rounding every weight to the nearest value of one format.
+    """The steps beyond rounding every weight to the nearest value of one format.
 
     - ``fitted_decays``: each alpha dendrite gets two decays, whose response fits the kernel best
     - ``graded``: weights of a population are in up to :data:`~locsnn_compile.passes.rounding.grades.GRADES` formats,
-      each in the finest that holds it
-    - ``error_aware``: the weights of a neuron are rounded together, for the least error of its potential; needs
+      each weight in the finest format that holds it
+    - ``error_aware``: the weights of a neuron are rounded together, so that its potential has the least error; needs
       calibration recordings
     - ``scaled_apart``: each neuron has its own scale; needs calibration recordings
     - ``split``: the share of weights, 0 to 1, that get a second synapse for what their format cannot hold
@@ -36,7 +41,9 @@ class Rounding(Frozen):
 
 
 NEAREST = Rounding()
+"""None of the further steps."""
 FINE = Rounding(fitted_decays=True, graded=True, error_aware=True, scaled_apart=True)
+"""All further steps except splitting, as ``locsnn-compile`` rounds."""
 
 
 class Task(Frozen, eq=False):
@@ -61,7 +68,10 @@ class Task(Frozen, eq=False):
         return self.population.where
 
     def no_scale(self, other: str, measured: str, fix: str) -> TargetError:
-        """Return the error for neurons that no threshold mantissa from 1 up would fit."""
+        """Return the error for neurons for which no threshold mantissa, from 1 up, fits the chip.
+
+        ``other`` names what does not fit next to the threshold.
+        """
         return TargetError(
             self.where,
             f"no scale holds both the threshold and the {other}",
@@ -79,7 +89,7 @@ class Task(Frozen, eq=False):
 HEADROOM = 16
 """The voltage register holds at least this many thresholds: potentials of trained networks reach that far."""
 CHARGE_ROOM = 4
-"""The charge register holds at least this many thresholds in a step."""
+"""The charge register holds at least this many thresholds in a step; chosen by hand."""
 WHOLE = 1 + 1e-12
 """Factor that makes up for float rounding, which may leave a quotient slightly below a whole number."""
 
@@ -117,7 +127,11 @@ def heaviest_weight(chip: Chip) -> float:
 
 
 def exponent_holding(largest: float, grid: WeightGrid) -> int:
-    """Return the smallest exponent with which a format holds a weight and mantissas keep all their bits."""
+    """Return the smallest exponent with which a format holds a weight and no mantissa loses bits.
+
+    ``largest`` is in units. The finest useful exponent makes one step of the grid one unit: a charge is a whole number
+    of units, so finer ones would cut off low bits of mantissas.
+    """
     finest = 1 - grid.step.bit_length()
     return max(finest, math.ceil(math.log2(largest / grid.high))) if largest > 0 else finest
 
@@ -125,12 +139,17 @@ def exponent_holding(largest: float, grid: WeightGrid) -> int:
 def exponent_and_threshold(
     heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int, headroom: int
 ) -> tuple[int, int]:
-    """Return weight exponent and largest threshold mantissa: first use all weight bits, then most of the register.
+    """Return the weight exponent and the threshold mantissa: first use all weight bits, then most of the register.
 
-    ``heaviest`` is the largest weight in thresholds, ``cap`` a further limit of the mantissa. A threshold is
-    ``over`` more than its mantissa says in the voltage register. Voltage and current registers hold ``headroom``
-    thresholds; that of the charge holds :data:`CHARGE_ROOM` thresholds when the others hold :data:`HEADROOM`. Narrow
-    registers hold fewer, but at least one.
+    ``heaviest`` is the largest weight in thresholds, ``cap`` a further limit of the mantissa. In the voltage register,
+    the float threshold is ``over`` more than that of the mantissa: the chip spikes above its threshold, so 1 for
+    neurons that spike at theirs, and otherwise 0. Voltage and current registers hold ``headroom`` thresholds; that of
+    the charge holds :data:`CHARGE_ROOM` thresholds when the others hold :data:`HEADROOM`. Narrow registers hold
+    fewer, but at least one.
+
+    A larger threshold means a larger scale, and so finer weights, until the heaviest weight exceeds its format or the
+    threshold its limit. Each exponent e has the threshold at which the heaviest weight has the largest mantissa. The
+    largest e whose threshold is within the limit is chosen: it uses all bits of a weight, and most of the register.
     """
     registers = chip.registers
     # The largest threshold, in units of the register, of which each register holds enough.
@@ -140,39 +159,44 @@ def exponent_and_threshold(
         registers.half_charge * HEADROOM / CHARGE_ROOM / headroom,
     )
     cap = min(cap, max(1, int(loihi.in_units(min(largest_thresholds)))))
-    heaviest_held = heaviest_weight(chip)
-    threshold_of = [
-        min(grid.high * 2**e, heaviest_held) / heaviest - loihi.in_units(over)
-        if heaviest
-        else math.inf
-        for e in range(8)
-    ]
-    exponent = max(
-        (e for e, threshold in enumerate(threshold_of) if threshold <= cap), default=None
-    )
-    if exponent is not None:
+    heaviest_of_chip = heaviest_weight(chip)
+    # By exponent from 0: the threshold mantissa at which the heaviest weight is the largest of the format.
+    threshold_of = []
+    for e in range(WEIGHT_EXPONENTS[-1] + 1):
+        if heaviest:
+            heaviest_of_format = min(grid.high * 2**e, heaviest_of_chip)
+            threshold_of.append(heaviest_of_format / heaviest - loihi.in_units(over))
+        else:
+            threshold_of.append(math.inf)
+    within_limit = [e for e, threshold in enumerate(threshold_of) if threshold <= cap]
+    if within_limit:
+        exponent = within_limit[-1]
         # Some weights are more thresholds than a mantissa holds: they need a larger exponent for a threshold of 1.
         exponent = next(
             (e for e in range(exponent, len(threshold_of)) if threshold_of[e] * WHOLE >= 1),
             exponent,
         )
         return exponent, min(int(threshold_of[exponent] * WHOLE), cap)
+    # Even with exponent 0, the heaviest weight would allow a threshold above the limit: take the limit, and the
+    # smallest exponent that holds the weight, which is below 0 for weights of fewer than 8 bits.
     return min(0, exponent_holding(heaviest * (cap + loihi.in_units(over)), grid)), cap
 
 
 def checked_scale(
     task: Task, heaviest: float, cap: int, over: int, *, bounded: bool = False
 ) -> tuple[int, int]:
-    """Return the result of :func:`exponent_and_threshold` for a task; ``bounded``: potentials never pass the threshold.
+    """Return the result of :func:`exponent_and_threshold` for a task.
 
-    Refuses a threshold mantissa below 1, with which a weight would be larger than the largest of the grid.
+    If potentials are ``bounded`` by the threshold, registers need no headroom above it. Raises ``TargetError`` for a
+    threshold mantissa below 1: even then, the heaviest weight would be larger than the largest of the grid.
     """
-    chip, grid, headroom = task.chip, task.grid, 1 if bounded else HEADROOM
+    chip = task.chip
+    grid = task.grid
+    headroom = 1 if bounded else HEADROOM
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)
     if threshold < 1:
-        thresholds_max = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (
-            1 + loihi.in_units(over)
-        )
+        largest_of_grid = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip))
+        thresholds_max = largest_of_grid / (1 + loihi.in_units(over))
         measured = f"one weight reaches {heaviest:.3g} thresholds against {thresholds_max:.0f}"
         raise task.no_scale(
             "largest weight", measured, "Train with smaller weights, or a higher threshold."

@@ -1,1 +1,1 @@
-"""Integers for spike response neurons, and their lowering strategies."""
+"""Integers for spike response model (SRM) neurons, by lowering strategy."""

@@ -1,7 +1,9 @@
-"""Choose integers for SRM neurons, strategy by strategy.
+"""Choose integers for SRM (spike response model) neurons, strategy by strategy.
 
-The threshold is exact, including its rule: ``u >= theta`` exactly if v exceeds the chip's. The gain of the alpha
-kernel compensates for its rounded decay. Strategy ``delay-line`` has its own file.
+A strategy is a way to build the refractory kernel nu from compartments: :data:`LAYOUTS` has one entry for each, and
+:mod:`locsnn_compile.passes.lower_neurons` describes them. The threshold is exact, including its rule: the scale is such
+that ``u >= theta`` exactly if v exceeds the chip's threshold. The gain of the alpha kernel compensates for its rounded
+decay. Strategy ``delay-line`` has its own file.
 """
 
 import math
@@ -30,14 +32,14 @@ from locsnn_compile.passes.srm import delay_line
 from locsnn_compile.settings import STRATEGIES
 
 SCALE_SLACK = 0.99
-"""A scale may be up to one percent below the largest one, if own weights round better there."""
+"""A scale may be up to one percent below the largest one, if own weights round better there; chosen by hand."""
 
 
 class Layout(NamedTuple):
-    """How SRM neurons are laid out; both functions get the decay of the alpha kernel, in parts of 4096.
+    """The functions of a strategy; both get the decay of the alpha kernel, in parts of 4096.
 
-    ``heaviest_charge`` returns the largest charge of a neuron's own spike, in thresholds. ``lay_out`` returns the
-    neurons of a task at one of the given threshold mantissas, which come best first, within the limits of its chip.
+    ``heaviest_charge`` returns the largest charge of a neuron's own spike, in thresholds. ``lay_out`` chooses one of
+    the given threshold mantissas, which come largest first, and returns the neurons of a task with it.
     """
 
     heaviest_charge: Callable[[SrmAlpha, int, Task], float]
@@ -47,8 +49,9 @@ class Layout(NamedTuple):
 def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     """Return neurons in integers.
 
-    If decays are to be fitted, there are two of them instead of one, unless the strategy has taps, which need one.
-    Raises ``TargetError`` if no threshold mantissa fits, or if a kernel does not fade on the chip.
+    With ``fitted_decays``, the alpha dendrite gets two decays instead of one. The taps of strategy ``delay-line`` are
+    computed for one decay. Raises ``TargetError`` if no threshold mantissa fits, or if a kernel does not fade on the
+    chip.
     """
     size = task.population.size
     dendrites = STRATEGIES[task.strategy].dendrites
@@ -61,6 +64,7 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     mantissa_limit = _mantissa_limit(own_charge, task)
     exponent, largest = checked_scale(task, heaviest, mantissa_limit, 1)
     smallest = max(1, math.ceil(SCALE_SLACK * largest))
+    # A few mantissas to choose from, so that the weights of own spikes round well.
     mantissas = range(largest, smallest - 1, -1)
     chip_neuron = layout.lay_out(of_dendrite, decays.u, mantissas, task)
     if isinstance(chip_neuron, ChipSrm):
@@ -84,6 +88,7 @@ def _mantissa_limit(own_charge: float, task: Task) -> int:
     if not own_charge:
         return mantissa_max
     heaviest = heaviest_weight(task.chip)
+    # With a mantissa of 1, a threshold is less than 2 units.
     if own_charge > heaviest / 2:
         measured = f"its own spike weighs {own_charge:.3g} thresholds against {heaviest / 2:.0f}"
         raise task.no_scale(
@@ -93,12 +98,15 @@ def _mantissa_limit(own_charge: float, task: Task) -> int:
 
 
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
-    """Return a neuron whose own spikes have the effect that they have in one of several refractory dendrites."""
+    """Return the neuron with the share of its refractory kernel that one of its ``dendrites`` has to bring."""
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
 
 
 def dendrite_charge(neuron: SrmAlpha, where: str) -> float:
-    """Return the charge that an own spike brings to a refractory dendrite, in thresholds."""
+    """Return the charge of an own spike onto a refractory dendrite, in thresholds: it responds with nu.
+
+    The gain is the charge for a kernel whose peak is 1, and nu has its peak at ``scale_ref`` thresholds.
+    """
     return neuron.scale_ref * one_decay(neuron.tau_ref, f"{where}: tau_ref").gain
 
 
@@ -142,15 +150,17 @@ def _refractory_weight(charge: float, threshold: int, grid: WeightGrid) -> _Refr
 def whole_mantissas(
     charge: float, thresholds: FloatArray, grid: WeightGrid
 ) -> tuple[IntArray, IntArray, int]:
-    """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
+    """Return threshold mantissas (k,) for which the refractory weight is on the grid, or nearly so.
 
-    ``charge`` is that of an own spike, in thresholds, and ``thresholds`` (k,) are the wanted ones, which may be
-    fractions. The scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at
-    which the threshold is not above the wanted one, and the threshold follows from it:
+    Also returns the refractory mantissas (k,), and their common exponent.
+
+    ``charge`` is that of an own spike, in thresholds. ``thresholds`` (k,) are the exact mantissas to stay near, which
+    may be fractions. The scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the
+    grid with which the threshold is not above the exact one, and the threshold follows from it:
 
         weight = charge * (threshold + in_units(1)),    threshold = weight / charge - in_units(1)
 
-    If that mantissa would be 0, the threshold is the wanted one, and the refractory weight is rounded.
+    If that mantissa would be 0, the threshold is the exact one rounded down, and the refractory weight is rounded.
     """
     whole_thresholds = np.maximum(np.floor(thresholds), 1).astype(np.int64)
     heaviest = charge * in_units(least_to_spike(float(thresholds.max())))
@@ -170,7 +180,7 @@ def whole_mantissas(
 def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipCuba:
     """Strategy ``reset``: the chip's own reset and refractory count stand in for the refractory kernel.
 
-    The threshold mantissa is the largest.
+    The threshold mantissa is the largest, since there are no own weights that would round better at another one.
     """
     count = min(task.chip.registers.refractory_max, refractory_count(neuron, decay))
     return ChipCuba.of(
@@ -183,9 +193,9 @@ def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: 
 
 
 def refractory_count(neuron: SrmAlpha, decay: int) -> int:
-    """Return the smallest count with which a spike takes as much from the potential, summed over steps, as nu does.
+    """Return the smallest refractory count with which a spike lowers the potential, summed over steps, as much as nu.
 
-    Of one spike, in thresholds, with ``a = exp(-1 / tau_ref)``:
+    The sums after one spike, in thresholds, with ``a = exp(-1 / tau_ref)``:
 
         nu takes       sum over k >= 1 of scale_ref * (k / tau_ref) * exp(1 - k / tau_ref)
                        = scale_ref * e / tau_ref * a / (1 - a)^2
@@ -193,7 +203,7 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
 
     Each blocked step takes one more threshold. At the published time constants, the reset by itself takes twice what nu
     takes, and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept
-    most predictions.
+    the most predictions.
     """
     a = math.exp(-1.0 / neuron.tau_ref)
     one_minus_a = -math.expm1(-1.0 / neuron.tau_ref)
@@ -208,8 +218,9 @@ _DENDRITES = Layout(lambda neuron, _, task: dendrite_charge(neuron, task.where),
 LAYOUTS = {
     "dendrite": _DENDRITES,
     "delay-line": Layout(delay_line.heaviest_charge, delay_line.lay_out),
-    # This strategy has no self-synapses.
+    # This strategy has no self-synapses, so own spikes bring no charge.
     "reset": Layout(lambda *_: 0.0, _with_resets),
-    # Each dendrite takes its share of every weight, own ones included.
+    # Two dendrites of each kind: each takes its share of every weight, own ones included.
     "paired-dendrite": _DENDRITES,
 }
+"""The layout of each strategy, by its name in ``settings.STRATEGIES``."""
