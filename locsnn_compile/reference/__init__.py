@@ -1,1 +1,1 @@
-"""The network as its author means it, evaluated with numpy only."""
+"""The reference against which chips are compared: the trained network, evaluated with numpy only."""

@@ -1,8 +1,12 @@
 """The reference: a network evaluated with numpy only, float neurons in float64, on-grid neurons in int64.
 
-Populations that feed each other in a circle are stepped together, all others one after the other. Weights and scales
-are chosen for what the float network does on calibration recordings. The steps of each neuron model are in
-``float_neurons`` and, for neurons on the grid, in ``integer_neurons``; those of a Xylo in ``xylo_neurons``.
+:func:`evaluate` returns the spikes and class scores with which a program on the chip is compared. Populations that feed
+each other in a circle are stepped together. All others are evaluated one after the other over all steps, sources first,
+which is much faster. The steps of each neuron model are in ``float_neurons`` and, for neurons on the grid, in
+``integer_neurons``; those of a Xylo are in ``xylo_neurons``.
+
+:func:`calibrate` keeps what the float network does on calibration recordings, for which the passes choose weights and
+scales.
 """
 
 from collections.abc import Mapping
@@ -37,7 +41,7 @@ class NeuronSteps(Protocol):
     """The state of a population's neurons, (batch, n)."""
 
     def step(self, arriving: Any) -> tuple[BoolArray, AnyArray]:
-        """Take the weights that arrive; return the spikes, and the potential that decided them."""
+        """Take the sum of the weights that arrive; return the spikes, and the potentials that caused them."""
 
 
 @singledispatch
@@ -62,18 +66,22 @@ Potentials = AnyArray
 
 
 class ReferenceResult(Frozen, eq=False):
-    """``spikes[name]`` (batch, steps, n) of views and populations, and their ``potential[name]``, if asked for."""
+    """What a network does on a batch of recordings.
+
+    ``spikes[name]`` (batch, steps, n) are those of each view and population, ``potential[name]`` of the same shape the
+    potentials of each population, if they were asked for.
+    """
 
     spikes: dict[str, ByteArray]
     potential: dict[str, Potentials]
     scores: FloatArray
     """Class scores (batch, classes)."""
     tie_class: int | None = None
-    """The class that is predicted where all scores tie; None: the network names none."""
+    """The class that is predicted if all scores tie; None if the network names no class for that."""
 
     @property
     def prediction(self) -> IntArray:
-        """Class with the highest score, the first of equals, (batch,)."""
+        """The class with the highest score, (batch,); the first of equal ones."""
         return winning(self.scores, self.tie_class)
 
 
@@ -91,20 +99,26 @@ def evaluate(
     """
     registers = registers or hw.chip("loihi-sim").registers
     spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
-    wanted = {p.name for p in network.populations} if potentials else set(network.readout.from_step)
+    # Potentials take eight times the memory of spikes: without being asked, keep only those that the scores need.
+    keep_potentials_of = set(network.readout.from_step)
+    if potentials:
+        keep_potentials_of = {population.name for population in network.populations}
     potential: dict[str, Potentials] = {}
-    for together in evaluation_order(network):
-        if isinstance(together[0].neuron, XyloNeuron):
-            potential |= evaluate_xylo(network, together, spikes)
+    for circle in evaluation_order(network):
+        if isinstance(circle[0].neuron, XyloNeuron):
+            potential |= evaluate_xylo(network, circle, spikes)
             continue
-        _evaluate_together(network, together, spikes, potential, wanted, registers)
+        _evaluate_circle(network, circle, spikes, potential, keep_potentials_of, registers)
     scores = network.readout.scores(spikes, potential)
     tie_class = network.readout.tie_class
     return ReferenceResult(spikes, potential if potentials else {}, scores, tie_class)
 
 
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
-    """Return the populations, sources first; populations in a circle are together, in network order."""
+    """Return the populations in circles, sources first; each circle in network order.
+
+    Populations that feed each other, directly or through others, form a circle. Any other population is one by itself.
+    """
     number = {population.name: i for i, population in enumerate(network.populations)}
     edges = [
         (number[p.source], number[p.target]) for p in network.projections if p.source in number
@@ -115,78 +129,84 @@ def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
     ]
 
 
-class _Within(NamedTuple):
-    """A projection between populations that are stepped together; ``entrance`` (batch, steps, n) is what it adds to."""
+class _Recurrent(NamedTuple):
+    """A projection within a circle, whose charges are added step by step to ``arriving`` (batch, steps, n)."""
 
     source: str
-    entrance: Potentials
+    arriving: Potentials
     delay: int
     weights: Matrix
 
 
-def _evaluate_together(
+def _evaluate_circle(
     network: Network,
-    together: tuple[Population, ...],
+    circle: tuple[Population, ...],
     spikes: dict[str, ByteArray],
     potential: dict[str, Potentials],
-    wanted: set[str],
+    keep_potentials_of: set[str],
     registers: Registers,
 ) -> None:
-    """Step populations that depend on each other; add their spikes, and the potentials of those in ``wanted``."""
+    """Step the populations of a circle together; add their ``spikes``, and the potentials that are to be kept."""
     batch = len(next(iter(spikes.values())))
+    # All populations of a circle are in one phase, whose steps its views have.
     steps = next(
-        spikes[view.name].shape[1] for view in network.views if view.phase == together[0].phase
+        spikes[view.name].shape[1] for view in network.views if view.phase == circle[0].phase
     )
-    names = {population.name for population in together}
+    names = {population.name for population in circle}
     arriving: dict[str, Potentials] = {}
-    within: list[_Within] = []
-    for population in together:
+    recurrent: list[_Recurrent] = []
+    for population in circle:
         dtype = np.int64 if population.on_grid else np.float64
-        entrances = population.neuron.dendrites * population.size
-        arriving[population.name] = np.zeros((batch, steps, entrances), dtype=dtype)
-        within += _take_charges(network, population, names, spikes, arriving[population.name])
-    state = {p.name: steps_of(p.neuron, batch, p.size, registers) for p in together}
-    for p in together:
+        targets = population.neuron.dendrites * population.size
+        arriving[population.name] = np.zeros((batch, steps, targets), dtype=dtype)
+        recurrent += _add_known_charges(
+            network, population, names, spikes, arriving[population.name]
+        )
+    state = {p.name: steps_of(p.neuron, batch, p.size, registers) for p in circle}
+    for p in circle:
         spikes[p.name] = np.zeros((batch, steps, p.size), dtype=np.uint8)
-        if p.name in wanted:
+        if p.name in keep_potentials_of:
             potential[p.name] = np.empty((batch, steps, p.size), dtype=arriving[p.name].dtype)
     for step in range(steps):
-        for source, entrance, delay, weights in within:
+        for source, arriving_at_target, delay, weights in recurrent:
             if step > delay:
-                entrance[:, step] += charge(spikes[source][:, step - 1 - delay], weights)
+                source_spikes = spikes[source][:, step - 1 - delay]
+                arriving_at_target[:, step] += charge(source_spikes, weights)
         for name in arriving:
-            fired, seen = state[name].step(arriving[name][:, step])
+            fired, potential_of_step = state[name].step(arriving[name][:, step])
             spikes[name][:, step] = fired
-            if name in wanted:
-                potential[name][:, step] = seen
+            if name in keep_potentials_of:
+                potential[name][:, step] = potential_of_step
 
 
-def _take_charges(
+def _add_known_charges(
     network: Network,
     population: Population,
-    together: set[str],
+    circle: set[str],
     spikes: Mapping[str, ByteArray],
     arriving: Potentials,
-) -> list[_Within]:
-    """Add what known spikes send to a population to ``arriving`` (batch, steps, dendrites * n), and return the rest.
+) -> list[_Recurrent]:
+    """Add the charges of all spikes that are already known to ``arriving`` (batch, steps, dendrites * n).
 
-    Projections of populations that are stepped ``together`` with it are left: their spikes are not known yet.
+    Return the projections from within the ``circle``, whose spikes are not yet known.
     """
     steps = arriving.shape[1]
-    within = []
+    recurrent = []
     for projection in network.into(population.name):
+        # The inputs of dendrite d are the d-th block of n.
         first = population.size * projection.dendrite
-        entrance = arriving[:, :, first : first + population.size]
-        whole = projection.held
+        at_dendrite = arriving[:, :, first : first + population.size]
+        all_weights = projection.held
         if isinstance(projection, ChipProjection):
-            whole = effective_weights(projection)
-        for delay, weights in by_delay(whole, projection.delay):
-            if projection.source in together:
-                within.append(_Within(projection.source, entrance, delay, weights))
+            all_weights = effective_weights(projection)
+        for delay, weights in by_delay(all_weights, projection.delay):
+            if projection.source in circle:
+                recurrent.append(_Recurrent(projection.source, at_dendrite, delay, weights))
             elif delay + 1 < steps:
+                # A spike of step t acts at step t + 1 + delay; the last ones act after the end.
                 sent = charge(spikes[projection.source], weights)
-                entrance[:, delay + 1 :] += sent[:, : steps - delay - 1]
-    return within
+                at_dendrite[:, delay + 1 :] += sent[:, : steps - delay - 1]
+    return recurrent
 
 
 def score_spread(network: Network, recordings: Recordings) -> float:
@@ -196,18 +216,20 @@ def score_spread(network: Network, recordings: Recordings) -> float:
 
 
 SAMPLES = 256
-"""Largest number of recordings that are used, evenly spaced: with more, agreement on others hardly improves."""
+"""Largest number of calibration recordings that are used, evenly spaced: with more, agreement on other recordings
+hardly improves."""
 
 
 REMEMBERED_BITS = 1 << 31
-"""Most spikes and silences that are kept: 256 MB."""
+"""Largest number of bits, one per line or neuron and step, that are kept: 256 MB."""
 
 
 class FloatRuns:
-    """What a float network does on recordings: it plays each batch once, and its spikes are kept as bits.
+    """A cache of what a float network does on recordings, for comparing many settings of the chip with it.
 
-    Recordings (samples, steps, channels) have the network's own steps and channels. Where they have
-    more than :data:`REMEMBERED_BITS` spikes and silences, nothing is kept, and they are played anew.
+    Each batch is evaluated once, and its spikes are kept as bits. Recordings (samples, steps, channels) have the
+    network's own steps and channels. If their spikes would take more than :data:`REMEMBERED_BITS`, nothing is kept, and
+    every batch is evaluated again.
     """
 
     def __init__(self, network: Network, recordings: ByteArray, registers: Registers) -> None:
@@ -234,6 +256,7 @@ class FloatRuns:
         return result
 
     def _remembered(self, first: int) -> ReferenceResult:
+        """Return the kept result of the batch that begins with recording ``first``, without potentials."""
         network = self._network
         width = {view.name: view.lines for view in network.views}
         width |= {population.name: population.size for population in network.populations}
@@ -245,7 +268,11 @@ class FloatRuns:
 
 
 class Calibration(Frozen, eq=False):
-    """``spikes[name]`` (samples, steps, n) of views and populations, and ``potential[name]`` of populations."""
+    """What a float network does on calibration recordings, for which weights and scales are chosen.
+
+    ``spikes[name]`` (samples, steps, n) are those of each view and population, ``potential[name]`` those of each
+    population. ``source`` names the recordings.
+    """
 
     samples: int
     source: str
@@ -256,6 +283,7 @@ class Calibration(Frozen, eq=False):
 def calibrate(network: Network, recordings: Recordings, registers: Registers) -> Calibration:
     """Evaluate the float network on at most :data:`SAMPLES` recordings of its own steps and channels."""
     count = len(recordings.spikes)
+    # Evenly spaced, because recordings of one class often follow each other.
     chosen = np.unique(np.linspace(0, count - 1, min(count, SAMPLES)).astype(np.int64))
     played = recordings.spikes[chosen]
     results = [

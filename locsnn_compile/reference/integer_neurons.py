@@ -1,6 +1,7 @@
-"""On-grid neurons step by step in int64: the chip's step of :mod:`hw_model.arithmetic.loihi`, by population.
+"""On-grid neurons step by step in int64: the chip's step of :mod:`hw_model.arithmetic.loihi`, for whole populations.
 
-Letters are those of ``network.chip_neurons``.
+The spikes of a quantised network must equal those of its program bit for bit; this is the network's side of the
+comparison. The letters u, v, q and r are those of :mod:`locsnn_compile.network.chip_neurons`.
 """
 
 from collections import deque
@@ -28,25 +29,26 @@ def effective_weights(projection: ChipProjection) -> Matrix:
 
 
 def _on_integers(registers: Registers) -> OnIntegers:
+    """Return the operations of a step on int64, which wrap charge and current in their registers."""
     return OnIntegers(registers.charge_bits, registers.current_bits)
 
 
 def _unspiking(
     decay_u: IntArray, decay_v: IntArray, registers: Registers, vmin: IntArray | None
 ) -> Parameters:
-    """Return parameters without bias that never spike.
+    """Return parameters of compartments that have no bias and never spike.
 
-    Their voltage is limited by its register, and from below by ``vmin`` if there is one.
+    The voltage is limited by its register, and from below by ``vmin`` if there is one.
     """
-    last = registers.voltage_max
+    voltage_max = registers.voltage_max
     return Parameters(
         keep_u=loihi.keep_of(decay_u),
         keep_v=loihi.keep_of(decay_v),
         bias=NOTHING,
-        threshold=last,
+        threshold=voltage_max,  # a spike needs more
         refractory=1,
-        vmin=-last if vmin is None else vmin,
-        vmax=last,
+        vmin=-voltage_max if vmin is None else vmin,
+        vmax=voltage_max,
     )
 
 
@@ -84,64 +86,73 @@ def input_response(
     Several dendrites share the charge, and their voltages add up.
     """
     dendrites = neuron.dendrites
-    parts = np.stack([(charge + number) // dendrites for number in range(dendrites)])
+    # Shares that differ by 1 at most, and add up to the charge.
+    first_charge = np.stack([(charge + number) // dendrites for number in range(dendrites)])
+    # The dendrites of a neuron take the place of recordings in the batch.
     state = Filter(neuron.decay_u, neuron.decay_v, registers, dendrites)
-    charges = [parts, *[np.zeros_like(parts)] * (steps - 1)]
+    silence = np.zeros_like(first_charge)
+    charges = [first_charge, *[silence] * (steps - 1)]
     return np.stack([state.step(q).sum(axis=0) for q in charges])
 
 
 class ChipSrmSteps:
-    """SRM neurons (batch, n) of d dendrites each, whose own spikes come back after the delay of each tap."""
+    """SRM neurons (batch, n) of d dendrites each, whose own spikes come back after the delay of each tap.
+
+    ``fired`` are the spikes of the last step, which a caller may replace before the next one.
+    """
 
     def __init__(self, neuron: ChipSrm, batch: int, size: int, registers: Registers) -> None:
         own = neuron.refractory
         self._threshold = loihi.threshold_of(neuron.threshold)
         self._arithmetic = _on_integers(registers)
-        self._last = registers.voltage_max
-        self._vmin = -self._last if neuron.vmin is None else neuron.vmin
+        self._vmax = registers.voltage_max
+        self._vmin = -self._vmax if neuron.vmin is None else neuron.vmin
         self._dendrites = neuron.dendrites
         decay_u = np.tile(neuron.decay_u, neuron.dendrites)
         decay_v = np.tile(neuron.decay_v, neuron.dendrites)
         vmin = None if neuron.vmin is None else np.tile(neuron.vmin, neuron.dendrites)
         self._alpha = Filter(decay_u, decay_v, registers, batch, vmin)
-        self._pull = None
+        # All refractory dendrites of a neuron get the same charge, so one is computed for all.
+        self._refractory = None
         if own.decay is not None:
-            self._pull = Filter(own.decay, own.decay, registers, batch, neuron.vmin)
+            self._refractory = Filter(own.decay, own.decay, registers, batch, neuron.vmin)
         weights = loihi.charge_of(own.mantissa, own.exponent[:, None])
         self._taps = list(zip(own.delay, weights, strict=True))
         self.fired = np.zeros((batch, size), dtype=np.bool_)
+        # A tap of delay 0 needs the spikes of the step before, one of delay d those of d + 1 steps before.
         length = int(own.delay.max(initial=0)) + 1
         self._past = deque([np.zeros_like(self.fired)] * length, maxlen=length)
 
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
         """Take the charge that arrives from others, (batch, d n), dendrite by dendrite.
 
-        Returns the spikes, and the potential that decided them, (batch, n): that of a soma that keeps nothing.
+        Returns the spikes, and the potentials that caused them, (batch, n): the clipped sum of the dendrites' voltages,
+        since a soma keeps nothing of its own.
         """
         self._past.appendleft(self.fired)
-        own = np.zeros(self.fired.shape, dtype=np.int64)
+        own_charge = np.zeros(self.fired.shape, dtype=np.int64)
         for delay, weights in self._taps:
-            own += weights * self._past[delay]
-        if self._pull is None:
-            arriving = arriving + np.tile(own, self._dendrites)
+            own_charge += weights * self._past[delay]
+        if self._refractory is None:
+            arriving = arriving + np.tile(own_charge, self._dendrites)
         alpha = self._alpha.step(arriving)
         joined = alpha.reshape(len(alpha), self._dendrites, -1).sum(axis=1)
-        if self._pull is not None:
-            joined += self._dendrites * self._pull.step(own)
-        potential = self._arithmetic.clip(joined, self._vmin, self._last)
+        if self._refractory is not None:
+            joined += self._dendrites * self._refractory.step(own_charge)
+        potential = self._arithmetic.clip(joined, self._vmin, self._vmax)
         self.fired = potential > self._threshold
         return self.fired, potential
 
 
 @singledispatch
 def own_spike_response(neuron: ChipNeuron, registers: Registers, steps: int) -> IntArray:
-    """Return what a spike adds to the potential of neurons in the steps after it, (steps, n)."""
+    """Return what an own spike adds to the potential of neurons in the steps after it, (steps, n)."""
     raise NotImplementedError(type(neuron).__name__)
 
 
 @own_spike_response.register
 def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
-    """Return what it adds to neurons at rest, as if they had no floor."""
+    """Return what a spike adds to neurons at rest; without a floor, which would cut the response off."""
     state = ChipSrmSteps(replace(neuron, vmin=None), 1, len(neuron.threshold), registers)
     state.fired[:] = True
     silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
@@ -150,9 +161,13 @@ def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
 
 @own_spike_response.register
 def _by_reset(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
-    """Return what the reset takes from neurons that a steady current holds at the threshold."""
+    """Return what the reset takes from neurons that a steady current holds at the threshold.
+
+    The state is that of the step after a spike: v is 0, the current is steady, and the refractory count has begun.
+    """
     threshold = loihi.threshold_of(neuron.threshold)
     state = ChipCubaSteps(neuron, 1, len(neuron.threshold), registers)
+    # A steady current replaces what the voltage loses per step, a steady charge what the current loses.
     state.u[:] = threshold - decay(threshold, neuron.decay_v)
     state.blocked[:] = loihi.blocked_by_spike(neuron.refractory)
     charge = state.u - decay(state.u, neuron.decay_u)
@@ -173,7 +188,7 @@ class ChipCubaSteps:
         self.u, self.v, self.blocked = np.zeros((3, batch, size), dtype=np.int64)
 
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
-        """Take the charge that arrives, (batch, n); return spikes and the potential before the reset."""
+        """Take the charge that arrives, (batch, n); return spikes, and potentials before the reset."""
         state = State(self.u, self.v, self.blocked)
         step = loihi.step(self._arithmetic, self._parameters, state, arriving, NOTHING)
         self.u, self.v, self.blocked = step.state
@@ -183,14 +198,14 @@ class ChipCubaSteps:
 
 
 class HostCubaSteps:
-    """Such compartments on the host, whose charge is truncated from float."""
+    """Compartments of :class:`ChipCubaSteps` that the host computes; their charge comes in float and is truncated."""
 
     def __init__(self, neuron: HostCuba, batch: int, size: int, registers: Registers) -> None:
         self._compartments = ChipCubaSteps(neuron, batch, size, registers)
-        # Beyond the register of q, a float need not be an integer of 64 bits.
+        # A float beyond the register of q might not fit an int64, so it is clipped before it becomes an integer.
         self._largest = registers.half_charge - 1
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, IntArray]:
-        """Take the charge that arrives, (batch, n), in the unit of the registers; return as :class:`ChipCubaSteps`."""
+        """Take the charge that arrives, (batch, n), in counts of the registers; see :meth:`ChipCubaSteps.step`."""
         within_range = np.clip(arriving, -self._largest, self._largest)
         return self._compartments.step(np.trunc(within_range).astype(np.int64))

@@ -1,4 +1,7 @@
-"""Neurons of a Xylo in int64, many recordings at once: the step of :mod:`hw_model.arithmetic.xylo`."""
+"""Neurons of a Xylo in int64, for a batch of recordings: the step of :mod:`hw_model.arithmetic.xylo`.
+
+Spikes of one step act in the next one. A neuron can spike several times per step, so spikes are numbers, not 0 and 1.
+"""
 
 from collections.abc import Sequence
 
@@ -13,7 +16,7 @@ from locsnn_compile.network.xylo_neurons import XyloNeuron
 
 
 class XyloSteps:
-    """Neurons (batch, n) at rest, and what spikes of their sources charge them with."""
+    """The state of a population's neurons, (batch, n), and the charges of the spikes onto them."""
 
     def __init__(
         self, neuron: XyloNeuron, incoming: Sequence[ChipProjection], batch: int, size: int
@@ -30,12 +33,12 @@ class XyloSteps:
         self._v = np.zeros((batch, size), dtype=np.int64)
 
     def collect(self, sent: dict[str, IntArray]) -> None:
-        """Take the spikes (batch, sources) of the step before, source by source."""
+        """Add the charges of the spikes (batch, sources) of the step before to the currents, source by source."""
         for source, charges in self._incoming:
             self._i = collected(self._i, sent[source], charges)
 
     def step(self) -> tuple[IntArray, IntArray]:
-        """Return the spikes, and the potentials that decided them, (batch, n)."""
+        """Return the numbers of spikes, and the potentials that caused them, (batch, n)."""
         p = self._parameters
         self._i = xylo.decayed(self._i, p.dash_syn)
         change = xylo.saturate(xylo.change_of(self._v, p.dash_mem, self._i))
@@ -50,10 +53,11 @@ def charges_of(projection: ChipProjection) -> IntArray:
 
 
 def collected(i: IntArray, spikes: IntArray, charges: IntArray) -> IntArray:
-    """Return currents (batch, n) after the charges (sources, n) of ``spikes`` (batch, sources).
+    """Return currents (batch, n) after the charges (sources, n) of ``spikes`` (batch, sources) have been added.
 
-    The order of additions matters only where one of them saturates, which none does while the sums of
-    one sign fit the register. Only other recordings are added up spike by spike.
+    A Xylo adds spike by spike, and each addition saturates. The order matters only if an addition saturates, which
+    cannot happen if the sums of all positive and of all negative charges fit the register. So only recordings in which
+    they do not fit are added spike by spike, which is slow.
     """
     highest = i + spikes @ np.maximum(charges, 0)
     lowest = i + spikes @ np.minimum(charges, 0)
@@ -68,7 +72,7 @@ def collected(i: IntArray, spikes: IntArray, charges: IntArray) -> IntArray:
 def evaluate_xylo(
     network: Network, together: Sequence[Population], spikes: dict[str, ByteArray]
 ) -> dict[str, AnyArray]:
-    """Step populations that hear each other; add their ``spikes``, and return their potentials."""
+    """Step all populations of a circle together; add their ``spikes``, and return their potentials."""
     batch, steps, _ = spikes[network.views[0].name].shape
     neurons: dict[str, XyloSteps] = {}
     potential: dict[str, AnyArray] = {}
@@ -91,7 +95,7 @@ def evaluate_xylo(
 
 
 def _in_order(network: Network, population: Population) -> list[ChipProjection]:
-    """Return the projections onto a population in the order in which a Xylo hears their sources."""
+    """Return the projections onto a population in the order in which a Xylo adds their charges: inputs first."""
     order = [view.name for view in network.views]
     order += [source.name for source in network.populations]
     onto = [p for p in network.into(population.name) if isinstance(p, ChipProjection)]
