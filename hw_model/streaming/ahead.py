@@ -1,7 +1,9 @@
-"""Run as a process: compiles the loops of sessions, while another one compiles those of simulations.
+"""Compile the loops of streaming sessions ahead, as a process of its own (``python -m``).
 
-On a machine that has nothing compiled yet, a command that needs both waits for the longer of the two. The tile, which
-sessions and simulations share, is left to the other process: no step is run here.
+On a machine that has nothing compiled yet, a command that needs both sessions and simulations starts this process, and
+another one that compiles the loops of simulations, and waits for the slower of the two. Compiled code is shared through
+numba's cache on the disk. The loop over a tile of steps, which both need, is left to the other process: no step is run
+here.
 """
 
 import numpy as np
@@ -12,7 +14,10 @@ from hw_model.streaming.session import Session
 from hw_model.streaming.time_phase import weigh
 
 if __name__ == "__main__":
+    # Making a session compiles its loops. The two programs differ in which loops they need.
     Session(transposed_dendrites())
     Session(program_of_one_chunk())
+    # `weigh` is compiled by its first call, so call it with the types that a session uses.
     counts = np.zeros((0, 1), dtype=np.int64)
-    called(weigh, counts, np.zeros(1, dtype=np.int64), np.zeros((1, 1)), np.zeros((0, 1)))
+    first_column = np.zeros(1, dtype=np.int64)
+    called(weigh, counts, first_column, np.zeros((1, 1)), np.zeros((0, 1)))

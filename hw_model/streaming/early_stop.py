@@ -1,5 +1,11 @@
-"""Stop a recording early: when its winner can no longer change, when its lead is one that has proved enough, or in
-silence.
+"""Rules that stop a recording early, and what that saves of steps, energy and time.
+
+- :func:`stop_when_proven`: when the winning class can no longer change, whatever the inputs do
+- :func:`stop_at_margin`: when the winning class leads by a margin; :func:`calibrate_margin` fits it to recordings
+- :func:`stop_in_silence`: when no event has come for some steps, and all compartments are at rest
+
+Each takes a batch of recordings that are known to their end, and returns :class:`Stops`. Time phases play a recording
+*as it comes*, step by step; location phases play it *transposed*, channel by channel, when it is over.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,7 +35,7 @@ T = TypeVar("T")
 
 @checked
 def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
-    """Stop every recording as soon as nothing that remains can change its winner, whatever the inputs may still do.
+    """Stop every recording as soon as its winner is proven: nothing that the inputs may still do can change it.
 
     ``spikes``: (batch, steps, channels) of 0 and 1, or a mapping of streams. A program without a readout is an
     ``InputError``.
@@ -43,7 +49,7 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
     result = simulate(program, streams, probe=("activity", *_probes_of_proof(program, readout)))
     proof = Proof(program, readout, result, _rows(streams))
     steps = proof.stops()
-    # Steps are counted over all phases, one after the other.
+    # The steps of the proof are counted over all phases, one after the other. For each phase, count from its start.
     until: dict[str, IntArray] = {}
     steps_before = 0
     for phase, activity in result.activity.items():
@@ -60,7 +66,11 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
 
 
 def _probes_of_proof(program: ChipProgram, readout: Readout) -> list[Probe]:
-    """Return probes of what a proof reads: registers of the readout and its dendrites, and what the readout counts."""
+    """Return the probes that a proof needs.
+
+    These are u and v of the readout's populations and all groups joined to them, and the spikes or potentials that the
+    readout reads.
+    """
     groups = [group for name in readout.populations for group in joined_groups(program, name)]
     spiking = [name for name in readout.populations if name not in readout.from_step]
     names_of: dict[Kind, list[str]] = {
@@ -76,10 +86,10 @@ def _probes_of_proof(program: ChipProgram, readout: Readout) -> list[Probe]:
 def stop_at_margin(
     program: ChipProgram, spikes: Spikes, margin: float, psi: float | None = None
 ) -> Stops:
-    """Stop reading a recording as soon as its best class leads by ``margin``; transposed phases then run once.
+    """Stop reading a recording as soon as its best class leads by ``margin``; location phases then run once.
 
-    Steps are those of the recording, which phases that play it as it comes also run. It is followed by silence until
-    those of them that have ``steps`` end; one that has none lasts as long. ``psi`` as for :class:`hw_model.Session`.
+    Steps are counted in the recording. If it is shorter than a time phase, silence follows until the end of the phase;
+    a time phase without ``steps`` lasts as long as the recording. ``psi`` is explained at :class:`hw_model.Session`.
     """
     if not margin > 0:
         raise InputError(
@@ -91,7 +101,8 @@ def stop_at_margin(
     streams = to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
     steps = _first_step(leads(scores) >= margin)
-    assert program.readout is not None  # sessions without one are refused
+    # `timestep_scores` has refused programs without a readout.
+    assert program.readout is not None
     prediction_after = winning(scores, program.readout.tie_class)
     whole = simulate(program, streams, probe=("activity",))
     _, spent = _read_until(program, streams, steps)
@@ -107,10 +118,10 @@ def stop_at_margin(
 
 @checked
 def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops:
-    """Stop reading a recording after ``silence`` steps without an event, once everything is at rest.
+    """Stop reading a recording after ``silence`` steps without an event, once all compartments are at rest.
 
-    Transposed phases then run once. Steps are those of the recording, as for :func:`stop_at_margin`. What comes later
-    is not seen; silence before the first event counts as well.
+    Location phases then run once. Steps are counted as for :func:`stop_at_margin`. Events that come later are lost;
+    silence before the first event counts, too.
     """
     if silence < 1:
         raise InputError(
@@ -124,6 +135,7 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
     events = sum(stream.sum(axis=2, dtype=np.int64) for stream in streams.values())
     silent_steps = _lasting(np.asarray(events == 0))
     resting_steps = _lasting(_is_resting(program, whole, _rows(streams)))
+    # A spike may be under way while nothing moves, so silence and rest must last as long as the longest delay.
     arrival_steps = _steps_until_arrival(program)
     is_silent = silent_steps >= max(silence, arrival_steps)
     is_at_rest = resting_steps >= arrival_steps
@@ -140,7 +152,7 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
 
 
 def _is_resting(program: ChipProgram, result: SimulationResult, rows: int) -> BoolArray:
-    """Mark the steps in which no phase that plays a recording as it comes has work to do, (batch, rows)."""
+    """Return whether no compartment of any time phase is active in each step, (batch, rows)."""
     phases = _as_it_comes(program)
     recordings = len(next(iter(result.activity.values())))
     is_resting = np.ones((recordings, rows), dtype=np.bool_)
@@ -152,7 +164,7 @@ def _is_resting(program: ChipProgram, result: SimulationResult, rows: int) -> Bo
 
 
 def _steps_until_arrival(program: ChipProgram) -> int:
-    """Return after how many steps a spike has acted wherever it goes, in phases that play recordings as they come."""
+    """Return after how many steps every spike of a time phase has arrived at all its targets."""
     longest_delay = 0
     for phase in _as_it_comes(program):
         for core in program.cores_of(phase):
@@ -164,9 +176,9 @@ def _steps_until_arrival(program: ChipProgram) -> int:
 def calibrate_margin(
     program: ChipProgram, spikes: Spikes, agreement: float, psi: float | None = None
 ) -> float:
-    """Return the smallest lead at which at least ``agreement`` of these recordings predict what they do at the end.
+    """Return the smallest margin at which at least a share ``agreement`` of the recordings predict as at their end.
 
-    Give validation recordings: the margin is fitted to them. Where no lead is enough it is infinite.
+    Give validation recordings, since the margin is fitted to them. If no margin is enough, the result is infinite.
     """
     if not 0.0 <= agreement <= 1.0:
         raise InputError(
@@ -176,17 +188,20 @@ def calibrate_margin(
             fix="Correct it.",
         )
     scores = timestep_scores(program, spikes, psi)
-    assert program.readout is not None  # sessions without one are refused
+    # `timestep_scores` has refused programs without a readout.
+    assert program.readout is not None
     predictions = winning(scores, program.readout.tie_class)
     lead_over_time = leads(scores)
+    # A margin between two leads that occur stops where the larger one does, so only leads that occur are tried.
     margins = np.unique(lead_over_time[lead_over_time > 0])
+    # agreeing[m] is how many recordings predict with margins[m] what they predict at the end. Start with all of them.
     agreeing = np.full(len(margins), len(scores))
     for prediction, lead in zip(predictions, lead_over_time, strict=True):
-        # A margin stops at the first lead that reaches it, which is larger than all before.
-        larger_before = np.maximum.accumulate(np.append(0.0, lead[:-1]))
-        record_steps = np.flatnonzero(lead > larger_before)
+        # A recording can stop only at a record: a step whose lead is larger than all leads before it.
+        largest_before = np.maximum.accumulate(np.append(0.0, lead[:-1]))
+        record_steps = np.flatnonzero(lead > largest_before)
         record_leads = np.append(0.0, lead[record_steps])
-        # Margins low..high stop at a record: those above the record before, up to its own lead.
+        # The margins low..high stop at a record: those above the previous record, up to this one.
         reached = np.searchsorted(margins, record_leads, side="right")
         for step, low, high in zip(record_steps, reached[:-1], reached[1:], strict=True):
             agreeing[low:high] -= prediction[step] != prediction[-1]
@@ -196,13 +211,12 @@ def calibrate_margin(
 
 @checked
 def timestep_scores(program: ChipProgram, spikes: Spikes, psi: float | None = None) -> FloatArray:
-    """Return the class scores after every step of every recording, (batch, steps, classes), recordings in threads.
+    """Return the class scores after every step of every recording, (batch, steps, classes).
 
-    Recordings that are shorter than the program's are followed by silence.
+    Recordings are played in threads. One that is shorter than the program's time phases is followed by silence.
     """
-    return np.stack(
-        pushed_each(program, to_the_end(program, spikes), lambda pushed: pushed.scores, psi)
-    )
+    streams = to_the_end(program, spikes)
+    return np.stack(pushed_each(program, streams, lambda pushed: pushed.scores, psi))
 
 
 def pushed_each(
@@ -211,9 +225,13 @@ def pushed_each(
     take: Callable[[StepScores], T],
     psi: float | None = None,
 ) -> list[T]:
-    """Push every recording (batch, steps, channels) to a session, in threads; return what is taken of each."""
+    """Push every recording (batch, steps, channels) to a session, in threads; return ``take(scores)`` of each.
 
-    def push_some(start: int, stop: int) -> list[T]:
+    ``take`` picks what is needed, so that the scores of all recordings are not in memory at once.
+    """
+
+    def push_range(start: int, stop: int) -> list[T]:
+        # A session holds the state of one recording, so each thread has its own.
         session = Session(program, psi)
         result = []
         for recording in range(start, stop):
@@ -223,10 +241,11 @@ def pushed_each(
         return result
 
     recordings = len(next(iter(streams.values())))
-    return [result for some in in_parts(push_some, recordings) for result in some]
+    return [result for results in in_parts(push_range, recordings) for result in results]
 
 
 def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
+    """Return every stream as (batch, steps, channels); raise InputError for no recording or no step."""
     streams, _ = read_streams(program, spikes)
     if 0 in next(iter(streams.values())).shape[:2]:
         raise InputError("spikes", "there is no recording, or it has no steps", fix="Give some.")
@@ -234,40 +253,44 @@ def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
 
 
 def to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
-    """Return every stream, (batch, steps, channels), followed by silence until the phases that play it so end."""
+    """Return every stream, (batch, steps, channels), padded with silence until the last time phase ends."""
     streams = _batch(program, spikes)
-    live_phases = _as_it_comes(program)
-    steps = [phase.steps or 0 for phase in program.phases if phase.name in live_phases]
+    time_phases = _as_it_comes(program)
+    steps = [phase.steps or 0 for phase in program.phases if phase.name in time_phases]
     missing = max(0, max(steps, default=0) - _rows(streams))
     return {name: np.pad(array, ((0, 0), (0, missing), (0, 0))) for name, array in streams.items()}
 
 
 def _rows(streams: Mapping[str, ByteArray]) -> int:
+    """Return the steps of the recordings, which are equal in all streams."""
     return int(next(iter(streams.values())).shape[1])
 
 
 def _as_it_comes(program: ChipProgram) -> list[str]:
-    """Return the phases that play recordings as they come, not transposed."""
+    """Return the time phases: those that play recordings as they come, not transposed."""
     transposed = {item.phase for item in program.inputs if item.positions is not None}
     return [phase.name for phase in program.phases if phase.name not in transposed]
 
 
 def _first_step(is_enough: BoolArray) -> IntArray:
-    """Return the first step, counted from 1, that is enough (batch, steps); the last where there is none, (batch,)."""
+    """Return the first step, counted from 1, that is enough, or the last step if none is, (batch,).
+
+    ``is_enough`` is (batch, steps).
+    """
     steps = is_enough.shape[1]
     first = np.where(is_enough.any(axis=1), is_enough.argmax(axis=1) + 1, steps)
     return np.asarray(first, dtype=np.int64)
 
 
 def _lasting(condition: BoolArray) -> IntArray:
-    """Return for how many steps a condition has held after each step, (batch, steps)."""
+    """Return for how many steps without a break a condition has held after each step, (batch, steps)."""
     step = np.arange(1, condition.shape[1] + 1)
     last_broken = np.maximum.accumulate(np.where(condition, 0, step), axis=1)
     return np.asarray(step - last_broken)
 
 
 class Spent(Frozen, eq=False):
-    """What all recordings took together."""
+    """What all recordings of a batch cost together: counts, from which energy follows, and time."""
 
     counts: Counts
     latency_ns: float
@@ -276,7 +299,10 @@ class Spent(Frozen, eq=False):
 def _read_until(
     program: ChipProgram, streams: Mapping[str, ByteArray], steps: IntArray
 ) -> tuple[SimulationResult, Spent]:
-    """Play recordings of which the first steps (batch,) are read; phases that play them as they come end there."""
+    """Play only the first ``steps`` (batch,) of the recordings; time phases end there, and location phases run in full.
+
+    Returns the result, and the cost up to there.
+    """
     is_read = np.arange(_rows(streams))[None, :, None] < steps[:, None, None]
     streams_read = {name: array * is_read for name, array in streams.items()}
     stopped = simulate(program, streams_read, probe=("activity",))
@@ -284,20 +310,20 @@ def _read_until(
 
 
 def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, IntArray]) -> Spent:
-    """Add up what recordings took: in the phases of ``until`` that many steps (batch,), in the others all."""
+    """Return the cost of all recordings: of the first ``until[phase]`` (batch,) steps of a phase, else of all steps."""
     profile = program.chip.costs
     counts = dict.fromkeys(BY_CORE, 0)
     latency_ns = 0.0
     for phase, activity in result.activity.items():
         for recording, steps in enumerate(activity):
-            run = slice(None)
+            steps_run = slice(None)
             if phase in until:
-                # Below 0 where the recording stopped in a phase before.
-                run = slice(max(0, int(until[phase][recording])))
+                # The number is negative if the recording stopped in an earlier phase.
+                steps_run = slice(max(0, int(until[phase][recording])))
             for name in counts:
-                counts[name] += int(steps.count(name)[run].sum())
+                counts[name] += int(steps.count(name)[steps_run].sum())
             step_ns = step_times(program, phase, steps, profile).step_ns
-            latency_ns += float(step_ns[run].sum())
+            latency_ns += float(step_ns[steps_run].sum())
     return Spent(Counts(**counts), latency_ns)
 
 
@@ -310,6 +336,7 @@ def _stops(
     spent: Spent,
     whole: Spent,
 ) -> Stops:
+    """Return the record of the stops; ``spent`` is the cost with stopping, ``whole`` without."""
     return Stops(
         steps=steps,
         all_steps=all_steps,

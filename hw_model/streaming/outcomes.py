@@ -1,4 +1,7 @@
-"""What playing a recording step by step, and stopping it early, give; known without the compiled loops."""
+"""The results of playing a recording step by step (:class:`StepScores`), and of stopping it early (:class:`Stops`).
+
+They stand in a module of their own, so that reports can use them without loading the compiled loops.
+"""
 
 import numpy as np
 
@@ -8,23 +11,24 @@ from hw_model.values import FloatArray, IntArray, Shown
 
 
 class StepScores(Shown):
-    """The state of the readout after each of some steps.
+    """The state of the readout after each of the steps that were pushed to a session.
 
-    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout, or, where its potentials
-    predict, ``potential[name]``: the largest so far. ``scores`` (steps, classes).
+    - ``spikes[name]`` (steps, classes): the spikes so far of a population that is read by its spikes
+    - ``potential[name]`` (steps, classes): the largest potentials so far of a population that is read by them
+    - ``scores`` (steps, classes): the class scores
     """
 
     spikes: dict[str, IntArray]
     potential: dict[str, IntArray]
     scores: FloatArray
     tie_class: int | None = None
-    """The class that is predicted where all scores tie; None: the program names none."""
+    """The class that is predicted if all scores are equal; None if the program names none."""
 
     @property
     def prediction(self) -> IntArray:
-        """Class with the highest score after each step, the first of equals, (steps,).
+        """The class with the highest score after each step, the first one of equal scores, (steps,).
 
-        Where all scores tie, it is the readout's class for ties or, as nothing is predicted, class 0.
+        If all scores are equal, it is the readout's class for ties or, if the readout has none, class 0.
         """
         return np.asarray(winning(self.scores, self.tie_class), dtype=np.int64)
 
@@ -35,22 +39,24 @@ class StepScores(Shown):
 
 
 def leads(scores: FloatArray) -> FloatArray:
-    """Return by how much the best of scores (..., classes) is above the second, or above 0 if it is the only one."""
+    """Return by how much the best of the scores (..., classes) exceeds the second; one score is compared with 0."""
     if scores.shape[-1] == 1:
         return scores[..., 0]
-    best = np.partition(scores, -2, axis=-1)
-    return np.asarray(best[..., -1] - best[..., -2])
+    # Partitioned so that the two largest scores are the last two.
+    partitioned = np.partition(scores, -2, axis=-1)
+    return np.asarray(partitioned[..., -1] - partitioned[..., -2])
 
 
 class Stops(Shown):
-    """Where each recording of a batch stops, and what was done until then.
+    """Where each recording of a batch stops, and what it costs with and without stopping.
 
-    - ``steps``: the step in which each stops, (batch,), out of ``all_steps``. Steps are those of all phases, one after
-      the other, if it stops by :func:`stop_when_proven`, and those of the recording if it stops by another rule
-    - ``prediction``: at the stop, (batch,); ``final``: without stopping, (batch,)
-    - ``counts``: until the stops, of all recordings together; ``all_counts``: without stopping. They hold the counts
-      that cost energy (:data:`hw_model.description.counts.BY_CORE`); all others, such as wraps and clips, are 0
-    - ``latency_ns``: until the stops, by the chip's default profile; ``all_latency_ns``: without stopping
+    - ``steps`` (batch,): the step after which each recording stops, out of ``all_steps``. For :func:`stop_when_proven`,
+      these are steps of all phases, one after the other; for the other rules, steps of the recording
+    - ``prediction`` (batch,): the prediction at the stop; ``final`` (batch,): the prediction without stopping
+    - ``counts``: the counts until the stops, of all recordings together; ``all_counts``: the counts without stopping.
+      They hold the counts that cost energy (:data:`hw_model.description.counts.BY_CORE`); all others, such as wraps and
+      clips, are 0
+    - ``latency_ns``: the time until the stops, by the chip's default profile; ``all_latency_ns``: without stopping
     """
 
     steps: IntArray

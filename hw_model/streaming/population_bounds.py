@@ -1,17 +1,19 @@
-"""What a population of the readout has given so far, and what it can give until the end.
+"""Bound what a population of the readout can still do: how many spikes it can send, how high its potential can rise.
 
-The proof. Whatever the inputs do, the registers of a readout compartment stay at or below those of
-the *highest run*: every source spikes in every step, none of its negative weights counts, and no
-spike resets it. For ``u = rz(u) + q``, ``v = rz(v) + u + bias + joined``, and the clipping of v all
-grow with what they are given, as long as nothing wraps, which :func:`hw_model.prove_range` tells.
+The *reading* of a population is what the readout takes from it: spike counts, or largest potentials. The proof that a
+recording can stop early (:mod:`hw_model.streaming.proof`) needs its lowest and highest possible value at the end.
 
-So in a step in which the highest run stays at or below the threshold there is no spike, and with a
-refractory count of k there is at most one in any k steps: this bounds the spikes that are to come.
-The same run bounds potentials from above; from below they are bounded by the register's own limit,
-and by the largest potential that there was.
+The argument: whatever the inputs do, the registers of a readout compartment stay at or below those of the *highest
+run*, in which every source spikes in every step, no negative weight counts, and no spike resets the compartment. This
+holds because ``u = rz(u) + q``, ``v = rz(v) + u + bias + joined`` and the clipping of v are all monotonic, as long as
+nothing wraps, which :func:`hw_model.prove_range` decides.
 
-Once a recording is over, all that a phase will be given is known. Where that is nothing, and the
-phase is at rest, no spike is to come, and every potential is 0.
+So there is no spike in a step in which the highest run stays at or below the threshold, and with a refractory count of
+k there is at most one spike in any k steps. This bounds the number of spikes to come. The same run bounds potentials
+from above. From below they are bounded by the voltage register's limit, and by the largest potential so far.
+
+Once a recording is over, all further input of a phase is known. If there is none, and the phase is at rest, no spike
+will come, and every potential will be 0.
 """
 
 from abc import ABC, abstractmethod
@@ -31,7 +33,7 @@ from hw_model.values import BoolArray, IntArray
 
 
 def joined_groups(program: ChipProgram, name: str) -> list[str]:
-    """Return the groups joined to a group, children first, and the group itself last."""
+    """Return all groups that are joined to a group, children before parents, and the group itself last."""
     parents_first: list[str] = []
     to_visit = [name]
     while to_visit:
@@ -42,14 +44,15 @@ def joined_groups(program: ChipProgram, name: str) -> list[str]:
 
 
 class PopulationBounds(ABC):
-    """A population of the readout in its phase; ``result`` is the batch run to its end.
+    """The bounds of a population of the readout, in its phase, for a batch of recordings.
 
-    ``result`` holds u and v of the population and of all groups joined to it, after every step.
-    Steps below are numbers of steps done, (batch,): recordings may have got differently far.
+    ``result`` is the batch, run to its end, with u and v of the population and of all groups joined to it after every
+    step. In the methods, ``step`` (batch,) is the number of steps that were done: each recording has its own, since the
+    search for the stops is done for all recordings at once.
     """
 
-    _given_after: IntArray
-    """What the population has given after 0, 1, ... steps, (batch, steps + 1, n)."""
+    _reading_after: IntArray
+    """The reading after 0, 1, ... steps, (batch, steps + 1, n)."""
 
     def __init__(
         self, program: ChipProgram, phase: Phase, name: str, result: SimulationResult
@@ -73,28 +76,29 @@ class PopulationBounds(ABC):
         registers = program.chip.registers
         self._arithmetic = WithoutWraps(registers.charge_bits, registers.current_bits)
 
-    def given(self, step: IntArray) -> IntArray:
-        """Return what the population has given after ``step`` steps, (batch, n)."""
-        return np.asarray(self._given_after[np.arange(len(step)), step])
+    def reading(self, step: IntArray) -> IntArray:
+        """Return the reading after ``step`` steps, (batch, n)."""
+        return np.asarray(self._reading_after[np.arange(len(step)), step])
 
     @abstractmethod
-    def at_the_end(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
-        """Return what it gives in the end at the least and at the most, as known after ``step``.
+    def final_bounds(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        """Return the lowest and the highest possible reading at the end, as known after ``step`` steps.
 
-        Both are (batch, n). ``nothing_comes`` (batch, 1) marks recordings whose phase is at rest
-        and is given nothing any more.
+        Both are (batch, n). ``nothing_comes`` (batch, 1) marks recordings whose phase is at rest and gets no more
+        input.
         """
 
     def _highest_voltages(self, step: IntArray) -> Iterator[IntArray]:
-        """Yield v of the highest run in the step after ``step`` and in each that follows, (batch, n).
+        """Yield v (batch, n) of the highest run, for the step after ``step`` and for each further step.
 
-        They go on until the recording with most steps left is done: for the others, the last ones
-        are of steps that are never run.
+        The iterator goes on until the recording with the most steps left is at its end. For other recordings, the last
+        values belong to steps that do not exist; callers ignore them.
         """
         u = {group: self._register_after(step, self._u[group]) for group in self._groups}
         v = {group: self._register_after(step, self._v[group]) for group in self._groups}
         steps_left = self._steps - step
         for _ in range(int(steps_left.max(initial=0))):
+            # By group, the sum of the voltages that its children add to it. Children come first.
             passed_up: dict[str | None, IntArray] = {}
             for group in self._groups:
                 response = loihi.respond(
@@ -106,17 +110,17 @@ class PopulationBounds(ABC):
                     passed_up.get(group, NOTHING),
                 )
                 u[group] = response.u
-                v[group] = self._kept_at_most(group, response.v)
+                v[group] = self._highest_after_reset(group, response.v)
                 parent = self._parent_of.get(group)
                 passed_up[parent] = v[group] + passed_up.get(parent, NOTHING)
-            # The population comes last of its groups.
+            # The population is the last of its groups, so this is its v.
             yield response.v
 
-    def _kept_at_most(self, group: str, voltage: IntArray) -> IntArray:
-        """Return the highest v that a group can be left with by a step.
+    def _highest_after_reset(self, group: str, voltage: IntArray) -> IntArray:
+        """Return the highest v that a group can have at the end of a step, given v before a possible reset.
 
-        A spike, or a refractory step, brings v to rest, which may be higher than what it was. Joined
-        groups do neither; but v of any group is at rest while its phase has not started.
+        A spike, or a refractory step, resets v to rest, which may be higher than v was. Joined groups are not reset,
+        but v of any group is at rest as long as an aligned phase has not started.
         """
         never_resets = group in self._parent_of
         if never_resets and not self._starts_late:
@@ -131,7 +135,7 @@ class PopulationBounds(ABC):
 
 
 class SpikeBounds(PopulationBounds):
-    """A population that gives its spikes."""
+    """A population that is read by its spike counts."""
 
     def __init__(
         self, program: ChipProgram, phase: Phase, name: str, result: SimulationResult
@@ -141,31 +145,33 @@ class SpikeBounds(PopulationBounds):
         self._refractory = self._parameters[name].refractory
         spikes = result.spikes[name]
         before_the_first = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
-        self._given_after = np.concatenate(
+        self._reading_after = np.concatenate(
             (before_the_first, spikes.cumsum(axis=1, dtype=np.int64)), axis=1
         )
-        # By steps done, (batch, steps + 1, n): the first step in which a next spike may come.
+        # The first step that is not refractory, after 0, 1, ... steps, (batch, steps + 1, n).
         step = np.arange(self._steps)[:, None]
         free_from = np.where(spikes, step + self._refractory, 0)
         self._free_from = np.concatenate(
             (before_the_first, np.maximum.accumulate(free_from, axis=1)), axis=1
         )
 
-    def at_the_end(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+    def final_bounds(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
         """Return the fewest and the most spikes of all steps."""
-        given = self.given(step)
-        return given, given + np.where(nothing_comes, 0, self._most_spikes_after(step))
+        spikes_so_far = self.reading(step)
+        most_to_come = np.where(nothing_comes, 0, self._most_spikes_after(step))
+        return spikes_so_far, spikes_so_far + most_to_come
 
     def _most_spikes_after(self, step: IntArray) -> IntArray:
-        """Return how many spikes there can be in the steps that are left at the most, (batch, n)."""
-        spikes = np.zeros(self._given_after[:, 0].shape, dtype=np.int64)
+        """Return the largest possible number of spikes in the steps after ``step``, (batch, n)."""
+        spikes = np.zeros(self._reading_after[:, 0].shape, dtype=np.int64)
         # Counted from the steps done, as ``ahead`` is.
         free_from = self._free_from[np.arange(len(step)), step] - step[:, None]
         for ahead, voltage in enumerate(self._highest_voltages(step)):
-            # A register that may wrap may hold anything, also what is above the threshold.
+            # A register that may wrap can hold any value, so it may be above the threshold.
             may_spike = (voltage > self._threshold) | (not self._never_wraps)
             is_free = ahead >= free_from
             is_run = step[:, None] + ahead < self._steps
+            # To spike as early as possible gives the most spikes.
             spike = may_spike & is_free & is_run
             spikes += spike
             free_from = np.where(spike, ahead + self._refractory, free_from)
@@ -173,7 +179,7 @@ class SpikeBounds(PopulationBounds):
 
 
 class PotentialBounds(PopulationBounds):
-    """A population that gives its largest potential from a step of the readout on."""
+    """A population that is read by its largest potential from ``first_step`` on."""
 
     def __init__(
         self,
@@ -186,48 +192,53 @@ class PotentialBounds(PopulationBounds):
         super().__init__(program, phase, name, result)
         self._first_step = first_step
         potential = result.potential[name]
-        self._given_after = np.zeros(
+        # Up to the first step that counts, the reading is 0.
+        self._reading_after = np.zeros(
             (len(potential), self._steps + 1, potential.shape[2]), dtype=np.int64
         )
-        self._given_after[:, first_step + 1 :] = np.maximum.accumulate(
+        self._reading_after[:, first_step + 1 :] = np.maximum.accumulate(
             potential[:, first_step:], axis=1
         )
         self._vmin = self._parameters[name].vmin
         self._vmax = self._parameters[name].vmax
 
-    def at_the_end(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
-        """Return the lowest and the highest that the largest potential can be."""
+    def final_bounds(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        """Return the lowest and the highest possible value of the largest potential."""
         steps_done = step[:, None]
-        given = self.given(step)
-        so_far = np.where(steps_done > self._first_step, given, self._vmin)
+        reading = self.reading(step)
+        # Before the first step that counts, the reading of 0 is no potential, so it bounds nothing.
+        so_far = np.where(steps_done > self._first_step, reading, self._vmin)
         lowest_to_come = np.where(nothing_comes, AT_REST, self._vmin)
         highest_to_come = np.where(nothing_comes, AT_REST, self._highest_after(step))
-        # Where no step that counts is left, what is given stands: 0 if none ever counted.
+        # If no step that counts is left, the reading is final: 0 if no step ever counted.
         is_decided = np.maximum(steps_done, self._first_step) >= self._steps
-        lowest = np.where(is_decided, given, np.maximum(so_far, lowest_to_come))
-        highest = np.where(is_decided, given, np.maximum(so_far, highest_to_come))
+        lowest = np.where(is_decided, reading, np.maximum(so_far, lowest_to_come))
+        highest = np.where(is_decided, reading, np.maximum(so_far, highest_to_come))
         return lowest, highest
 
     def _highest_after(self, step: IntArray) -> IntArray:
-        """Return the highest potential that can come in the steps that are left, (batch, n)."""
+        """Return the highest possible potential in the steps after ``step``, (batch, n)."""
         steps_done = step[:, None]
-        highest = np.broadcast_to(self._vmin, self._given_after[:, 0].shape)
+        highest = np.broadcast_to(self._vmin, self._reading_after[:, 0].shape)
         for ahead, voltage in enumerate(self._highest_voltages(step)):
             counts = (steps_done + ahead >= self._first_step) & (steps_done + ahead < self._steps)
-            # A potential is at rest as long as the phase has not started.
-            potential = np.maximum(voltage, AT_REST) if self._never_wraps else self._vmax
+            if self._never_wraps:
+                # As long as an aligned phase has not started, potentials are at rest, which may be higher.
+                potential = np.maximum(voltage, AT_REST)
+            else:
+                potential = self._vmax
             highest = np.where(counts, np.maximum(highest, potential), highest)
         return highest
 
 
 def _cannot_wrap(program: ChipProgram, phase: Phase) -> BoolArray:
-    """Mark the compartments of a phase of which no register can wrap, (columns,)."""
+    """Return whether it is proven of each compartment that none of its registers can wrap, (columns,)."""
     proven = {core.core: core.cannot_wrap.astype(np.int64) for core in prove_range(program)}
     return program.by_column(phase.name, lambda core: proven[core.number]).astype(np.bool_)
 
 
 def _highest_charge(program: ChipProgram, phase: Phase) -> IntArray:
-    """Return the charge that no step of a compartment can exceed, (columns,)."""
+    """Return the largest charge that each compartment can get in a step, (columns,)."""
     return program.by_column(phase.name, lambda core: charges(core).high.astype(np.int64))
 
 

@@ -1,9 +1,9 @@
-"""After which step a winner stands, whatever the inputs may still do.
+"""Find the first step after which the predicted class is proven: no further input can change it.
 
-Every population of the readout says what it gives in the end at the least and at the most
-(:mod:`hw_model.streaming.population_bounds`). Weighted and added up, these bound the score of every
-class. A winner stands where its least score is above the most that any other class can reach, with
-ties decided as the readout decides them.
+Every population of the readout has a lower and an upper bound of its reading at the end
+(:mod:`hw_model.streaming.population_bounds`). Weighted and added up, they bound the score of every class. A class has
+won if its lowest possible score is above the highest possible score of every other class, with ties decided as the
+readout decides them. :func:`hw_model.stop_when_proven` uses this on recordings that were run to their end.
 """
 
 import math
@@ -19,13 +19,14 @@ from hw_model.streaming.population_bounds import PopulationBounds, PotentialBoun
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
 
 ROUNDING = 1e-9
-"""Share of the largest score that float64 may round off in one, with much to spare."""
+"""A generous bound of the rounding errors of a score in float64, as a share of the largest possible score."""
 
 
 class Proof:
-    """Of a batch that was run to its end: what was known already after so many steps.
+    """What was known about the winners of a batch of recordings after any number of steps.
 
-    ``rows``: steps of the recordings. Steps are counted over all phases, one after the other.
+    ``result`` is the batch, run to its end; ``rows`` is the steps of the recordings. Steps are counted over all phases,
+    one after the other.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class Proof:
     def stops(self) -> IntArray:
         """Return the first step after which each winner is proven, (batch,).
 
-        The search goes by halves: what is proven after a step is proven after every later one.
+        This is a binary search, of all recordings at once: what is proven after a step stays proven after later ones.
         """
         low = np.zeros(self._batch, dtype=np.int64)
         high = np.full(self._batch, self.all_steps, dtype=np.int64)
@@ -50,52 +51,55 @@ class Proof:
             middle = (low + high) // 2
             proven = self._is_proven(middle)
             high = np.where(proven, middle, high)
+            # Recordings that are done have low = middle = high, which must stay.
             low = np.where(proven, low, np.minimum(middle + 1, high))
         return high
 
     def _is_proven(self, step: IntArray) -> BoolArray:
-        """Tell of each recording whether its winner stands after ``step`` steps, (batch,)."""
+        """Return whether the winner of each recording is proven after ``step`` steps, (batch,)."""
         scores = self._score_bounds(step)
+        # If all final scores are known exactly, so is the winner, however narrow the lead.
         all_are_known = (scores.least == scores.most).all(axis=1)
-        return np.asarray(all_are_known | self._winner_stands(scores))
+        return np.asarray(all_are_known | self._winner_is_safe(scores))
 
     def _score_bounds(self, step: IntArray) -> "_ScoreBounds":
-        """Add up what all populations gave until ``step``, and what they give in the end."""
+        """Return the scores after ``step`` steps, and bounds of the scores at the end."""
         so_far, least, most = np.zeros((3, self._batch, self._classes))
         steps_before = 0
         for phase in self._phases:
             steps_run = np.clip(step - steps_before, 0, phase.steps)
             nothing_comes = (step >= self._over_from) & (steps_run >= phase.rests_from)
             for term in phase.terms:
-                so_far += term.weight * term.population.given(steps_run)
-                ends = term.population.at_the_end(steps_run, nothing_comes[:, None])
-                # A negative weight turns the least into the most.
-                one_end, other_end = (term.weight * end for end in ends)
-                least += np.minimum(one_end, other_end)
-                most += np.maximum(one_end, other_end)
+                so_far += term.weight * term.population.reading(steps_run)
+                bounds = term.population.final_bounds(steps_run, nothing_comes[:, None])
+                weighted_low, weighted_high = (term.weight * bound for bound in bounds)
+                # A negative weight exchanges the bounds.
+                least += np.minimum(weighted_low, weighted_high)
+                most += np.maximum(weighted_low, weighted_high)
             steps_before += phase.steps
         return _ScoreBounds(so_far, least, most)
 
-    def _winner_stands(self, scores: "_ScoreBounds") -> BoolArray:
-        """Tell whether no other class can come to win in the place of the one that leads now."""
+    def _winner_is_safe(self, scores: "_ScoreBounds") -> BoolArray:
+        """Return whether no other class can win any more instead of the one that leads now, (batch,)."""
         winner = winning(scores.so_far, self._tie_class)
         of_winner = scores.least[np.arange(self._batch), winner][:, None] - self._rounding
         class_index = np.arange(self._classes)[None]
         is_rival = class_index != winner[:, None]
         stays_below = scores.most < of_winner
         stays_at_most_equal = scores.most <= of_winner
-        # A tie goes to the first class: those before the winner must stay below it.
+        # Of equal scores the first class wins. So classes before the winner must stay below it; those after it may
+        # reach the same score.
         loses = np.where(class_index < winner[:, None], stays_below, stays_at_most_equal)
-        stands = (loses | ~is_rival).all(axis=1)
+        is_safe = (loses | ~is_rival).all(axis=1)
         if self._tie_class is not None:
-            # A tie of all goes to its own class, so for another winner a rival must stay below it.
-            no_tie_of_all = (stays_below & is_rival).any(axis=1)
-            stands &= (winner == self._tie_class) | no_tie_of_all
-        return np.asarray(stands)
+            # If all scores are equal, the tie class wins. So for another winner, some rival must stay below it.
+            not_all_can_tie = (stays_below & is_rival).any(axis=1)
+            is_safe &= (winner == self._tie_class) | not_all_can_tie
+        return np.asarray(is_safe)
 
 
 class _ScoreBounds(Frozen, eq=False):
-    """Class scores, (batch, classes): so far, and the least and the most that they are in the end."""
+    """Class scores, each (batch, classes): so far, and the lowest and highest that are possible at the end."""
 
     so_far: FloatArray
     least: FloatArray
@@ -110,9 +114,9 @@ class _Term(Frozen, eq=False):
 
 
 class _PhaseTerms(Frozen, eq=False):
-    """The terms of the readout that are populations of one phase, ``steps`` long.
+    """The terms of the readout whose populations are in one phase, which has ``steps`` steps.
 
-    ``rests_from`` (batch,): the step from which on nothing moves in the phase; see :func:`_rests_from`.
+    ``rests_from`` (batch,): the step from which on the phase is at rest; see :func:`_rests_from`.
     """
 
     steps: int
@@ -123,6 +127,7 @@ class _PhaseTerms(Frozen, eq=False):
 def _phase_terms(
     program: ChipProgram, readout: Readout, result: SimulationResult, phase: Phase
 ) -> _PhaseTerms:
+    """Return the terms of the readout in a phase, with the bounds of their populations."""
     activity = result.activity[phase.name]
     columns = program.columns_of(phase.name)
     terms = []
@@ -139,20 +144,21 @@ def _phase_terms(
 
 
 def _rests_from(activity: Sequence[StepActivity]) -> IntArray:
-    """Return the step from which on a phase is given nothing and has nothing to work on, (batch,)."""
+    """Return the step from which on a phase gets no input and no compartment is active, (batch,)."""
     rests_from = np.zeros(len(activity), dtype=np.int64)
     for recording, counts in enumerate(activity):
         has_updates = counts.by_piece["neuron_updates_active"].any(axis=1)
         has_input = counts.by_piece["synaptic_ops"].any(axis=1)
+        # -1 if no step was busy: then the phase rests from step 0 on.
         last_busy_step = np.flatnonzero(has_updates | has_input).max(initial=-1)
         rests_from[recording] = last_busy_step + 1
     return rests_from
 
 
 def _recording_over_from(program: ChipProgram, rows: int, steps_of_first_phase: int) -> int:
-    """Return the step from which on the whole recording has been read.
+    """Return the step from which on the whole recording is known.
 
-    A phase that is played from the transpose buffer begins when the buffer holds the recording.
+    If the first phase plays from the transpose buffer, it begins only when the buffer holds the whole recording.
     """
     inputs = program.inputs_of(program.phases[0].name)
     begins_with_buffer = any(item.positions is not None for item in inputs)
@@ -160,11 +166,12 @@ def _recording_over_from(program: ChipProgram, rows: int, steps_of_first_phase: 
 
 
 def _rounding_of_scores(program: ChipProgram, readout: Readout, all_steps: int) -> float:
-    """Return by how much scores must differ to be told apart.
+    """Return by how much two scores must differ to be certainly different.
 
-    Scores of weights that are not whole are rounded: equal ones then prove nothing.
+    With whole weights, scores are exact. Otherwise they are rounded, so that scores which differ by less prove nothing.
     """
     if all(float(weight).is_integer() for weight in readout.weights):
         return 0.0
-    most_given = program.chip.registers.voltage_max if readout.from_step else all_steps
-    return ROUNDING * math.fsum(map(abs, readout.weights)) * most_given
+    # A population has at most one spike per step, and its potential stays within the voltage register.
+    largest_reading = program.chip.registers.voltage_max if readout.from_step else all_steps
+    return ROUNDING * math.fsum(map(abs, readout.weights)) * largest_reading

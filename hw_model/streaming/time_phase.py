@@ -1,4 +1,9 @@
-"""A phase whose inputs are played as they come: rows are pushed, and its state goes on from push to push."""
+"""Play a time phase while a recording arrives: rows are pushed, and the phase keeps its state from push to push.
+
+In a time phase, a row of the recording is one step. The compiled loop lists the events of up to :data:`TILE` rows, runs
+the fast engine for so many steps (:func:`hw_model.engine.tiles.run_tile`), and adds up what the readout reads of each
+column: its spikes, or its largest potential. :class:`hw_model.streaming.session.Session` uses one per time phase.
+"""
 
 from functools import cached_property
 from typing import NamedTuple
@@ -16,18 +21,24 @@ from hw_model.engine.tiles import run_tile
 from hw_model.values import AnyArray, ByteArray, IntArray
 
 
-class Read(NamedTuple):
-    """The columns that predict by their largest potentials, each from a step on; none where spikes predict."""
+class PotentialColumns(NamedTuple):
+    """The columns that the readout reads by their largest potential, from ``first_step`` of each on; all arrays (n,).
+
+    All other columns are read by their spike counts.
+    """
 
     columns: AnyArray
-    first: AnyArray
+    first_step: AnyArray
 
 
 class Room(NamedTuple):
-    """What a session keeps of a phase beside its state, and room for a tile.
+    """The arrays of a phase that the loop writes besides the engine's state.
 
-    ``begin`` (inputs + 1,): where the lines of each input begin in a row; ``first`` (rows + 1, inputs) and ``line``:
-    the lists of a tile's events; ``so_far`` (columns,): what every column gives; ``largest`` (columns read,).
+    - ``begin`` (inputs + 1,): where the lines of each input begin in a row
+    - ``first`` (rows + 1, inputs), ``line``: the events of a tile: ``line[first[t, i]:first[t + 1, i]]`` are the
+      lines of input i that spike in its step t
+    - ``spikes``, ``sent``, ``active``, ``potential``: what the engine writes in a tile
+    - ``so_far`` (columns,): the reading of every column; ``largest`` (columns of potentials,): the largest potentials
     """
 
     begin: AnyArray
@@ -42,10 +53,10 @@ class Room(NamedTuple):
 
 
 class _Phase(NamedTuple):
-    """All that the loop over rows reads and writes; ``starts_late`` as in :class:`Live`."""
+    """All that the loop over rows reads and writes. ``starts_late`` is explained at :class:`Live`."""
 
     room: Room
-    read: Read
+    potentials: PotentialColumns
     tables: Packed[Tables]
     memory: Packed[state.Memory]
     kept: Packed[state.Kept]
@@ -53,32 +64,39 @@ class _Phase(NamedTuple):
 
 
 TILE = 8
-"""Steps that a session keeps charges for at a time: few rows come at once, and after each push the rest is moved."""
+"""The most steps that are run at a time. Small, because few rows arrive at once, and charges that are due later are
+moved after each push. Chosen by hand."""
 _NO_END = 1 << 62
-"""Later than any step of a recording, by more than the steps that a phase can wait for its first."""
-_NO_STEP, _SKIP = np.int64(0), np.bool_(True)
-"""Of a type, as variables are: loops are compiled anew for each literal that they are called with."""
+"""The end of a phase without a number of steps. It leaves room to add the steps that an aligned phase waits."""
+# Typed constants: numba would compile a loop anew for each Python literal that it is called with.
+_NO_STEP = np.int64(0)
+_SKIP = np.bool_(True)
 
 
 class Live:
-    """A phase of ``steps`` steps, or without end, before its first step.
+    """A time phase of ``steps`` steps, or without an end, that is played row by row.
 
-    ``starts_late``: it waits for its first step, and registers are 0 in the steps after its last, as in those before.
+    ``starts_late`` is for an aligned phase: it waits for the first row with enough events (:meth:`wait`). In the steps
+    before that and after its last, the chip does not run it, and its registers count as 0.
     """
 
     def __init__(
-        self, layout: FastLayout, steps: int | None, read: Read, starts_late: bool = False
+        self,
+        layout: FastLayout,
+        steps: int | None,
+        potentials: PotentialColumns,
+        starts_late: bool = False,
     ) -> None:
         self._steps = _NO_END if steps is None else steps
         self._end = self._steps
-        columns_read = len(read.columns)
+        columns_read = len(potentials.columns)
         potential = np.zeros((1, TILE, columns_read), dtype=np.int64)
         self._room = _room(layout, potential)
         first_state = state.first_state(layout, TILE)
         self._state = packed.pack(first_state)
         memory = state.Memory(first_state, state.workspace(layout, TILE), paths_of(layout))
         place = np.full(layout.columns, -1, dtype=np.int64)
-        place[read.columns] = np.arange(columns_read)
+        place[potentials.columns] = np.arange(columns_read)
         kept_registers = state.Kept(
             columns_read > 0,
             state.NO_REGISTER,
@@ -87,7 +105,7 @@ class Live:
         )
         self._phase = _Phase(
             self._room,
-            read,
+            potentials,
             layout.packed_tables,
             packed.pack(memory),
             packed.pack(kept_registers),
@@ -106,22 +124,22 @@ class Live:
         )
 
     def reset(self) -> None:
-        """Go back to before the first step."""
+        """Forget the recording: return to the state before the first step."""
         state.reset(self._state)
         self._room.so_far[:] = 0
         self._room.largest[:] = 0
         self._end = self._steps
 
     def wait(self, rows: ByteArray, counts: IntArray, low: int) -> None:
-        """Leave rows out that come before the first step; all columns give 0 after each."""
+        """Leave out rows that come before the first step of an aligned phase; all readings are 0 after each."""
         self._end += len(rows)
         counts[:, low : low + len(self._room.so_far)] = 0
 
     def push(self, before: int, rows: ByteArray, counts: IntArray, low: int) -> None:
-        """Play rows (rows, lines), side by side in memory and writeable, from step ``before`` on.
+        """Play rows (rows, lines), a contiguous writeable array; ``before`` rows of the recording came before them.
 
-        Note what every column gives so far after each, its spikes or, if read, largest potential, in ``counts`` (rows,
-        columns of all phases), from column ``low`` on.
+        After each row, write the reading of every column so far into ``counts`` (rows, columns of all phases), from
+        column ``low`` on. The reading is the count of spikes, or the largest potential of a column that is read by it.
         """
         self._run(
             before, self._end, self._tile_at, rows.reshape(-1), self._packed_phase, counts, low
@@ -129,7 +147,11 @@ class Live:
 
     @cached_property
     def _tile_at(self) -> np.int64:
-        """Return where the code of a tile lies: asked when one is run, since who compiles ahead runs none."""
+        """The address of the compiled code of a tile.
+
+        Compiled when the first tile is run, not in ``__init__``: the process that compiles ahead runs no tile
+        (:mod:`hw_model.streaming.ahead`).
+        """
         phase = self._phase
         room = phase.room
         return address(
@@ -143,7 +165,7 @@ class Live:
 
 
 def _room(layout: FastLayout, potential: IntArray) -> Room:
-    """Return room for a tile, whose potentials (1, rows, columns read) the loop writes to ``potential``."""
+    """Return the arrays for a tile; the engine writes potentials to ``potential`` (1, rows, columns of potentials)."""
     begin = np.cumsum([0, *layout.tables.nodes.size[: layout.inputs]])
     lines = int(begin[-1])
     return Room(
@@ -151,7 +173,7 @@ def _room(layout: FastLayout, potential: IntArray) -> Room:
         first=np.zeros((TILE + 1, layout.inputs), np.int64),
         line=np.empty(TILE * lines + CACHE_LINE, np.int32),
         spikes=np.zeros((TILE, layout.columns), np.uint8),
-        # What the loop counts of a whole recording, sent and active: nobody asks a session for it.
+        # The engine counts these two, and a session does not use them.
         sent=np.zeros(lines + layout.columns, np.int64),
         active=np.zeros((TILE, layout.pieces), np.int64),
         potential=potential,
@@ -170,13 +192,16 @@ def _run(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop tak
     counts,
     at,
 ):
-    """Play rows, bytes side by side, from step ``before`` up to ``end``; note what every column gives after each."""
+    """Play the rows ``events``, a flat array of bytes, from step ``before`` on, but no step from ``end`` on.
+
+    Write the reading of every column after each row into ``counts``, from column ``at`` on.
+    """
     room = phase.room
-    read = phase.read
+    potentials = phase.potentials
     begin = room.begin
-    lasting = max(0, min(len(counts), end - before))
-    for low in range(0, lasting, TILE):
-        rows = min(TILE, lasting - low)
+    rows_to_play = max(0, min(len(counts), end - before))
+    for low in range(0, rows_to_play, TILE):
+        rows = min(TILE, rows_to_play - low)
         listed = np.uint64(0)
         for m in range(len(begin) - 1):
             room.first[0, m] = listed
@@ -192,36 +217,43 @@ def _run(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop tak
             for column in range(len(room.so_far)):
                 room.so_far[column] += room.spikes[row, column]
                 room.spikes[row, column] = 0
-            _take_largest(before + low + row, row, room, read)
-            _note(room.so_far, counts, low + row, at)
-    for row in range(lasting, len(counts)):
+            _take_largest(before + low + row, row, room, potentials)
+            _write_readings(room.so_far, counts, low + row, at)
+    # Rows after the end of the phase change no spike count.
+    for row in range(rows_to_play, len(counts)):
         if phase.starts_late:
-            _take_largest(before + row, 0, room, read)  # of room that is 0 between tiles
-        _note(room.so_far, counts, row, at)
+            # Potentials count as 0 after the end. Row 0 of `room.potential` is 0 between tiles.
+            _take_largest(before + row, 0, room, potentials)
+        _write_readings(room.so_far, counts, row, at)
 
 
 @absorbed
-def _note(so_far, counts, row, at):  # type: ignore[no-untyped-def]
-    """Copy what every column gives into a row of counts, from column ``at`` on."""
+def _write_readings(so_far, counts, row, at):  # type: ignore[no-untyped-def]
+    """Copy the readings of all columns into a row of ``counts``, from column ``at`` on."""
     for column in range(len(so_far)):
         counts[row, at + column] = so_far[column]
 
 
 @absorbed
-def _take_largest(step, row, room, read):  # type: ignore[no-untyped-def]
-    """Put the largest potentials so far of the columns that are read in place of their spikes; 0 before their step."""
-    for j in range(len(read.columns)):
+def _take_largest(step, row, room, potentials):  # type: ignore[no-untyped-def]
+    """Replace the spike counts of columns that are read by potentials: the largest so far, 0 before the first step."""
+    for j in range(len(potentials.columns)):
         potential = room.potential[0, row, j]
         room.potential[0, row, j] = 0
-        room.largest[j] = max(room.largest[j], potential) if step > read.first[j] else potential
-        room.so_far[read.columns[j]] = room.largest[j] if step >= read.first[j] else 0
+        room.largest[j] = (
+            max(room.largest[j], potential) if step > potentials.first_step[j] else potential
+        )
+        room.so_far[potentials.columns[j]] = (
+            room.largest[j] if step >= potentials.first_step[j] else 0
+        )
 
 
 @compiled
 def weigh(counts, first, weights, scores):  # type: ignore[no-untyped-def]
-    """Add columns of counts to class scores (rows, classes), for each term from its ``first`` on, times its weight.
+    """Add the weighted readings of all terms of the readout to the class scores (rows, classes).
 
-    ``first`` (terms,); ``weights`` (terms, rows), or (terms, 1) for all rows.
+    A term is a population. ``first`` (terms,) is the first of its columns in ``counts``, one per class; ``weights`` is
+    (terms, rows), or (terms, 1) for the same weights in all rows.
     """
     for term in range(len(first)):
         for row in range(len(scores)):
