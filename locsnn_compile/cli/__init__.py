@@ -1,17 +1,22 @@
-"""The commands."""
+"""The command lines: the only package of this project that prints or exits.
+
+Importing it installs a hook for uncaught exceptions. The commands themselves handle Ctrl-C in
+``interrupt.py``, but they import numpy and numba first, and Python would answer a Ctrl-C during
+these imports with a traceback.
+"""
 
 import sys
 from typing import Any
 
-_usual_hook = sys.excepthook
+_previous_hook = sys.excepthook
 
 
-def _interrupted(kind: type[BaseException], *told: Any) -> None:
-    """Say in one line that Ctrl-C came before a command began: while its modules are imported."""
+def _print_interrupt(kind: type[BaseException], *error_and_traceback: Any) -> None:
+    """Print one line for a Ctrl-C; leave any other exception to the previous hook."""
     if kind is KeyboardInterrupt:
         print("Interrupted; nothing was written.", file=sys.stderr)
     else:
-        _usual_hook(kind, *told)
+        _previous_hook(kind, *error_and_traceback)
 
 
-sys.excepthook = _interrupted
+sys.excepthook = _print_interrupt

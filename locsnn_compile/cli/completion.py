@@ -8,10 +8,13 @@ example:
 Then `source` that file in ~/.bashrc or ~/.zshrc. For fish, write to ~/.config/fish/completions/locsnn.fish.
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 import argparse
 import os
 
 PROGRAMS = ("locsnn", "locsnn-compile")
+"""The programs whose command lines the script completes."""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -23,16 +26,25 @@ def run(args: argparse.Namespace) -> int:
 
 
 def answer_shell(parser: argparse.ArgumentParser) -> None:
-    """If a shell asks for completions of a command line, answer and exit; otherwise do nothing."""
+    """If a shell asks for completions of a command line, print them and exit; otherwise do nothing.
+
+    The script of ``locsnn completion`` makes the shell run the program with the variable
+    ``_ARGCOMPLETE`` set whenever the user presses Tab.
+    """
     if "_ARGCOMPLETE" not in os.environ:
         return
+    # Only here, because importing it slows every command.
     import argcomplete
 
     argcomplete.autocomplete(parser)
 
 
 def chips(prefix: str, **_: object) -> list[str]:
-    """Return the chips that ship, and chip files; all other options without choices complete files."""
+    """Return the included meshes of cores, and chip files that begin with ``prefix``.
+
+    argcomplete calls this for options that name a chip, with keyword arguments that are not needed
+    here. It completes the files for all other options without ``choices`` by itself.
+    """
     from argcomplete.completers import FilesCompleter
 
     import hw_model as hw
@@ -40,9 +52,12 @@ def chips(prefix: str, **_: object) -> list[str]:
     return [*hw.chip_names(), *FilesCompleter((".yaml", ".yml"))(prefix)]
 
 
-def chips_of_all_families(prefix: str, **known: object) -> list[str]:
-    """Return the chips that ship, of every family, and chip files."""
+def chips_of_all_families(prefix: str, **_: object) -> list[str]:
+    """Return the included chips of every family (meshes, Xylo, SpiNNaker), and chip files."""
     from hw_model.targets.families import FAMILIES, MESHES
 
-    others = [family.names() for family in FAMILIES if family is not MESHES]
-    return [*chips(prefix, **known), *(name for names in others for name in names)]
+    completions = chips(prefix)
+    for family in FAMILIES:
+        if family is not MESHES:  # chips() has these
+            completions.extend(family.names())
+    return completions

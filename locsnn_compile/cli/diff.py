@@ -9,8 +9,11 @@ With --events both programs play recordings, and their spikes are compared by po
 compute in different ways.
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,59 +29,77 @@ from locsnn_compile.report.figures.any_program import any_program_figures
 from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.terminal import render_terminal
-from locsnn_compile.report.sections.builds import Build, changes, contents_changed, percent
+from locsnn_compile.report.sections.builds import (
+    Build,
+    Change,
+    changes,
+    contents_changed,
+    percent,
+)
 from locsnn_compile.report.sections.comparison import comparison
 
 if TYPE_CHECKING:
     from locsnn_compile.verification.both_programs import ProgramsCompared
 
 MAX_REPORT_BYTES = 64 << 20
+"""Of report.json. A damaged or hostile file must not fill the memory; usual reports take far less."""
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the summary, or every figure that differs, with the change in percent if both are numbers."""
     if args.html:
-        builds = (("BUILD_A", args.before), ("BUILD_B", args.after))
-        reads = {
-            f"{option}, {name}": Path(folder) / name
-            for option, folder in builds
-            for name in BUILD_NAMES
-        }
-        check_places(reads, [(f"--html {args.html!r}", Path(args.html))])
-    folders = (Path(args.before), Path(args.after))
-    # Reports first: a folder without one is no build.
-    reports = [read_report(folder) for folder in folders]
-    programs = [load_any_program(folder) for folder in folders]
-    before, after = map(_build, folders, reports, programs)
+        _check_html_place(args)
+    before_folder = Path(args.before)
+    after_folder = Path(args.after)
+    # Both reports before the programs: a folder without a report is not a build, which is the
+    # likelier mistake and the quicker check.
+    before_report = read_report(before_folder)
+    after_report = read_report(after_folder)
+    before_program = load_any_program(before_folder)
+    after_program = load_any_program(after_folder)
+    before = _build(before_folder, before_report, before_program)
+    after = _build(after_folder, after_report, after_program)
     changed = changes(before, after)
-    played = _played(programs[0], programs[1], args.events) if args.events else None
+    played = None
+    if args.events:
+        played = _play_both(before_program, after_program, args.events)
     if args.html:
         page = render_html(comparison(before, after, played))
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
-        document: dict[str, Any] = {
-            key: {"before": a, "after": b} for key, (a, b) in changed.items()
-        }
-        if played:
-            document["played"] = _document(played)
-        print(json.dumps(document, indent=2))
+        print(json.dumps(_document(changed, played), indent=2))
     elif not changed:
         print("The builds are equal.")
     elif parts := contents_changed(changed):
         print(f"All figures are equal, but not the programs: they differ in {listed(parts)}.")
     elif args.all:
-        for key, (a, b) in changed.items():
-            by = percent(a, b)
-            print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
+        _print_changes(changed)
     else:
         render_terminal(comparison(before, after, played), terminal())
         print("\n--all lists every figure that changed.")
     return 0
 
 
-def _played(before: AnyProgram, after: AnyProgram, events: str) -> "ProgramsCompared":
-    """Play recordings to both programs, which say how they are read."""
-    # Only where something is played.
+def _check_html_place(args: argparse.Namespace) -> None:
+    """Refuse a page that would replace a file of one of the builds."""
+    inputs: dict[str, Path] = {}
+    for option, folder in (("BUILD_A", args.before), ("BUILD_B", args.after)):
+        for name in BUILD_NAMES:
+            inputs[f"{option}, {name}"] = Path(folder) / name
+    check_places(inputs, [(f"--html {args.html!r}", Path(args.html))])
+
+
+def _print_changes(changed: Mapping[str, Change]) -> None:
+    """Print a line for each figure that differs: its key, both values, and the change in percent."""
+    for key, (before, after) in changed.items():
+        change = percent(before, after)
+        in_brackets = f" ({change})" if change else ""
+        print(f"{key}: {before} -> {after}{in_brackets}")
+
+
+def _play_both(before: AnyProgram, after: AnyProgram, events: str) -> "ProgramsCompared":
+    """Play recordings to both programs; the first one determines their steps and channels."""
+    # Imported here, because most comparisons play nothing.
     from locsnn_compile.cli.players import expected_by
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.verification.both_programs import compare_programs
@@ -86,7 +107,18 @@ def _played(before: AnyProgram, after: AnyProgram, events: str) -> "ProgramsComp
     return compare_programs(before, after, read_recordings(events, model=expected_by(before)))
 
 
-def _document(played: "ProgramsCompared") -> dict[str, Any]:
+def _document(changed: Mapping[str, Change], played: "ProgramsCompared | None") -> dict[str, Any]:
+    """Return what ``--json`` prints: each figure that differs and, if any were played, the spikes."""
+    document: dict[str, Any] = {
+        key: {"before": before, "after": after} for key, (before, after) in changed.items()
+    }
+    if played is not None:
+        document["played"] = _played_document(played)
+    return document
+
+
+def _played_document(played: "ProgramsCompared") -> dict[str, Any]:
+    """Return the spikes of both programs by population, and how many of them both sent."""
     return {
         "source": played.source,
         "recordings": played.recordings,
@@ -103,26 +135,35 @@ def _document(played: "ProgramsCompared") -> dict[str, Any]:
 
 
 def _build(folder: Path, report: dict[str, Any], program: AnyProgram) -> Build:
+    """Return a build as the comparison takes it; refuse a report that is of another program."""
     figures = any_program_figures(program)
+    # The absolute path has a name even if the folder is given as "." or "..".
     build = Build(folder.absolute().name, report, plain(figures))
-    counted = build.figures.get("resources.synapses", figures.synapses)
+    # A report without this figure is not refused for it.
+    reported_synapses = build.figures.get("resources.synapses", figures.synapses)
     what = "report.json counts other synapses than the program has"
-    check_same(counted, figures.synapses, f"build {build.name!r}", what, fix="Compile again.")
+    where = f"build {build.name!r}"
+    check_same(reported_synapses, figures.synapses, where, what, fix="Compile again.")
     return build
 
 
 def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; ``InputError`` if it cannot be read or is not a report."""
     check_path(folder, f"build {folder.name[:60]!r}")
+    # If a writer of the folder was killed halfway, what it left there is put in place first.
     finish_writing(folder)
-    where, fix = f"build {folder.name!r}", "Give a folder that locsnn-compile wrote."
+    where = f"build {folder.name!r}"
+    fix = "Give a folder that locsnn-compile wrote."
     content = read_bytes(
         folder / "report.json", f"{where}, report.json", MAX_REPORT_BYTES, fix, fix
     )
     with parsing(where, "report.json is damaged", fix=fix):
         document = json.loads(content)
-    if not isinstance(document, dict) or not str(document.get("schema", "")).startswith(
+    # The number after the slash is the version of the schema: other versions are still reports.
+    is_report = isinstance(document, dict) and str(document.get("schema", "")).startswith(
         "locsnn-report/"
-    ):
+    )
+    if not is_report:
         raise InputError(where, "report.json is not a report", fix=fix)
-    return document
+    report: dict[str, Any] = document
+    return report

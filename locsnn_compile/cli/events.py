@@ -14,16 +14,18 @@ No option restores the names of classes: a line says that they are left out.
 from 0 to 1, the chance of a spike), by latency (from 0 to 1, the larger the earlier), or where signals cross levels.
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 import argparse
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hw_model.io.files import replace_file
 from locsnn_compile.cli.encoded_values import check_encoder_options, encoded_values
-from locsnn_compile.cli.options import recording_of
+from locsnn_compile.cli.options import recording_number
 from locsnn_compile.cli.places import check_places
-from locsnn_compile.cli.shell import say
-from locsnn_compile.cli.step_options import asked_reading, asked_sensor, assumption_lines
+from locsnn_compile.cli.shell import print_result
+from locsnn_compile.cli.step_options import assumption_lines, described_sensor, reading_options
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.selection import asked_selection, selected_layout
@@ -35,155 +37,211 @@ from locsnn_compile.report.content import Facts
 from locsnn_compile.report.format import percent, plural
 from locsnn_compile.report.pictures.recording import raster_svg, text_raster
 
-_SHOWN_LABELS, _SHOWN_DEAD = 12, 24
+# How many classes and dead channels a line names before it says that there are more: chosen by
+# hand, so that lines of usual data sets fit a terminal.
+_MAX_CLASSES_SHOWN = 12
+_MAX_DEAD_CHANNELS_SHOWN = 24
+_WITH_CLASS_NAMES = (".npz", ".pt")
+"""Endings of the formats that hold the names of classes."""
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the figures, and write the files asked for."""
+    """Print figures and a raster of recordings; write the raster and the recordings if asked to."""
     _check_options(args)
     outputs = (("-o", args.output), ("--to", args.to))
-    writes = [(f"{option} {str(path)!r}", path) for option, path in outputs if path is not None]
-    # A folder is written only if it is new or empty.
-    check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
+    places = [(f"{option} {str(path)!r}", path) for option, path in outputs if path is not None]
+    # A name without an ending is a folder, which write_recordings refuses unless it is new or empty.
+    check_places({"FILE": args.file}, [place for place in places if place[1].suffix])
     encoded = None if args.encode is None else encoded_values(args)
     if encoded is not None:
         recordings = encoded.recordings
     else:
-        recordings = read_recordings(args.file, split=args.part, **asked_reading(args))
-    number = recording_of(args.recording, recordings)
-    sensor = _laid_out(args)
+        recordings = read_recordings(args.file, split=args.part, **reading_options(args))
+    number = recording_number(args.recording, recordings)
+    sensor = _sensor_after_selection(args)
     statistics = event_statistics(recordings, sensor)
-    written = _write(args, recordings, number, sensor)
+    # Before printing: if a file cannot be written, the error is all that is printed.
+    written_lines = _write_picture(args, recordings, number)
+    written_lines += _write_recordings(args, recordings, sensor)
     binning = recordings.binned.words if recordings.binned else None
-    report_lines = statistics_lines(statistics, binning)
-    report_lines += assumption_lines(recordings)
-    statistics = {**statistics, "assumptions": list(recordings.assumed)}
+    lines = statistics_lines(statistics, binning)
+    lines += assumption_lines(recordings)
+    document = {**statistics, "assumptions": list(recordings.assumed)}
     if encoded is not None:
-        report_lines.append(encoded.line)
-        statistics["encoding"] = encoded.document
-    say(args, statistics, [*report_lines, *_raster(recordings, number), *written])
+        lines.append(encoded.line)
+        document["encoding"] = encoded.document
+    lines += _raster_lines(recordings, number)
+    print_result(args, document, [*lines, *written_lines])
     return 0
 
 
-def _laid_out(args: argparse.Namespace) -> SensorLayout | None:
-    """Return the sensor that the options describe, as it is after merging; None for a mere number of channels."""
-    sensor = asked_sensor(args)
+def _sensor_after_selection(args: argparse.Namespace) -> SensorLayout | None:
+    """Return the sensor that the options describe, with only the channels that are left.
+
+    ``--only-taxels``, ``--merge-polarities`` and the like select and merge channels. Returns None
+    if the options give no positions, but at most a number of channels.
+    """
+    sensor = described_sensor(args)
     if sensor is None or not sensor.laid_out:
         return None
     return selected_layout(sensor, asked_selection(args))
 
 
 def statistics_lines(statistics: Mapping[str, Any], binning: str | None) -> list[str]:
-    """Return the figures as lines; ``binning`` says what was left out on reading."""
-    events, silence = statistics["events"], statistics["silence"]
-    facts = {
-        "labels": _labels(statistics["labels"]),
-        "events": f"{events['per_recording']['mean']:.1f} per recording "
-        f"({_ends(events['per_recording'])}), {percent(events['share_of_bins'], 2)} of bins",
-        "binning": binning,
-        "rate": _rate(statistics),
-        "silent at start": f"{silence['start_steps']['mean']:.1f} steps "
-        f"({_ends(silence['start_steps'])})",
-        "silent at end": f"{silence['end_steps']['mean']:.1f} steps "
-        f"({_ends(silence['end_steps'])})",
-        "silent steps": f"{percent(silence['share_of_steps'], 1)}, "
-        f"{plural(silence['empty_recordings'], 'recording')} without any event",
-        "polarity": _polarity(statistics["polarity"]),
-        "busiest channels": _busiest(statistics["busiest_channels"]),
-        "dead channels": _dead(statistics["dead_channels"]),
-    }
-    lines = (f"{fact.label:<17} {fact.value}" for fact in Facts.of(facts).facts)
-    return [_size(statistics), *lines]
+    """Return the figures of ``event_statistics`` as lines.
+
+    ``binning`` says which events were left out when they were put into bins; None if none were.
+    """
+    events = statistics["events"]
+    silence = statistics["silence"]
+    # Facts.of leaves out the rows whose value is None.
+    facts = Facts.of(
+        {
+            "labels": _labels_text(statistics["labels"]),
+            "events": (
+                f"{_mean_text(events['per_recording'])} per recording "
+                f"({_range_text(events['per_recording'])}), "
+                f"{percent(events['share_of_bins'], 2)} of bins"
+            ),
+            "binning": binning,
+            "rate": _rate_text(statistics),
+            "silent at start": _steps_text(silence["start_steps"]),
+            "silent at end": _steps_text(silence["end_steps"]),
+            "silent steps": (
+                f"{percent(silence['share_of_steps'], 1)}, "
+                f"{plural(silence['empty_recordings'], 'recording')} without any event"
+            ),
+            "polarity": _polarity_text(statistics["polarity"]),
+            "busiest channels": _busiest_text(statistics["busiest_channels"]),
+            "dead channels": _dead_text(statistics["dead_channels"]),
+        }
+    )
+    # 17 columns hold the longest label, "busiest channels", and a blank.
+    return [_size_line(statistics), *(f"{fact.label:<17} {fact.value}" for fact in facts.facts)]
 
 
-def _size(statistics: Mapping[str, Any]) -> str:
+def _size_line(statistics: Mapping[str, Any]) -> str:
     """Return how many recordings there are, of how many steps and channels."""
-    width, steps = statistics["step_seconds"], statistics["steps"]
-    seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
+    steps = statistics["steps"]
+    step_seconds = statistics["step_seconds"]
+    duration = ""
+    if step_seconds is not None:
+        duration = f" of {step_seconds:g} s ({steps * step_seconds:g} s)"
     recordings = plural(statistics["recordings"], "recording")
-    of_steps = f"{plural(steps, 'step')}{seconds}"
-    return f"{statistics['source']}: {recordings}, {of_steps}, {plural(statistics['channels'], 'channel')}"
+    channels = plural(statistics["channels"], "channel")
+    return f"{statistics['source']}: {recordings}, {plural(steps, 'step')}{duration}, {channels}"
 
 
-def _ends(spread: Mapping[str, float]) -> str:
-    return f"{spread['least']} to {spread['most']}"
+def _mean_text(distribution: Mapping[str, float]) -> str:
+    return f"{distribution['mean']:.1f}"
 
 
-def _rate(statistics: Mapping[str, Any]) -> str | None:
-    hz = statistics["rate_hz_per_channel"]
-    if hz is None:
+def _range_text(distribution: Mapping[str, float]) -> str:
+    return f"{distribution['least']} to {distribution['most']}"
+
+
+def _steps_text(distribution: Mapping[str, float]) -> str:
+    return f"{_mean_text(distribution)} steps ({_range_text(distribution)})"
+
+
+def _rate_text(statistics: Mapping[str, Any]) -> str | None:
+    hz_per_channel = statistics["rate_hz_per_channel"]
+    if hz_per_channel is None:
         return None
-    return f"{hz:.3g} Hz per channel, {hz * statistics['channels']:.4g} Hz in all"
+    hz = hz_per_channel * statistics["channels"]
+    return f"{hz_per_channel:.3g} Hz per channel, {hz:.4g} Hz in all"
 
 
-def _polarity(polarity: Mapping[str, float] | None) -> str | None:
+def _polarity_text(polarity: Mapping[str, float] | None) -> str | None:
     if polarity is None:
         return None
     return f"{percent(polarity['rising'], 1)} rising, {percent(polarity['falling'], 1)} falling"
 
 
-def _busiest(channels: Sequence[Mapping[str, Any]]) -> str:
-    busiest = []
+def _busiest_text(channels: Sequence[Mapping[str, Any]]) -> str:
+    if not channels:
+        return "none"
+    texts = []
     for row in channels:
         place = f" ({row['place']})" if row["place"] else ""
-        busiest.append(f"{row['channel']}{place} {row['events']}")
-    return ", ".join(busiest) or "none"
+        texts.append(f"{row['channel']}{place} {row['events']}")
+    return ", ".join(texts)
 
 
-def _dead(channels: Sequence[int]) -> str:
-    shown = ", ".join(map(str, channels[:_SHOWN_DEAD])) or "none"
-    more = len(channels) - _SHOWN_DEAD
+def _dead_text(channels: Sequence[int]) -> str:
+    if not channels:
+        return "none"
+    shown = ", ".join(map(str, channels[:_MAX_DEAD_CHANNELS_SHOWN]))
+    more = len(channels) - _MAX_DEAD_CHANNELS_SHOWN
     return f"{shown}, and {more} more" if more > 0 else shown
 
 
-def _labels(labels: dict[int, int] | None) -> str:
+def _labels_text(labels: dict[int, int] | None) -> str:
+    """Return how many recordings each class has; ``labels`` has the number by class."""
     if labels is None:
         return "none"
-    smallest, largest = min(labels.values()), max(labels.values())
-    if smallest == largest:
-        return f"{plural(len(labels), 'class', 'classes')}, {plural(smallest, 'recording')} each"
-    shown = ", ".join(f"{label}: {count}" for label, count in list(labels.items())[:_SHOWN_LABELS])
-    return f"{plural(len(labels), 'class', 'classes')} ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
+    classes = plural(len(labels), "class", "classes")
+    smallest = min(labels.values())
+    if smallest == max(labels.values()):
+        return f"{classes}, {plural(smallest, 'recording')} each"
+    counts = [f"{label}: {count}" for label, count in labels.items()]
+    if len(counts) > _MAX_CLASSES_SHOWN:
+        counts = [*counts[:_MAX_CLASSES_SHOWN], "..."]
+    return f"{classes} ({', '.join(counts)})"
 
 
-def _raster(recordings: Recordings, index: int) -> Sequence[str]:
-    label = "" if recordings.labels is None else f", {recordings.called(recordings.labels[index])}"
-    return [
-        f"recording {index}{label}:",
-        *(f"|{line}|" for line in text_raster(recordings.spikes[index])),
-    ]
+def _raster_lines(recordings: Recordings, number: int) -> list[str]:
+    """Return a recording as text: a heading, and lines of characters between two bars."""
+    label = ""
+    if recordings.labels is not None:
+        label = f", {recordings.called(recordings.labels[number])}"
+    raster = [f"|{line}|" for line in text_raster(recordings.spikes[number])]
+    return [f"recording {number}{label}:", *raster]
 
 
-def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor: Any) -> list[str]:
-    """Write the files asked for; return a line for each, and the options that restore what a format cannot hold."""
-    lines = []
-    if args.output is not None:
-        title = f"{recordings.source}, recording {number}"
-        picture = raster_svg(recordings.spikes[number], title, recordings.step_seconds)
-        replace_file(args.output, picture, f"file {args.output.name!r}")
-        lines.append(f"wrote {args.output}")
-    if args.to is not None:
-        how = {"members": args.members, "structured": args.structured, "sensor": sensor}
-        left = write_recordings(args.to, recordings, **how).options
-        lines.append(f"wrote {args.to}")
-        if (
-            args.part is None
-            and len(parts := recording_parts(args.file, test_share=args.split)) > 1
-        ):
+def _write_picture(args: argparse.Namespace, recordings: Recordings, number: int) -> list[str]:
+    """Write the raster of ``-o``, if asked to; return the line that says so."""
+    if args.output is None:
+        return []
+    title = f"{recordings.source}, recording {number}"
+    picture = raster_svg(recordings.spikes[number], title, recordings.step_seconds)
+    replace_file(args.output, picture, f"file {args.output.name!r}")
+    return [f"wrote {args.output}"]
+
+
+def _write_recordings(
+    args: argparse.Namespace, recordings: Recordings, sensor: SensorLayout | None
+) -> list[str]:
+    """Write the recordings to ``--to``, if asked to.
+
+    Returns a line for the file, and lines on what it does not hold: the other part of a divided
+    archive, the names of classes, and what the options restore that these lines name.
+    """
+    if args.to is None:
+        return []
+    restoring_options = write_recordings(
+        args.to, recordings, members=args.members, structured=args.structured, sensor=sensor
+    ).options
+    lines = [f"wrote {args.to}"]
+    if args.part is None:
+        # Without --part the last part was read, which is the test part if there are two.
+        parts = recording_parts(args.file, test_share=args.split)
+        if len(parts) > 1:
             lines.append(f"it holds the {parts[-1]} part alone: --part {parts[0]} gives the other")
-        if recordings.class_names is not None and args.to.suffix not in (".npz", ".pt"):
-            lines.append("names of classes are left out: only .npz and .pt files hold them")
-        if left:
-            options = " ".join(
-                f"--{name.replace('_', '-')} {value!r}" for name, value in left.items()
-            )
-            lines.append(f"read it with {options}: the format does not say so")
+    if recordings.class_names is not None and args.to.suffix not in _WITH_CLASS_NAMES:
+        lines.append("names of classes are left out: only .npz and .pt files hold them")
+    if restoring_options:
+        options = " ".join(
+            f"--{name.replace('_', '-')} {value!r}" for name, value in restoring_options.items()
+        )
+        lines.append(f"read it with {options}: the format does not say so")
     return lines
 
 
 def _check_options(args: argparse.Namespace) -> None:
     """Refuse options that would change nothing."""
     check_encoder_options(args)
+    to_suffix = None if args.to is None else args.to.suffix
     if args.output is not None and args.output.suffix != ".svg":
         raise InputError(
             f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg."
@@ -192,11 +250,12 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError(
             "--recording", "no raster is shown or written", fix="Leave out --json, or add -o."
         )
-    if args.members != "npy" and (args.to is None or args.to.suffix not in ("", ".zip")):
+    # A folder has no suffix. The default "npy" changes nothing elsewhere, so it is not refused.
+    if args.members != "npy" and to_suffix not in ("", ".zip"):
         raise InputError(
             "--members", "no folder or .zip is written", fix="Add --to with a folder or .zip."
         )
-    if args.structured and (args.to is None or args.to.suffix not in (".npy", ".npz")):
+    if args.structured and to_suffix not in (".npy", ".npz"):
         raise InputError(
             "--structured", "no .npy or .npz is written", fix="Add --to with such a file."
         )

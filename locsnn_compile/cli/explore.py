@@ -21,6 +21,11 @@ why others refuse the network or a value. With bounds, chips that keep them are 
 Engines are timed if --engines names them (timings.csv).
 """
 
+# The docstring above is the help of the command, so it stays in these words. A setting is one value
+# for each dial of the compiler: strategy, weight bits and split weights (settings.py). A point is a
+# setting that was compiled and checked. The front holds the points that no other point beats in
+# error, energy and time at once.
+
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
@@ -29,12 +34,14 @@ from pathlib import Path
 
 import hw_model as hw
 from hw_model.io.build_folder import check_folder, default_folder, write_build
+from hw_model.simulation import Engine
 from hw_model.targets.families import chip_named
+from locsnn_compile.cli.declarations.shared import DEFAULT_TARGET
 from locsnn_compile.cli.explore_chips import explore_chips
 from locsnn_compile.cli.explored_inputs import REPORTED, check_explored_places, read_compared
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
-from locsnn_compile.cli.step_options import file_reading
+from locsnn_compile.cli.step_options import file_reading_options
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.events import report_events, written
@@ -46,14 +53,18 @@ from locsnn_compile.families import family_of
 from locsnn_compile.settings import DIALS, Value, settings, weight_bits_of
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
-ENGINES = ("fast", "reference")
-DEFAULT_TARGET = "loihi-sim"
+ENGINES: tuple[Engine, ...] = ("fast", "reference")
+"""The engines that are timed if ``--engines`` is not given."""
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
+"""The files in the output folder, which also gets the folder of the points."""
 
 
 def run(args: argparse.Namespace) -> int:
     """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
-    wanted: dict[str, list[Value]] = {dial.name: getattr(args, dial.name) or [] for dial in DIALS}
+    # An option of a dial that was not given is None: then the usual values of the dial are tried.
+    values_to_try: dict[str, list[Value]] = {
+        dial.name: getattr(args, dial.name) or [] for dial in DIALS
+    }
     if args.workers and args.scheduler:
         raise InputError(
             "--workers",
@@ -63,13 +74,14 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
     check_folder(folder, WRITTEN)
     check_explored_places(args, folder, WRITTEN)
-    targets = tuple(dict.fromkeys(args.target or (DEFAULT_TARGET,)))
+    targets = tuple(dict.fromkeys(args.target or (DEFAULT_TARGET,)))  # without repeats, in order
     try:
         with spread_over(args.scheduler, args.workers) as spread:
             if not _has_grid(targets):
                 return explore_chips(args, targets, folder, spread)
-            exploration = _explore(args, targets[0], wanted, folder, spread)
+            exploration = _explore(args, targets[0], values_to_try, folder, spread)
     except KeyboardInterrupt:
+        # Every finished point is a file by now, and is not measured again.
         print("Stopped. The same command resumes from here.", file=sys.stderr)
         return EXIT_INTERRUPTED
     files = exploration_files(exploration)
@@ -78,6 +90,7 @@ def run(args: argparse.Namespace) -> int:
         sys.stdout.write(files["explore.json"].decode())
     elif not args.quiet:
         print("\n".join([*lines(exploration), f"wrote {folder}/: {', '.join(files)}"]))
+    # Bounds that the user gave are a gate; the default ones only guide the recommendation.
     if exploration.recommendation.taken is None and not exploration.by_default:
         print(f"gate failed: {exploration.recommendation.why}.", file=sys.stderr)
         return EXIT_GATE
@@ -85,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _has_grid(targets: Sequence[str]) -> bool:
-    """Tell whether there is one chip, with several settings to choose from."""
+    """Return whether there is a single chip, and several settings of it to choose from."""
     if len(targets) > 1:
         return False
     return family_of(chip_named(targets[0])).bounds_choose
@@ -94,44 +107,51 @@ def _has_grid(targets: Sequence[str]) -> bool:
 def _explore(
     args: argparse.Namespace,
     target: str,
-    wanted: Mapping[str, Sequence[Value]],
+    values_to_try: Mapping[str, Sequence[Value]],
     folder: Path,
     spread: Spread,
 ) -> Exploration:
-    """Measure the grid, and then the front on the recordings of --report-on."""
+    """Measure the grid of settings, and then the front on the recordings of ``--report-on``.
+
+    ``values_to_try`` are the values that the user gave, by dial.
+    """
     chip = hw.chip(target)
     compared = read_compared(args, folder)
     network = compared.network
     reported_on = None
     if args.report_on:
-        reported_on = report_events(network, args.report_on, file_reading(args))
+        # Read before the sweep, so that a file that cannot be used is refused before hours of work.
+        reported_on = report_events(network, args.report_on, file_reading_options(args))
     engines = ENGINES if args.engines is None else tuple(dict.fromkeys(args.engines))
     study = Study(
-        network,
-        compared.model.digest(),
-        chip,
-        compared.events.recordings,
-        compared.calibration,
-        engines,
+        network=network,
+        model_digest=compared.model.digest(),
+        chip=chip,
+        recordings=compared.events.recordings,
+        calibration=compared.calibration,
+        engines=engines,
     )
     store = Store(folder / "points", Point)
     with progress_bar("exploring", show=not args.quiet) as progress:
-        tried = settings(network, wanted, weight_bits_of(chip, None))
-        points = sweep(study, tried, store, spread, progress)
-        asked_bounds = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
-        budget = asked_bounds if asked_bounds.given else auto_bounds(study, points, store, spread)
+        widest_bits = weight_bits_of(chip, None)
+        grid = settings(network, values_to_try, widest_bits)
+        points = sweep(study, grid, store, spread, progress)
+        bounds = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
+        budget = bounds if bounds.given else auto_bounds(study, points, store, spread)
     files = compared.written()
     if reported_on is not None and compared.rewritten:
+        # The printed commands read all files with the same options, so these recordings need a
+        # copy as soon as the others have one.
         reported_on = written(replace(reported_on, file=None), folder / REPORTED)
     exploration = Exploration(
-        study,
-        compared.model,
-        target,
-        files.calibration_file,
-        files.events,
-        budget,
-        not asked_bounds.given,
-        points,
+        study=study,
+        model=compared.model,
+        target=target,
+        calibration=files.calibration_file,
+        events=files.events,
+        budget=budget,
+        by_default=not bounds.given,
+        points=points,
         reading_arguments=files.reading_arguments,
     )
     if reported_on is None:

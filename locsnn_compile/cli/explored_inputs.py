@@ -1,16 +1,21 @@
-"""What ``locsnn explore`` reads: the network, and the recordings on which it is compared."""
+"""What ``locsnn explore`` reads: the network, and the recordings on which settings are compared.
+
+Explore prints a command for each point, by which ``locsnn-compile`` reproduces its figures. Such a
+command must read exactly the same recordings. Where no file holds them, because only some of the
+recordings were used or options changed them on reading, explore writes a copy next to its results.
+"""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from hw_model.values import Frozen
-from locsnn_compile.cli.options import given
+from locsnn_compile.cli.options import given_options
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.step_options import (
     FILE_OPTIONS,
     STEP_OPTIONS,
-    file_reading,
+    file_reading_options,
     on_sensor,
     reading_arguments,
     with_steps,
@@ -25,9 +30,12 @@ from locsnn_compile.request.recordings import calibration_recordings
 from locsnn_compile.settings import check_matters
 
 READ = ("--config", "--events", "--report-on", "--calibration")
-EVENTS, CALIBRATION, REPORTED = "events.npz", "calibration.npz", "reported.npz"
+"""Options that name files to read, which no output may replace."""
+EVENTS = "events.npz"
+CALIBRATION = "calibration.npz"
+REPORTED = "reported.npz"
 COPIES = (EVENTS, CALIBRATION, REPORTED)
-"""Recordings that commands need and that no other file holds as they were read."""
+"""Copies of recordings in the output folder, for commands that no other file can serve."""
 
 
 class ExploredFiles(Frozen, eq=False):
@@ -44,8 +52,14 @@ class ExploredFiles(Frozen, eq=False):
 class Compared(Frozen, eq=False):
     """A network, the recordings on which it is compared, and those for which it is rounded.
 
-    ``calibration_file`` is that of ``--calibration``. ``rewritten``: the recordings were read by
-    options that a file with what they became does not need again.
+    - ``events``: the recordings of ``--events``, or synthetic ones
+    - ``calibration``: the recordings for which weights are rounded
+    - ``calibration_file``: the file of ``--calibration``, None without that option
+    - ``folder``: where copies are written
+    - ``rewritten``: whether a copy of ``events`` is needed and options changed them on reading; a
+      command that reads the copy must not apply these options again
+    - ``reading_arguments``: all options on reading, as they were typed
+    - ``step_arguments``: those of them that a command needs for a copy as well
     """
 
     model: ModelFile
@@ -59,11 +73,12 @@ class Compared(Frozen, eq=False):
     step_arguments: tuple[str, ...]
 
     def written(self) -> ExploredFiles:
-        """Return files with these recordings; write those that no file holds exactly."""
+        """Return files with these recordings; write copies of those that no file holds exactly."""
         events = written(self.events, self.folder / EVENTS)
         if not self.rewritten:
             return ExploredFiles(events, self.calibration_file, self.reading_arguments)
-        # One command reads all its files with the same options, and these were read already.
+        # A command reads all its files with the same options. The options that changed the events
+        # are left out for their copy, so the calibration recordings need a copy too.
         calibration_file = self.calibration_file
         if calibration_file is not None:
             copy = written(as_read(self.calibration), self.folder / CALIBRATION)
@@ -72,25 +87,33 @@ class Compared(Frozen, eq=False):
 
 
 def read_compared(args: argparse.Namespace, folder: Path) -> Compared:
-    """Read what the options give; refuse options that change nothing, and places of inputs."""
+    """Read the model and the recordings that the options name.
+
+    Raises ``InputError`` for options that would change nothing, and for copies of recordings that
+    would replace an input.
+    """
     model = ModelFile(args.model, LoadOptions.of(args))
     network = on_sensor(with_steps(model.load(), args), args)
-    reading = file_reading(args)
-    files = (args.events, args.calibration, args.report_on, args.channel_order)
-    if not any(files):
-        for option in given(args, FILE_OPTIONS):
+    file_options = file_reading_options(args)
+    # Options on reading describe files of recordings or, with --channel-order, the model's inputs.
+    has_use_for_file_options = any(
+        (args.events, args.calibration, args.report_on, args.channel_order)
+    )
+    if not has_use_for_file_options:
+        for option in given_options(args, FILE_OPTIONS):
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
-    check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
-    events = choose_events(network, args.events, args.part, args.recordings, reading)
-    reading_again = reading_arguments(args)
-    steps_again = reading_arguments(args, STEP_OPTIONS)
-    rewritten = events.file is None and reading_again != steps_again
+    if args.calibration:
+        check_matters(network, {"calibration": "--calibration"})
+    events = choose_events(network, args.events, args.part, args.recordings, file_options)
+    all_arguments = reading_arguments(args)
+    step_arguments = reading_arguments(args, STEP_OPTIONS)
+    rewritten = events.file is None and all_arguments != step_arguments
     if events.file is None:
-        check_explored_places(args, folder, COPIES if rewritten else COPIES[:1])
+        check_explored_places(args, folder, COPIES if rewritten else (EVENTS,))
     # By default never the recordings in the model: they may belong to its test part.
     calibration = events.recordings
     if args.calibration:
-        calibration = calibration_recordings(network, args.calibration, reading)
+        calibration = calibration_recordings(network, args.calibration, file_options)
     return Compared(
         model=model,
         network=network,
@@ -99,14 +122,18 @@ def read_compared(args: argparse.Namespace, folder: Path) -> Compared:
         calibration_file=args.calibration,
         folder=folder,
         rewritten=rewritten,
-        reading_arguments=reading_again,
-        step_arguments=steps_again,
+        reading_arguments=all_arguments,
+        step_arguments=step_arguments,
     )
 
 
 def check_explored_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) -> None:
     """Refuse to overwrite inputs with files of these ``names`` in the output folder."""
-    reads = {"MODEL": args.model, **given(args, READ)}
-    for target in args.target or ():
-        reads[f"--target {target}" if args.target[1:] else "--target"] = target
-    check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])
+    inputs = {"MODEL": args.model, **given_options(args, READ)}
+    targets = args.target or []
+    for target in targets:
+        # A message names the target only if there are several.
+        option = "--target" if len(targets) == 1 else f"--target {target}"
+        inputs[option] = target
+    entries = [(f"-o {str(folder)!r}", folder / name) for name in names]
+    check_places(inputs, files=[], entries=entries)

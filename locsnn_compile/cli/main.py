@@ -1,9 +1,13 @@
-"""``locsnn``: the commands around the compiler."""
+"""``locsnn``: the commands around the compiler.
+
+Each command is a module of this package with a function ``run(args)``, and its docstring is its
+help. ``compile`` is also a program of its own, ``locsnn-compile`` (``compile.py``).
+"""
 
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
+from locsnn_compile.cli.shell import Parser, add_command, add_common, run_guarded
 
 COMMANDS = (
     "compile",
@@ -17,6 +21,9 @@ COMMANDS = (
     "targets",
     "completion",
 )
+"""In the order of the help."""
+RTL_COMMANDS = ("rtl/sim", "rtl/fit", "rtl/stream")
+"""Commands of ``locsnn rtl``, by the paths of their modules."""
 
 
 def parser() -> Parser:
@@ -26,16 +33,17 @@ def parser() -> Parser:
     commands = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
         add_command(commands, command)
-    core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
-    kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in ("rtl/sim", "rtl/fit", "rtl/stream"):
-        add_command(kinds, command)
+    rtl = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
+    rtl_commands = rtl.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in RTL_COMMANDS:
+        add_command(rtl_commands, command)
     return root
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the first argument names; return its exit code."""
-    return guarded(parser(), argv, lambda args: int(args.run(args)))
+    # add_command stores the function of each command as the default of ``run``.
+    return run_guarded(parser(), argv, lambda args: int(args.run(args)))
 
 
 if __name__ == "__main__":

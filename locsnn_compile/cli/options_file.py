@@ -1,4 +1,8 @@
-"""``--options FILE``: a YAML file with options of a command; options on the command line take precedence."""
+"""``--options FILE``: a YAML file with options of a command.
+
+A line ``weight-bits: 4`` of the file stands for ``--weight-bits 4``. The parser of the command
+(``shell.py``) reads the file and lets options on the command line take precedence.
+"""
 
 import argparse
 from pathlib import Path
@@ -11,24 +15,30 @@ _NOT_IN_A_FILE = ("help", "options", "version")
 
 
 def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
-    """Return the values that a file gives to the options of a parser, by attribute; ``InputError`` for all else."""
+    """Return the values of a file's options, by the attribute in which argparse stores each option.
+
+    Raises ``InputError`` for a key that is not an option, and for a value that the option refuses.
+    """
+    # Only here, because few command lines have this option and YAML takes time to import.
     from hw_model.io.yaml_text import read_mapping
 
     where = f"options {path!r}"
     values = read_mapping(Path(path), where, "Give the YAML file of a command's options.")
     actions = _actions_by_name(parser)
-    options: dict[str, Any] = {}
+    # All names before any value: a misspelled name is the more likely mistake.
     for name in values:
         check_known(where, f"key {str(name)[:60]!r} is not known", str(name), actions)
+    options: dict[str, Any] = {}
     for name, value in values.items():
         action = actions[name]
-        options[action.dest] = _value(action, value, f"{where}, {name}")
+        options[action.dest] = _parsed_value(action, value, f"{where}, {name}")
     return options
 
 
 def _actions_by_name(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
-    """Return the options of a parser that a file may set, by their names without dashes."""
+    """Return the options of a parser that a file may set, by their names without the two dashes."""
     actions: dict[str, argparse.Action] = {}
+    # argparse offers no public list of its options.
     for option, action in parser._option_string_actions.items():
         name = option.removeprefix("--")
         if option.startswith("--") and name not in _NOT_IN_A_FILE:
@@ -36,12 +46,12 @@ def _actions_by_name(parser: argparse.ArgumentParser) -> dict[str, argparse.Acti
     return actions
 
 
-def _value(action: argparse.Action, value: Any, where: str) -> Any:
+def _parsed_value(action: argparse.Action, value: Any, where: str) -> Any:
     """Return a value as the command line would give it: of the option's type, or a list of such values.
 
-    An option that may be given again and again takes a list, or a single value.
+    An option that can be given several times takes a list or a single value.
     """
-    if action.nargs == 0:
+    if action.nargs == 0:  # a flag, such as --json
         if isinstance(value, bool):
             return value
         raise InputError(
@@ -51,18 +61,19 @@ def _value(action: argparse.Action, value: Any, where: str) -> Any:
     items = [value]
     if is_repeatable and isinstance(value, list):
         items = value
-    read: Any = action.type or str
+    parse: Any = action.type or str
+    measured = f"got {value!r}"
     try:
-        types = {type(item) for item in items}
-        # True, a date or a list would have a text as well, but the command line has none of them.
-        if not types <= {str, int, float}:
+        # YAML also knows booleans, dates and nested lists. str() would turn them into texts that
+        # nobody typed, such as "True", so they are refused.
+        if any(type(item) not in (str, int, float) for item in items):
             raise ValueError(value)
-        read_values = [read(str(item)) for item in items]
+        parsed_values = [parse(str(item)) for item in items]
     except ValueError:
-        got = f"got {value!r}"
         raise InputError(
-            where, "it is not a value of this option", measured=got, fix="Correct the value."
+            where, "it is not a value of this option", measured=measured, fix="Correct the value."
         ) from None
     except InputError as error:
-        raise InputError(where, error.what, measured=f"got {value!r}", fix=error.fix) from None
-    return read_values if is_repeatable else read_values[0]
+        # The option's own error, but at the place of the value in the file.
+        raise InputError(where, error.what, measured=measured, fix=error.fix) from None
+    return parsed_values if is_repeatable else parsed_values[0]

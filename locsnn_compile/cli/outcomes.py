@@ -1,4 +1,9 @@
-"""What ``locsnn run`` says of recordings, whatever the program is for: as JSON, by its types, and as lines."""
+"""What ``locsnn run`` prints about recordings, for programs of any chip: as JSON and as lines.
+
+The fields of each class are the keys of its JSON object, in this order. A field of the type
+``IfKnown`` is left out where it is None, ``INLINED`` puts the keys of an object into the object
+around it, and ``LeftOut`` leaves the key out where the value is None.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
@@ -11,7 +16,10 @@ from locsnn_compile.verification.savings import Savings
 
 
 class Change(Entry):
-    """A prediction from a step on (counted from 1), by how much it leads."""
+    """The prediction from a step on (counted from 1).
+
+    ``lead`` is the score of the predicted class less that of the second, at this step.
+    """
 
     step: int
     prediction: int
@@ -26,10 +34,11 @@ class EarlyStop(Entry):
 
 
 class Outcome(Entry):
-    """What a program said of a recording.
+    """What a program predicted for a recording.
 
-    Where all classes tie and the program names none for that, the prediction is the first class, but
-    nothing is predicted: with a label, that is wrong.
+    ``tied``: all classes have the same score, and the program names no class for this case. Then
+    ``prediction`` is the first class, but counts as wrong. ``spikes`` are all spikes of the program,
+    ``changes`` those of the prediction with ``--stream``, and ``stop`` where ``--stop`` ended it.
     """
 
     recording: int
@@ -47,7 +56,11 @@ class Outcome(Entry):
 
 
 class CalibratedOn(Entry):
-    """The recordings on which a margin was found, and how well it did there."""
+    """The recordings on which a margin was found, and how well it did there.
+
+    ``agreement``: the share of them whose prediction at the stop is that after the last step, of
+    which ``min_agreement`` was required.
+    """
 
     source: str
     part: str | None
@@ -57,14 +70,22 @@ class CalibratedOn(Entry):
 
 
 class Margin(Entry):
-    """The lead that ends a recording; None if no lead was enough. ``calibrated_on``: None if it was given."""
+    """The lead that ends a recording: how far the best score must be above the second.
+
+    ``margin`` is None if no lead was enough for the agreement that was required. ``calibrated_on``
+    is None if the user gave the margin.
+    """
 
     margin: float | None
     calibrated_on: CalibratedOn | None
 
 
 class StopFigures(Entry):
-    """What stopping early saves, and how predictions compare with those of whole recordings."""
+    """What stopping early saves, and how predictions compare with those of whole recordings.
+
+    ``kind`` is the value of ``--stop``. ``accuracy`` is that at the stops and ``whole_accuracy`` that
+    after the last steps; both are None without labels.
+    """
 
     kind: str
     margin: Annotated[Margin | None, INLINED, LeftOut()]
@@ -76,7 +97,7 @@ class StopFigures(Entry):
 
 
 class StepLatency(Entry):
-    """Seconds that a step took here: the mean, the 99th percentile and the longest."""
+    """Seconds that a step took on this machine: the mean, the 99th percentile and the longest."""
 
     mean: float
     p99: float
@@ -84,7 +105,13 @@ class StepLatency(Entry):
 
 
 class StreamFigures(Entry):
-    """The pace of a stream, and by step the share of recordings whose prediction is ``right_is``."""
+    """The pace of a stream, and how early its predictions are right.
+
+    ``step_seconds`` is the width of a step at the sensor, None if unknown. A real-time factor is
+    that width by the time that a step took here, on average and in the longest step. ``right`` has,
+    for each step, the share of recordings that predict what ``right_is`` names: the label, or the
+    prediction after the last step.
+    """
 
     psi: float | None
     step_seconds: float | None
@@ -96,7 +123,7 @@ class StreamFigures(Entry):
 
 
 class RunFigures(Entry):
-    """All that ``locsnn run --json`` prints; the energy is None where no constants are published."""
+    """All that ``locsnn run --json`` prints; the energy is None for chips without published constants."""
 
     program: str
     recordings: tuple[Outcome, ...]
@@ -109,7 +136,7 @@ class RunFigures(Entry):
 
 
 def check_classes(labels: IntArray, classes: int) -> None:
-    """Refuse labels that are not among the classes of a program."""
+    """Refuse labels that are not among the ``classes`` of a program, counted from 0."""
     where = "labels of --events"
     fix = "Check that the recordings belong to this program."
     check_most(int(labels.max()), classes - 1, where, "no class has this number", fix=fix)
@@ -138,11 +165,11 @@ class Tally(Entry):
             right=sum(outcome.is_right for outcome in outcomes),
         )
 
-    def __add__(self, more: "Tally") -> "Tally":
+    def __add__(self, other: "Tally") -> "Tally":
         return Tally(
-            self.recordings + more.recordings,
-            self.labelled + more.labelled,
-            self.right + more.right,
+            recordings=self.recordings + other.recordings,
+            labelled=self.labelled + other.labelled,
+            right=self.right + other.right,
         )
 
 

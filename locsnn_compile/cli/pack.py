@@ -8,13 +8,15 @@ example:
 `locsnn-compile both.pt` then compiles all of them into one program.
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 import argparse
 from pathlib import Path
 
 from hw_model.io.extras import needed
 from locsnn_compile.api import join
 from locsnn_compile.cli.places import check_places
-from locsnn_compile.cli.step_options import undivided_reading
+from locsnn_compile.cli.step_options import undivided_reading_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Pack
@@ -22,27 +24,30 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read, weigh and write."""
-    reads = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
-    check_places(reads, [("--output", Path(args.output))])
+    """Read the checkpoints, weigh their class scores, and write the committee."""
+    inputs = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
+    check_places(inputs, [("--output", Path(args.output))])
     if Path(args.output).suffix != ".pt":
         raise InputError("--output", "it is not a .pt file", fix="Give a name that ends in .pt.")
     if args.weights and args.calibration:
         raise InputError(
             "--calibration", "the weights are given", fix="Leave out --calibration or --weights."
         )
+    # Reading checkpoints needs no torch, but writing the .pt file does: say so before the work.
     needed("torch", "train", "locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
-    joined = join(
+    committee = join(
         [network_of(checkpoint) for checkpoint in checkpoints],
         args.weights,
         args.calibration,
-        undivided_reading(args),
+        undivided_reading_options(args),
     )
-    Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)
-    for member in joined.members:
+    weights = tuple(member.weight for member in committee.members)
+    Pack(checkpoints, weights).save(args.output)
+    for member in committee.members:
         print(f"{member.name}: weight {member.weight:.6g}")
     if not args.weights:
-        print(joined.assumptions[-1])
+        # join() has appended the sentence on how it found the weights.
+        print(committee.assumptions[-1])
     print(f"wrote {args.output}")
     return 0

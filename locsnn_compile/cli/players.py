@@ -1,6 +1,7 @@
-"""What ``locsnn run`` and ``locsnn diff`` do with programs: one row for each kind.
+"""How ``locsnn run`` and ``locsnn diff`` play programs: one row for each kind of program.
 
-What plays a kind is imported only when such a program is played.
+There are programs for meshes of cores (and the open core), for Xylo and for SpiNNaker. The modules
+that play a kind are imported only when such a program is played: each takes time to import.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class ProgramPlayer(NamedTuple):
-    """Programs of a kind, as far as commands that play them are concerned.
+    """How commands play one kind of program.
 
-    - ``expected_by``: what a program says of the recordings that it takes
-    - ``whole``: what is played in whole recordings; None for programs that can also be played step
-      by step, priced, and stopped early
+    - ``expected_by``: returns which recordings a program takes: their steps, channels and numbering
+    - ``whole``: prepares a program that can only be played in whole recordings; None for programs
+      that can also be played step by step, priced, and stopped early
     """
 
     expected_by: Callable[[Any], Expected]
@@ -58,7 +59,7 @@ PLAYERS: Mapping[type, ProgramPlayer] = {
     XyloProgram: ProgramPlayer(_expected_by_xylo, _whole_xylo),
     SpinnakerProgram: ProgramPlayer(_expected_by_spinnaker, _whole_spinnaker),
 }
-"""By the class of a program."""
+"""The rows, by the class of a program."""
 
 
 def player_of(program: AnyProgram) -> ProgramPlayer:
@@ -67,5 +68,5 @@ def player_of(program: AnyProgram) -> ProgramPlayer:
 
 
 def expected_by(program: AnyProgram) -> Expected:
-    """Return what a program says of the recordings that it takes."""
+    """Return which recordings a program takes."""
     return player_of(program).expected_by(program)

@@ -1,4 +1,7 @@
-"""What ``locsnn run`` does with a program for SpiNNaker: play recordings, and count."""
+"""How ``locsnn run`` plays a program for SpiNNaker, and what it prints about it.
+
+``players.py`` has the table of the kinds of programs, and ``run_whole.py`` plays them.
+"""
 
 from typing import Any
 
@@ -11,26 +14,30 @@ from locsnn_compile.data.channels import flat_channels, parse_numbering
 from locsnn_compile.data.recordings import EventTimes, Expected
 from locsnn_compile.report.format import plural
 
-_NOT_THERE = {
+_UNSUPPORTED = {
     "--stream": "it plays whole recordings",
     "--stop": "it plays whole recordings",
     "--psi": "it plays whole recordings",
     "--profile": "its energies are not known",
     "--scheduler": "it is played in this process",
 }
-"""Options that a program for SpiNNaker has no use for, and why."""
+"""Options that do not apply to a program for SpiNNaker, and why."""
 
 
 def whole_spinnaker(program: SpinnakerProgram) -> WholeProgram:
-    """Return what ``locsnn run`` needs of a program."""
+    """Prepare a program for being played in whole recordings; refuse one that predicts nothing."""
     if program.readout is None:
         what = "has no readout, so it predicts nothing"
         raise InputError(f"program {program.name!r}", what, fix="Compile a model.")
 
     def play(recordings: ByteArray, engine: Any) -> PlayedWhole:
         played = play_program(program, recordings, engine)
-        assert played.scores is not None  # there is a readout
-        spikes = tuple(sum(each.spikes for each in of_one.values()) for of_one in played.counts)
+        assert played.scores is not None  # because there is a readout
+        # The counts of each recording are by population.
+        spikes = tuple(
+            sum(counts.spikes for counts in by_population.values())
+            for by_population in played.counts
+        )
         return PlayedWhole(played.scores, spikes, played.total_counts)
 
     return WholeProgram(
@@ -38,13 +45,14 @@ def whole_spinnaker(program: SpinnakerProgram) -> WholeProgram:
         chip=program.chip.name,
         readout=program.readout,
         expected=expected_by(program),
-        not_there=_NOT_THERE,
+        unsupported=_UNSUPPORTED,
         play=play,
         summary=_summary,
     )
 
 
 def _summary(counts: SpinnakerCounts, recordings: int) -> str:
+    """Return a line on the counts of so many recordings."""
     operations = counts.synaptic_ops / recordings
     wraps = plural(counts.wraps, "wrap")
     saturated = plural(counts.saturated_weights, "saturated weight")
@@ -63,7 +71,7 @@ def expected_by(program: SpinnakerProgram) -> Expected:
         whose,
         step_seconds=program.step_seconds,
         threshold=program.event_threshold,
-        steps=_longest(program),
+        steps=_most_steps(program),
         channels=channels,
         class_names=program.class_names,
         inputs=flat_channels(channels, program.polarities, program.columns, numbering, whose),
@@ -73,15 +81,21 @@ def expected_by(program: SpinnakerProgram) -> Expected:
     )
 
 
-def _longest(program: SpinnakerProgram) -> int | None:
-    """Return the most steps that recordings may have; None where they may last as long as they like.
+def _most_steps(program: SpinnakerProgram) -> int | None:
+    """Return the most steps that recordings may have; None if they may have any number.
 
-    A program that begins with the first touch ends by itself.
+    Two things limit them: the steps of a time phase, and the rows of the buffer from which location
+    neurons read a recording channel by channel (an input with ``positions``).
     """
     network = program.network
+    # A phase that begins at the first touch ends by itself, however long a recording is.
     if any(phase.align_events is not None for phase in network.phases):
         return None
-    of_time = (phase.steps for phase in network.phases if phase.axis == "time")
-    fixed = [steps for steps in of_time if steps is not None]
-    turned = [item.rows for item in network.inputs if item.positions is not None]
-    return min(fixed + turned, default=None)
+    step_limits: list[int] = []
+    for phase in network.phases:
+        if phase.axis == "time" and phase.steps is not None:
+            step_limits.append(phase.steps)
+    for item in network.inputs:
+        if item.positions is not None:
+            step_limits.append(item.rows)
+    return min(step_limits, default=None)

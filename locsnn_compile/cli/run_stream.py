@@ -1,4 +1,8 @@
-"""The part of ``locsnn run`` that plays recordings step by step, shows what is predicted so far, and keeps time."""
+"""``locsnn run --stream``: play recordings step by step, show what is predicted so far, and keep time.
+
+A *lead* is the score of the best class less that of the second. The score of a class is its spike
+count so far (time-weighted with ``--psi``), so a lead is a number of spikes.
+"""
 
 import argparse
 import math
@@ -9,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
 
@@ -24,11 +28,13 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import ratio, seconds
 
-_CLEAR = "\r\x1b[K"
+_CLEAR_LINE = "\r\x1b[K"
+"""Moves the cursor to the start of the terminal's line, and clears the line."""
 LABEL = "the label"
+"""What predictions over time are compared with."""
 LAST_PREDICTION = "the prediction after the last step"
-"""What a prediction is compared with over time, without labels."""
-_MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""What they are compared with if the recordings have no labels."""
+_SUMMARY_MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of a recording after which the summary gives a figure."""
 OnStep = Callable[[int, int, float], None]
 """Called after every step with (steps so far, class predicted, its lead over the second)."""
@@ -37,8 +43,10 @@ OnStep = Callable[[int, int, float], None]
 class Streamed(Frozen, eq=False):
     """What was known after every step of a recording, or until it was stopped; arrays (steps,).
 
-    ``prediction`` is the class with the best score, ``lead`` by how much, ``seconds`` how long the step took here.
-    ``decided`` is the prediction, or -1 where all classes tie, so that nothing is predicted.
+    - ``prediction``: the class with the best score, the first of equal ones
+    - ``lead``: by how much its score exceeds the second
+    - ``seconds``: how long the step took here
+    - ``decided``: the prediction, or -1 where all classes tie, so that nothing is predicted
     """
 
     prediction: IntArray
@@ -48,20 +56,25 @@ class Streamed(Frozen, eq=False):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """Each change of the prediction, from the first lead on."""
-        with_lead = np.flatnonzero(self.lead > 0)
-        if not len(with_lead):
+        """Each change of the prediction, from the first lead on.
+
+        Before the first lead all classes are equal, and the prediction is class 0 for no reason.
+        """
+        leading_steps = np.flatnonzero(self.lead > 0)
+        if not len(leading_steps):
             return ()
-        first = int(with_lead[0])
-        turns = first + 1 + np.flatnonzero(np.diff(self.prediction[first:]))
+        first = int(leading_steps[0])
+        # diff[i] compares steps first + i and first + i + 1, and the later of them is the change.
+        later_changes = first + 1 + np.flatnonzero(np.diff(self.prediction[first:]))
         return tuple(
             Change(t + 1, int(self.prediction[t]), float(self.lead[t]))
-            for t in [first, *turns.tolist()]
+            for t in [first, *later_changes.tolist()]
         )
 
     def filled(self, steps: int) -> IntArray:
-        """Return what is decided after each of the first steps, (steps,); after a stop it stays."""
-        return np.pad(self.decided, (0, steps - len(self.decided)), mode="edge")
+        """Return what is decided after each of ``steps`` steps; after a stop it stays."""
+        missing = steps - len(self.decided)
+        return np.pad(self.decided, (0, missing), mode="edge")
 
 
 def stream(
@@ -70,33 +83,40 @@ def stream(
     margin: float | None = None,
     on_step: OnStep | None = None,
 ) -> Streamed:
-    """Reset a session and push a recording, (steps, channels) by stream; stop when the lead reaches a margin."""
+    """Play a recording step by step; stop when the lead reaches the margin, if there is one.
+
+    ``rows`` has the recording, (steps, channels), by input stream. The session is reset first.
+    """
     session.reset()
-    steps = len(next(iter(rows.values())))
+    steps = _steps_of(rows)
     prediction = np.zeros(steps, dtype=np.int64)
-    sure_prediction = np.zeros(steps, dtype=np.int64)
+    decided_class = np.zeros(steps, dtype=np.int64)
     lead = np.zeros(steps)
-    step_seconds = np.zeros(steps)
+    seconds = np.zeros(steps)
     played = 0
     while played < steps:
         start = time.perf_counter()
-        known = session.push({name: array[played] for name, array in rows.items()})
-        step_seconds[played] = time.perf_counter() - start
-        prediction[played] = known.prediction[0]
-        sure_prediction[played] = decided(known.scores, known.tie_class)[0]
-        lead[played] = known.lead[0]
+        result = session.push({name: array[played] for name, array in rows.items()})
+        seconds[played] = time.perf_counter() - start
+        # Arrays of the result are (rows pushed, ...), here one row.
+        prediction[played] = result.prediction[0]
+        decided_class[played] = decided(result.scores, result.tie_class)[0]
+        lead[played] = result.lead[0]
         played += 1
         if on_step:
-            on_step(played, int(known.prediction[0]), float(known.lead[0]))
-        if margin is not None and known.lead[0] >= margin:
+            on_step(played, int(result.prediction[0]), float(result.lead[0]))
+        if margin is not None and result.lead[0] >= margin:
             break
     return Streamed(
-        prediction[:played], lead[:played], step_seconds[:played], sure_prediction[:played]
+        prediction=prediction[:played],
+        lead=lead[:played],
+        seconds=seconds[:played],
+        decided=decided_class[:played],
     )
 
 
 def step_latency(streamed: Sequence[Streamed]) -> StepLatency:
-    """Return how long steps took."""
+    """Return how long the steps of all recordings took."""
     seconds = np.concatenate([recording.seconds for recording in streamed])
     return StepLatency(
         mean=float(seconds.mean()),
@@ -105,38 +125,44 @@ def step_latency(streamed: Sequence[Streamed]) -> StepLatency:
     )
 
 
-def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:
-    """Return the share of recordings that predict the wanted class (recordings,) after each step, (steps,).
+def right_over_time(streamed: Sequence[Streamed], right: ArrayLike, steps: int) -> FloatArray:
+    """Return the share of recordings that predict the right class after each step, (steps,).
 
-    Where all classes tie, nothing is predicted: only a wanted -1 says so.
+    ``right`` has the class of each recording, (recordings,), or -1 if it is right to predict nothing:
+    a prediction is -1 where all classes tie.
     """
-    predictions = np.stack([one.filled(steps) for one in streamed])
-    shares: FloatArray = (predictions == np.asarray(wanted)[:, None]).mean(axis=0)
+    predictions = np.stack([recording.filled(steps) for recording in streamed])
+    shares: FloatArray = (predictions == np.asarray(right)[:, None]).mean(axis=0)
     return shares
 
 
 class LiveLine:
-    """Writes lines to a stream; on a terminal :meth:`show` replaces the line that it last wrote."""
+    """Writes lines to a stream; on a terminal, a line of :meth:`show` is replaced by the next line."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self.watched = stream.isatty()
+        self.is_terminal = stream.isatty()
 
     def show(self, line: str) -> None:
         """Write a line. On a terminal the next one replaces it; elsewhere it stays."""
-        if not self.watched:
-            return self.say(line)
+        if not self.is_terminal:
+            self.write(line)
+            return
         self.close()
-        print(line[: shutil.get_terminal_size().columns - 1], end="", file=self._stream, flush=True)
+        # Without a line break, and shorter than the terminal is wide: of a line that wraps, only the
+        # last part could be cleared.
+        width = shutil.get_terminal_size().columns - 1
+        print(line[:width], end="", file=self._stream, flush=True)
 
-    def say(self, line: str) -> None:
+    def write(self, line: str) -> None:
         """Write a line that stays."""
         self.close()
         print(line, file=self._stream, flush=True)
 
     def close(self) -> None:
-        """On a terminal, clear the line that would be replaced."""
-        print(end=_CLEAR if self.watched else "", file=self._stream)
+        """Clear the line that the next one would replace, if the stream is a terminal."""
+        if self.is_terminal:
+            print(end=_CLEAR_LINE, file=self._stream)
 
 
 def stream_all(
@@ -146,65 +172,78 @@ def stream_all(
     outcomes: Sequence[Outcome],
     margin: float | None,
 ) -> tuple[list[Outcome], StreamFigures]:
-    """Stream and show every recording; return the outcomes with their changes, and the figures of all."""
+    """Stream and show every recording; return the outcomes with their changes, and the figures of all.
+
+    ``outcomes`` are those of the whole recordings. ``margin`` is the lead that ends a recording.
+    """
     step_seconds = _step_seconds(args, program, recordings)
     session = hw.Session(program, args.psi)
     # The first pushes load compiled code, which must not count towards the time of a step.
-    stream(hw.Session(program, args.psi), _rows(to_the_end(program, recordings.spikes[:1])))
+    stream(hw.Session(program, args.psi), _rows_of(program, recordings, 0))
     streamed: list[Streamed] = []
-    with_changes: list[Outcome] = []
-    watched = nullcontext() if args.json else closing(LiveLine(sys.stdout))
-    with watched as line, progress_bar("streaming", show=args.json) as progress:
+    outcomes_with_changes: list[Outcome] = []
+    # JSON is all that --json prints: then a bar shows the progress instead of a line.
+    live_line = nullcontext() if args.json else closing(LiveLine(sys.stdout))
+    with live_line as line, progress_bar("streaming", show=args.json) as progress:
         for i, outcome in enumerate(outcomes):
-            played = _rows(to_the_end(program, recordings.spikes[i : i + 1]))
-            steps = len(next(iter(played.values())))
-            on_step = _shown(line, i, steps, step_seconds) if line else None
-            item = stream(session, played, margin, on_step)
-            streamed.append(item)
-            with_changes.append(replace(outcome, changes=item.changes))
+            rows = _rows_of(program, recordings, i)
+            steps = _steps_of(rows)  # equal for all recordings of a file
+            on_step = _step_shower(line, i, steps, step_seconds) if line else None
+            streamed_recording = stream(session, rows, margin, on_step)
+            streamed.append(streamed_recording)
+            outcome_with_changes = replace(outcome, changes=streamed_recording.changes)
+            outcomes_with_changes.append(outcome_with_changes)
             if line:
-                stopped = margin is not None and bool(item.lead[-1] >= margin)
-                line.say(_settled(with_changes[-1], item, stopped=stopped))
+                is_stopped = margin is not None and bool(streamed_recording.lead[-1] >= margin)
+                line.write(
+                    _final_line(outcome_with_changes, streamed_recording, stopped=is_stopped)
+                )
             if progress:
                 progress(i + 1, len(outcomes))
     if recordings.labels is not None:
-        wanted = recordings.labels
+        right = recordings.labels
         right_is = LABEL
     else:
-        wanted = np.array([-1 if outcome.tied else outcome.prediction for outcome in outcomes])
+        right = np.array([-1 if outcome.tied else outcome.prediction for outcome in outcomes])
         right_is = LAST_PREDICTION
     latency = step_latency(streamed)
+    real_time_factor = None
+    worst_real_time_factor = None
+    if step_seconds is not None:
+        real_time_factor = step_seconds / latency.mean
+        worst_real_time_factor = step_seconds / latency.worst
     figures = StreamFigures(
         psi=args.psi,
         step_seconds=step_seconds,
         step_latency_seconds=latency,
-        real_time_factor=step_seconds and step_seconds / latency.mean,
-        worst_real_time_factor=step_seconds and step_seconds / latency.worst,
+        real_time_factor=real_time_factor,
+        worst_real_time_factor=worst_real_time_factor,
         right_is=right_is,
-        right=tuple(right_over_time(streamed, wanted, steps).tolist()),
+        right=tuple(right_over_time(streamed, right, steps).tolist()),
     )
-    return with_changes, figures
+    return outcomes_with_changes, figures
 
 
 def stream_lines(figures: StreamFigures) -> list[str]:
     """Return a line on predictions over time, and one on the pace."""
     right = figures.right
     step_seconds = figures.step_seconds
-    shown = []
-    for part in _MOMENTS:
-        step = max(1, round(part * len(right)))
+    shares = []
+    for part in _SUMMARY_MOMENTS:
+        step = max(1, round(part * len(right)))  # a recording of one or two steps has no step 0
         moment = f"step {step}" if step_seconds is None else _seconds(step, step_seconds)
-        shown.append(f"{right[step - 1]:.3f} after {moment}")
-    what = "accuracy over time" if figures.right_is == LABEL else "already the last prediction"
+        shares.append(f"{right[step - 1]:.3f} after {moment}")
+    heading = "accuracy over time" if figures.right_is == LABEL else "already the last prediction"
     latency = figures.step_latency_seconds
     pace = (
         f"a step took {seconds(latency.mean)} on average, 99 % of them at most "
         f"{seconds(latency.p99)}, the longest {seconds(latency.worst)}"
     )
-    return [f"{what}: {', '.join(shown)}", f"{pace}; {_pace_of_sensor(figures)}"]
+    return [f"{heading}: {', '.join(shares)}", f"{pace}; {_pace_of_sensor(figures)}"]
 
 
 def _pace_of_sensor(figures: StreamFigures) -> str:
+    """Return how the pace here compares with that of the sensor."""
     factor = figures.real_time_factor
     worst_factor = figures.worst_real_time_factor
     if figures.step_seconds is None or factor is None or worst_factor is None:
@@ -215,24 +254,38 @@ def _pace_of_sensor(figures: StreamFigures) -> str:
     )
 
 
-def _rows(streams: dict[str, Any]) -> dict[str, Any]:
-    """Return the single recording of a batch, by stream."""
-    return {name: array[0] for name, array in streams.items()}
+def _rows_of(program: hw.ChipProgram, recordings: Recordings, number: int) -> dict[str, ByteArray]:
+    """Return a recording, (steps, channels), by input stream.
+
+    Silence follows it until the phases that play it end, as in a whole recording.
+    """
+    batch = to_the_end(program, recordings.spikes[number : number + 1])
+    return {name: array[0] for name, array in batch.items()}
 
 
-def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | None) -> OnStep:
-    """Return a callback that shows each new prediction and, on a terminal, each new lead."""
-    shown: tuple[int, float] | None = None
+def _steps_of(rows: Mapping[str, ByteArray]) -> int:
+    """Return the steps of a recording; all of its streams have the same."""
+    return len(next(iter(rows.values())))
+
+
+def _step_shower(line: LiveLine, recording: int, steps: int, step_seconds: float | None) -> OnStep:
+    """Return a callback that shows each new prediction and, on a terminal, each new lead.
+
+    Where lines stay, in a file or pipe, every new lead would be a line too many.
+    """
+    last_shown: tuple[int, float] | None = None
 
     def on_step(step: int, prediction: int, lead: float) -> None:
-        nonlocal shown
-        silent = shown is None and lead <= 0
-        same = (
-            shown is not None and shown[0] == prediction and not (line.watched and shown[1] != lead)
-        )
-        if silent or same:
+        nonlocal last_shown
+        if last_shown is None:
+            is_news = lead > 0  # before that, all classes are equal
+        else:
+            shown_prediction, shown_lead = last_shown
+            has_new_lead = line.is_terminal and lead != shown_lead
+            is_news = prediction != shown_prediction or has_new_lead
+        if not is_news:
             return
-        shown = (prediction, lead)
+        last_shown = (prediction, lead)
         moment = "" if step_seconds is None else f"  {_seconds(step, step_seconds)}"
         place = f"recording {recording}  step {step} of {steps}{moment}"
         line.show(f"{place}  class {prediction}  lead {lead_text(lead)}")
@@ -242,7 +295,9 @@ def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | Non
 
 def _seconds(step: int, step_seconds: float) -> str:
     """Return the time after a step, with enough decimals to tell steps apart."""
-    return f"{step * step_seconds:.{max(0, math.ceil(-math.log10(step_seconds)))}f} s"
+    # Steps of 0.02 s need two decimals: -log10(0.02) is 1.7.
+    decimals = max(0, math.ceil(-math.log10(step_seconds)))
+    return f"{step * step_seconds:.{decimals}f} s"
 
 
 def lead_text(lead: float) -> str:
@@ -252,7 +307,8 @@ def lead_text(lead: float) -> str:
     return f"{lead:.3g}" if lead < 1000 else f"{lead:,.0f}"
 
 
-def _settled(outcome: Outcome, streamed: Streamed, *, stopped: bool) -> str:
+def _final_line(outcome: Outcome, streamed: Streamed, *, stopped: bool) -> str:
+    """Return the line that stays for a recording: its last prediction, and since when it holds."""
     predicted = f"class {streamed.prediction[-1]}"
     if streamed.decided[-1] < 0:
         predicted = "all classes tie"
@@ -265,12 +321,18 @@ def _settled(outcome: Outcome, streamed: Streamed, *, stopped: bool) -> str:
 def _step_seconds(
     args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings
 ) -> float | None:
-    """Return how long a step is, from the recordings, the options or the report of the build."""
+    """Return the width of a step at the sensor in seconds; None if nothing states it.
+
+    The recordings have the width that they or the options state. Otherwise the report of the build
+    may have it: the duration of a recording at the sensor, by the steps of the time phase.
+    """
     if recordings.step_seconds is not None:
         return recordings.step_seconds
     try:
         recording_ns = read_report(Path(args.program))["latency"]["recording_ns"]
-    except (InputError, KeyError, TypeError):
+    except (InputError, KeyError, TypeError):  # no report, or one without this figure
         return None
     steps = next((phase.steps for phase in program.phases if phase.axis == "time"), None)
-    return recording_ns / steps * 1e-9 if isinstance(recording_ns, int | float) and steps else None
+    if not isinstance(recording_ns, int | float) or not steps:
+        return None
+    return recording_ns / steps * 1e-9

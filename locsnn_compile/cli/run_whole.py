@@ -1,4 +1,9 @@
-"""What ``locsnn run`` does with a program that is played in whole recordings, in this process, and is not priced."""
+"""``locsnn run`` for programs of chips with an arithmetic of their own: Xylo and SpiNNaker.
+
+Such a program is played in whole recordings, in this process, and without energies: options that
+stream, stop early, price, or spread the work over a cluster are refused. ``run.py`` plays programs
+for meshes of cores.
+"""
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping
@@ -7,7 +12,7 @@ from typing import Any, NamedTuple
 
 from hw_model.mapping.graph import Readout, winning
 from hw_model.values import ByteArray, FloatArray, IntArray, Sums
-from locsnn_compile.cli.options import given
+from locsnn_compile.cli.options import given_options
 from locsnn_compile.cli.outcomes import (
     Outcome,
     RunFigures,
@@ -16,15 +21,19 @@ from locsnn_compile.cli.outcomes import (
     check_classes,
     recording_line,
 )
-from locsnn_compile.cli.shell import progress_bar, say
-from locsnn_compile.cli.step_options import assumption_lines, chunks_expected
-from locsnn_compile.data.recordings import Expected, Recordings, batches
+from locsnn_compile.cli.shell import print_result, progress_bar
+from locsnn_compile.cli.step_options import (
+    assumption_lines,
+    batches_with_labels,
+    chunks_expected,
+)
+from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.figures.entries import plain
 
 
 class PlayedWhole(NamedTuple):
-    """Scores (batch, classes) and spikes of each recording, and the counts of all of them."""
+    """Scores (batch, classes) and numbers of spikes (batch,), and the counts of all recordings together."""
 
     scores: FloatArray
     spikes: tuple[int, ...]
@@ -33,21 +42,21 @@ class PlayedWhole(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WholeProgram:
-    """A program, as far as ``locsnn run`` concerns it.
+    """What ``locsnn run`` needs of a program.
 
-    - ``name``, ``chip``: what they are called
-    - ``readout``: what its scores predict
+    - ``name``, ``chip``: the names of the program and of its chip
+    - ``readout``: turns scores into predictions
     - ``expected``: the recordings that it takes
-    - ``not_there``: the options that it has no use for, and why
-    - ``play``: plays recordings (batch, steps, channels) by an engine
-    - ``summary``: says, in a line, what the counts of so many recordings are
+    - ``unsupported``: the options that do not apply to it, and why
+    - ``play``: plays recordings (batch, steps, channels) by an engine, ``fast`` or ``reference``
+    - ``summary``: returns a line on the counts of so many recordings
     """
 
     name: str
     chip: str
     readout: Readout
     expected: Expected
-    not_there: Mapping[str, str]
+    unsupported: Mapping[str, str]
     play: Callable[[ByteArray, Any], PlayedWhole]
     summary: Callable[[Any, int], str]
 
@@ -55,48 +64,43 @@ class WholeProgram:
 def run_whole(args: argparse.Namespace, program: WholeProgram) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args, program)
-    counts: Any = None
+    counts: Any = None  # each kind of program has counts of its own, which can be added
     outcomes: list[Outcome] = []
-    assumed: Recordings | None = None
+    last_chunk: Recordings | None = None
     with progress_bar("simulating", show=args.json) as progress:
         for recordings in chunks_expected(args, program.expected):
-            assumed = recordings
-            for spikes, labels in _parts(recordings):
+            last_chunk = recordings
+            for spikes, labels in batches_with_labels(recordings):
                 played = program.play(spikes, args.engine)
                 counts = played.counts if counts is None else counts + played.counts
                 outcomes += _outcomes(program, played, labels, first=len(outcomes))
             if progress:
                 progress(len(outcomes), None)
-    assert assumed is not None  # there is at least one recording
+    assert last_chunk is not None  # files without recordings are refused on reading
+    # What was assumed on reading is the same for all chunks of a file.
     figures = RunFigures(
         program=program.name,
         recordings=tuple(outcomes),
         counts=asdict(counts),
         energy_pj=None,
-        assumptions=tuple(assumed.assumed),
+        assumptions=tuple(last_chunk.assumed),
     )
     lines = [
         *map(recording_line, outcomes),
         *accuracy_lines(Tally.of(outcomes)),
         program.summary(counts, len(outcomes)),
-        *assumption_lines(assumed),
+        *assumption_lines(last_chunk),
     ]
-    say(args, plain(figures), lines)
+    print_result(args, plain(figures), lines)
     return 0
 
 
 def _check_options(args: argparse.Namespace, program: WholeProgram) -> None:
-    for option, value in given(args, tuple(program.not_there)).items():
-        if value is not False:
-            what = f"the program is for {program.chip}: {program.not_there[option]}"
+    """Refuse options that do not apply to the program."""
+    for option, value in given_options(args, tuple(program.unsupported)).items():
+        if value is not False:  # a flag that was not given, such as --stream
+            what = f"the program is for {program.chip}: {program.unsupported[option]}"
             raise InputError(option, what, fix="Leave it out.")
-
-
-def _parts(recordings: Recordings) -> Iterator[tuple[ByteArray, IntArray | None]]:
-    """Yield a few recordings at a time, with their labels."""
-    labels = recordings.labels
-    for part in batches(len(recordings)):
-        yield recordings.spikes[part], None if labels is None else labels[part]
 
 
 def _outcomes(
@@ -105,6 +109,7 @@ def _outcomes(
     """Yield the outcome of each recording; they are numbered from ``first`` on."""
     if labels is not None:
         check_classes(labels, played.scores.shape[1])
+    # Where all classes tie, ``decided`` is -1 and ``winning`` the first class.
     decided = program.readout.decided(played.scores)
     predicted = winning(played.scores, program.readout.tie_class)
     for i, spikes in enumerate(played.spikes):

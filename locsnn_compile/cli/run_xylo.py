@@ -1,4 +1,7 @@
-"""What ``locsnn run`` does with a program for a Xylo: play recordings, and count."""
+"""How ``locsnn run`` plays a program for a Xylo, and what it prints about it.
+
+``players.py`` has the table of the kinds of programs, and ``run_whole.py`` plays them.
+"""
 
 from typing import Any
 
@@ -10,36 +13,38 @@ from locsnn_compile.data.channels import flat_channels, parse_numbering
 from locsnn_compile.data.recordings import EventTimes, Expected
 from locsnn_compile.report.format import plural
 
-_NOT_THERE = {
+_UNSUPPORTED = {
     "--stream": "it plays whole recordings",
     "--stop": "it plays whole recordings",
     "--psi": "it has one branch",
     "--profile": "its energies are not published",
     "--scheduler": "it is played in this process",
 }
-"""Options that a program for a Xylo has no use for, and why."""
+"""Options that do not apply to a program for a Xylo, and why."""
 
 
 def whole_xylo(program: XyloProgram) -> WholeProgram:
-    """Return what ``locsnn run`` needs of a program."""
+    """Prepare a program for being played in whole recordings."""
 
     def play(recordings: ByteArray, engine: Any) -> PlayedWhole:
         played = play_program(program, recordings, engine)
         spikes = tuple(counts.spikes for counts in played.counts)
-        return PlayedWhole(played.scores, spikes, sum(played.counts, start=XyloCounts()))
+        total_counts = sum(played.counts, start=XyloCounts())
+        return PlayedWhole(played.scores, spikes, total_counts)
 
     return WholeProgram(
         name=program.name,
         chip=program.chip.name,
         readout=program.readout,
         expected=expected_by(program),
-        not_there=_NOT_THERE,
+        unsupported=_UNSUPPORTED,
         play=play,
         summary=_summary,
     )
 
 
 def _summary(counts: XyloCounts, recordings: int) -> str:
+    """Return a line on the counts of so many recordings."""
     operations = counts.synaptic_ops / recordings
     saturations = plural(counts.saturations, "saturation")
     return (

@@ -1,4 +1,10 @@
-"""What all commands share: their parser, one-line errors, exit codes, streams and progress bars."""
+"""What all commands share: their parser, one-line errors, exit codes, streams and progress bars.
+
+``compile.py`` and ``main.py`` make a :class:`Parser` and call :func:`run_guarded`, which runs the
+command and turns whatever ends it into a line on standard error and an exit code. Only packages of
+the standard library are imported here at the top, besides small modules of ours: the help, shell
+completion and errors of usage must not wait for numpy.
+"""
 
 import argparse
 import errno
@@ -37,21 +43,32 @@ if TYPE_CHECKING:
 # Must be set before numpy is imported. Matrices are small, threads on a busy machine wait for each other, and with one
 # thread results do not depend on the number of cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Most objects are modules and live to the end; searching them for garbage took a tenth of the time.
+# Most objects are modules and live to the end: with Python's usual threshold of 700 new objects, searching them for
+# garbage took a tenth of the time.
 gc.set_threshold(100_000)
 
-EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
+EXIT_TARGET = 1
+"""The chip cannot hold the model."""
+EXIT_INPUT = 2
+"""Wrong usage, or an input that cannot be used."""
+EXIT_GATE = 3
+"""The command is done, but a figure does not meet a bound that was asked for."""
 PLAYING = frozenset({"compile", "explore", "rtl/sim", "run", "stress", "train"})
-"""The commands that play recordings, and load the compiled loops for it."""
+"""The commands that play recordings, and load compiled loops and their memory for it."""
 SHOWN_FILES = 3
-"""Files that a line names; of more it gives the number."""
+"""Files that a line names; of more it gives the number. Chosen by hand."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Errors of a write that the disk refuses: it is full, the user's quota is used up, or it is broken."""
 
 
 class _Help(argparse.RawDescriptionHelpFormatter):
-    """A help that breaks lines at blanks only, so that names such as ``locsnn-compile`` stay whole."""
+    """A help that breaks lines at blanks only, so that names such as ``locsnn-compile`` stay whole.
+
+    Descriptions and examples are printed as they are written in the docstrings of the commands.
+    """
 
     def _split_lines(self, text: str, width: int) -> list[str]:
+        # argparse calls this for the help of an option, and offers no public way to change it.
         import textwrap
 
         return textwrap.wrap(" ".join(text.split()), width, break_on_hyphens=False)
@@ -61,79 +78,112 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that reads the file of ``--options``, and whose errors are one line like all others."""
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Refuse unknown arguments, and those that are not text in this locale: they become names in reports."""
-        for text in sys.argv[1:] if args is None else args:
-            if any("\udc80" <= letter <= "\udcff" for letter in text):
-                self.error(
-                    f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale"
-                )
-        parsed, rest = super().parse_known_args(args, namespace)
-        if rest:  # refused here, where the help of the command itself is at hand
-            self.error(f"unrecognized arguments: {' '.join(rest)}")
+        """Parse a command line, and refuse what would fail later or less clearly.
+
+        argparse calls this for the whole line and for the part that belongs to a command. Arguments
+        that it does not know, that are empty, or that are not text are refused.
+        """
+        self._check_text(sys.argv[1:] if args is None else args)
+        parsed, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            # argparse would refuse them at the end of the whole line, and then refer to the help of
+            # ``locsnn`` instead of the help of the command.
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
         if "--options" in self._option_string_actions and parsed.options is not None:
-            values = read_options(self, parsed.options)
-            # argparse sets a default only if the attribute is missing: what is still None after this was not typed.
-            typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
-            for name, value in values.items():
-                setattr(
-                    parsed, name, value if getattr(typed, name) is None else getattr(typed, name)
+            self._add_options_of_file(parsed, args)
+        self._check_not_empty(parsed)
+        return parsed, unknown
+
+    def _check_text(self, words: Sequence[str]) -> None:
+        """Refuse words that are not text in this locale, because they become names in reports."""
+        for word in words:
+            # Python reads a byte that it cannot decode as one of these 128 surrogates.
+            if any("\udc80" <= letter <= "\udcff" for letter in word):
+                self.error(
+                    f"argument {word!r} is not text in this locale; rename the file, or choose a UTF-8 locale"
                 )
+
+    def _add_options_of_file(self, parsed: argparse.Namespace, args: Sequence[str] | None) -> None:
+        """Set what the file of ``--options`` gives, except options that were also typed."""
+        values = read_options(self, parsed.options)
+        # Which options were typed cannot be seen from ``parsed``, which has defaults as well. argparse
+        # sets a default only where the attribute is missing, so the line is parsed once more into
+        # attributes that are None: what is still None afterwards was not typed.
+        typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
+        for name, value in values.items():
+            typed_value = getattr(typed, name)
+            setattr(parsed, name, value if typed_value is None else typed_value)
+
+    def _check_not_empty(self, parsed: argparse.Namespace) -> None:
+        """Refuse an empty argument, which is usually a shell variable that is not set."""
         for action in self._actions:
             value = getattr(parsed, action.dest, None)
-            if "" in (value if isinstance(value, list) else [value]):
-                self.error(
-                    f"argument {'/'.join(action.option_strings) or action.metavar}: it is empty"
-                )
-        return parsed, rest
+            values = value if isinstance(value, list) else [value]
+            if "" in values:
+                name = "/".join(action.option_strings) or action.metavar
+                self.error(f"argument {name}: it is empty")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
+        # argparse lists all choices and suggests none.
         if action.choices is not None and value not in action.choices:
             fix = did_you_mean(value, action.choices)
             raise argparse.ArgumentError(None, f"{action.metavar} {value!r} is not known. {fix}")
 
     def error(self, message: str) -> NoReturn:
-        """Print the one line and exit with 2."""
-        print(
-            f"{self.prog}: {message}{'' if message.endswith(('.', '?')) else '.'} See {self.prog} --help.",
-            file=sys.stderr,
-        )
+        """Print the error as one line, without argparse's lines of usage, and exit with 2."""
+        full_stop = "" if message.endswith((".", "?")) else "."
+        print(f"{self.prog}: {message}{full_stop} See {self.prog} --help.", file=sys.stderr)
         raise SystemExit(EXIT_INPUT)
 
 
 def _docstring_of(command: str) -> str:
-    """Return the help of a command: the docstring of its module, which is imported only if the command runs."""
-    return Path(__file__).parent.joinpath(f"{command}.py").read_text("utf-8").split('"""')[1]
+    """Return the help of a command: the docstring of its module, read from the source as text.
+
+    The module is not imported for it: the help of ``locsnn`` would otherwise import all commands.
+    """
+    source = Path(__file__).parent.joinpath(f"{command}.py").read_text("utf-8")
+    return source.split('"""')[1]
 
 
-def texts_of(command: str) -> dict[str, Any]:
-    """Return the texts for a command's parser from its docstring: a paragraph below the first line, and the example."""
-    _, description, example = _docstring_of(command).split("\n\n", 2)
-    return {"description": description, "epilog": example, "formatter_class": _Help}
+def parser_texts(command: str) -> dict[str, Any]:
+    """Return the arguments of a command's parser that its docstring gives.
+
+    The docstring is a first line, a paragraph that describes the command, and everything else, which
+    begins with the example and is printed below the options.
+    """
+    _, description, epilog = _docstring_of(command).split("\n\n", 2)
+    return {"description": description, "epilog": epilog, "formatter_class": _Help}
 
 
 def add_command(commands: "argparse._SubParsersAction[Any]", command: str) -> None:
     """Add a command: a module of this folder with ``run``, whose docstring is its help, such as ``rtl/sim``."""
     name = command.rpartition("/")[2]
-    line = _docstring_of(command).partition("\n")[0]
-    parser = commands.add_parser(
-        name, help=line.partition(": ")[2].rstrip("."), **texts_of(command)
-    )
-    declared(parser, name).set_defaults(run=partial(_run, command))
+    # ``locsnn run``: play recordings to a compiled program.
+    first_line = _docstring_of(command).partition("\n")[0]
+    summary = first_line.partition(": ")[2].rstrip(".")
+    parser = commands.add_parser(name, help=summary, **parser_texts(command))
+    with_declared_options(parser, name).set_defaults(run=partial(_run, command))
 
 
 def _run(command: str, args: argparse.Namespace) -> int:
+    """Import the module of a command, which may take a second, and run it."""
     check_limits(command)
-    code: int = import_module(f"{__package__}.{command.replace('/', '.')}").run(args)
-    return code
+    module = import_module(f"{__package__}.{command.replace('/', '.')}")
+    exit_code: int = module.run(args)
+    return exit_code
 
 
 def check_limits(command: str) -> None:
-    """Refuse to begin a command that an inherited limit on memory would end in a library, without a word."""
+    """Refuse to begin a command for which a limit on memory (``ulimit -v``) is too low.
+
+    A library that gets no memory while it is loaded may end the process without any message.
+    """
     check_memory(PLAYING_BYTES if command in PLAYING else READING_BYTES)
+    # Memory to be freed if none is left later, so that there is some for printing the error.
     keep_reserve()
 
 
-def declared(parser: Parser, command: str) -> Parser:
+def with_declared_options(parser: Parser, command: str) -> Parser:
     """Return the parser after adding the options of a command and those that all commands have."""
     add_options(parser, command)
     add_common(parser)
@@ -143,46 +193,52 @@ def declared(parser: Parser, command: str) -> Parser:
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that all commands have."""
     help_ = "report on standard error what is being done"
+    # Both ``locsnn`` and its commands have this option. With a default, the command's parser would
+    # overwrite the value of ``locsnn --verbose COMMAND``; so the attribute is missing if not typed.
     parser.add_argument("--verbose", action="store_true", default=argparse.SUPPRESS, help=help_)
     parser.add_argument(
         "--version", action="version", version=f"%(prog)s {__version__}", help="print the version"
     )
 
 
-def guarded(
+def run_guarded(
     parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse.Namespace], int]
 ) -> int:
     """Run a command, or answer a shell that completes its line; print an error as one line, and return the exit code.
 
     ``typed``: the words of the command line, by default those of this process.
     """
-    _ready_streams()
-    forget_written()
+    _prepare_streams()
+    forget_written()  # of an earlier command in this process, as in a notebook
     answer_shell(parser)
     try:
         args = parser.parse_args(typed)
-        _show_log("verbose" in args)
+        _configure_log("verbose" in args)
         with leaving_at_once():
-            code = run(args)
+            exit_code = run(args)
+            # Within the try: a full disk or a closed pipe is only noticed when the output is flushed.
             sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:
+        # A signal may have turned into another error in a library that was being imported.
         if isinstance(error, KeyboardInterrupt) or ending() is not None:
-            return _code_of_ending(ending() or INTERRUPTED)
-        return _code_of(error, sys.argv[1:] if typed is None else typed)
-    ended = ending()
-    if ended is None or ended is INTERRUPTED:
-        return code
-    return _code_of_ending(ended)  # the command has tidied up, and said how to go on
+            return _report_ending(ending() or INTERRUPTED)
+        return _report_error(error, sys.argv[1:] if typed is None else typed)
+    ended_by = ending()
+    if ended_by is None or ended_by is INTERRUPTED:
+        # A command may handle Ctrl-C itself: it has then printed how to go on, and chosen its code.
+        return exit_code
+    # It treats the end of its processor time like Ctrl-C, and does not know the reason.
+    return _report_ending(ended_by)
 
 
-def _code_of_ending(ended: Ending) -> int:
-    """Print why a command was ended by a signal, and return the exit code."""
-    print(interrupted_line() if ended is INTERRUPTED else ended.line, file=sys.stderr)
-    return ended.code
+def _report_ending(ended_by: Ending) -> int:
+    """Print why a signal ended the command, and return the exit code."""
+    print(interrupted_line() if ended_by is INTERRUPTED else ended_by.line, file=sys.stderr)
+    return ended_by.code
 
 
 def interrupted_line() -> str:
-    """Return what is said after Ctrl-C: whether anything was written before."""
+    """Return the line for Ctrl-C, which says whether any file had been written before."""
     files = written()
     if not files:
         return "Interrupted; nothing was written."
@@ -191,29 +247,37 @@ def interrupted_line() -> str:
     return f"Interrupted; {listed([path.name for path in files])} had been written."
 
 
-def _code_of(error: Exception, typed: Sequence[str]) -> int:
-    """Print the line of an error that ended a command, and return the exit code; raise what is a defect of ours."""
+def _report_error(error: Exception, typed: Sequence[str]) -> int:
+    """Print the line of an error that ended a command, and return the exit code.
+
+    Any other error is a defect of this program: it is raised again, with its traceback.
+    """
     if isinstance(error, LocsnnError):
-        print(_as_typed(error, typed), file=sys.stderr)
+        print(_with_typed_path(error, typed), file=sys.stderr)
         return EXIT_INPUT if isinstance(error, InputError) else EXIT_TARGET
     if isinstance(error, BrokenPipeError):
-        # The reader of our output has gone: exit silently.
+        # The reader of our output has gone, as in ``locsnn targets | head -1``: exit silently.
         _drop_output()
         return 0
     if lacks_memory(error):
-        spend_reserve()
+        spend_reserve()  # frees what the next line needs
         print(too_little(error), file=sys.stderr)
         return EXIT_INPUT
     if isinstance(error, OSError):
         print(_system_error(error), file=sys.stderr)
-        if error.filename is None and error.errno in _NO_ROOM:
+        is_of_standard_output = error.filename is None and error.errno in _NO_ROOM
+        if is_of_standard_output:
             _drop_output()
         return EXIT_INPUT
     raise error
 
 
 def terminal() -> "Console":
-    """Return a console with colours. Unlike rich's, it does not exit with 1 when the reader of our output has gone."""
+    """Return a console with colours.
+
+    Where rich's own would end the process with 1, because the reader of our output has gone, it
+    raises an error, which ``_report_error`` treats as for all other output.
+    """
     from rich.console import Console
 
     class Terminal(Console):
@@ -225,11 +289,17 @@ def terminal() -> "Console":
     return console
 
 
-def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
-    """Return an error with the path as typed in place of the bare file name, unless two typed paths have that name."""
+def _with_typed_path(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
+    """Return an error with the path as typed in place of the bare file name.
+
+    Errors name a file without its folder, because the code that raises them is also used from Python
+    and in reports. If two typed paths have this file name, it stays bare: either could be meant.
+    """
+    # A path is a word of its own, or follows the equals sign in --events=PATH.
     paths = {word.partition("=")[2] if word.startswith("--") else word for word in typed}
-    names = [os.path.basename(path.rstrip("/")) for path in paths]
-    for path, name in zip(paths, names, strict=True):
+    name_of = {path: os.path.basename(path.rstrip("/")) for path in paths}
+    names = list(name_of.values())
+    for path, name in name_of.items():
         if names.count(name) == 1 and repr(name) in error.where:
             where = error.where.replace(repr(name), repr(path))
             return type(error)(where, error.what, measured=error.measured, fix=error.fix)
@@ -239,17 +309,14 @@ def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
 def _system_error(error: OSError) -> LocsnnError:
     """Return a message for an error of the system that no reader or writer has put into words."""
     if error.filename is not None:
-        name = (
-            os.fsdecode(error.filename)
-            if isinstance(error.filename, str | bytes)
-            else str(error.filename)
-        )
+        name = str(error.filename)  # it may also be the number of an open file
+        if isinstance(error.filename, bytes):
+            name = os.fsdecode(error.filename)
+        reason = error.strerror or ""
         return InputError(
-            f"{name[:60]!r}",
-            "it cannot be used",
-            measured=error.strerror or "",
-            fix="Check the path.",
+            f"{name[:60]!r}", "it cannot be used", measured=reason, fix="Check the path."
         )
+    # Without a file name, only these operations of ours are left.
     if error.errno == errno.ENOENT:
         return InputError(
             "working directory", "it does not exist any more", fix="Change to one that does."
@@ -258,46 +325,59 @@ def _system_error(error: OSError) -> LocsnnError:
         return InputError(
             "standard output", f"it cannot be written: {error.strerror}", fix="Write it elsewhere."
         )
-    return InputError(
-        "system", f"an operation failed: {error.strerror or type(error).__name__}", fix="Try again."
-    )
+    reason = error.strerror or type(error).__name__
+    return InputError("system", f"an operation failed: {reason}", fix="Try again.")
 
 
-def _ready_streams() -> None:
-    """Cope with closed streams, and print ``?`` for characters that the locale cannot encode."""
+def _prepare_streams() -> None:
+    """Replace closed streams, and print ``?`` for characters that the locale cannot encode."""
     for name in ("stdout", "stderr"):
+        # Python sets a stream to None if the shell closed it, as in ``locsnn targets >&-``.
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+    # Tests and notebooks put other objects in its place. Standard error escapes such characters.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
 
 
 def _drop_output() -> None:
-    """Keep the interpreter from flushing, at exit, into an output that accepts nothing."""
+    """Send what is left of standard output nowhere.
+
+    Python flushes it at exit. If that fails again, it prints an error and changes the exit code.
+    """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _show_log(verbose: bool) -> None:
-    """Show the log on standard error: all of it if ``verbose``, and on a terminal what takes seconds."""
+def _configure_log(verbose: bool) -> None:
+    """Show the log on standard error: all of it if ``verbose``; on a terminal, steps that take seconds.
+
+    These are logged at the level INFO, everything else at DEBUG.
+    """
     if verbose or sys.stderr.isatty():
         logging.basicConfig(format="%(message)s")
         logging.getLogger("locsnn").setLevel(logging.DEBUG if verbose else logging.INFO)
 
 
-def say(args: argparse.Namespace, document: object, lines: Iterable[str]) -> None:
-    """Print what a command found: with ``--json`` all of it, otherwise these lines."""
+def print_result(args: argparse.Namespace, document: object, lines: Iterable[str]) -> None:
+    """Print the result of a command: with ``--json`` the document, otherwise these lines."""
     import json
 
-    print(json.dumps(document, indent=2, allow_nan=False) if args.json else "\n".join(lines))
+    if args.json:
+        print(json.dumps(document, indent=2, allow_nan=False))
+    else:
+        print("\n".join(lines))
 
 
-Moved = Callable[..., None]
+MoveBar = Callable[..., None]
 """Moves a progress bar: called with the work done, the total or None, and a new title if it changed."""
 
 
 @contextmanager
-def progress_bar(title: str, *, show: bool) -> Iterator[Moved | None]:
-    """Give a callback (done, total, title) that moves a bar on standard error; None if that is not a terminal."""
+def progress_bar(title: str, *, show: bool) -> Iterator[MoveBar | None]:
+    """Give a callback that moves a bar on standard error; None unless ``show``, and on a terminal.
+
+    The callback is called with (done, total, title). The bar disappears at the end.
+    """
     if not (show and sys.stderr.isatty()):
         yield None
         return
@@ -306,6 +386,8 @@ def progress_bar(title: str, *, show: bool) -> Iterator[Moved | None]:
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total, now=title: bar.update(
-            task, completed=done, total=total, description=now
-        )
+
+        def move_bar(done: float, total: float | None, new_title: str = title) -> None:
+            bar.update(task, completed=done, total=total, description=new_title)
+
+        yield move_bar

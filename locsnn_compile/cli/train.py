@@ -17,6 +17,8 @@ exits with 3. Next to OUT.pt it writes a log OUT.csv and its picture OUT.svg and
 Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 from __future__ import annotations
 
 import argparse
@@ -31,9 +33,9 @@ from hw_model.io.partial import claimed
 from hw_model.io.records import field_kinds
 from hw_model.values import IntArray
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
-from locsnn_compile.cli.options import given
+from locsnn_compile.cli.options import given_options
 from locsnn_compile.cli.places import check_places
-from locsnn_compile.cli.shell import EXIT_GATE, Moved, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, MoveBar, progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -55,8 +57,16 @@ if TYPE_CHECKING:
     from locsnn_compile.training.export import Measured
     from locsnn_compile.training.train import TrainingResult
 
-SHOWN_CLASSES, SHOWN_NAMES = 20, 60
-"""The confusion matrix is printed for this many classes at most, and with names if they have fewer letters in all."""
+SHOWN_CLASSES = 20
+"""The confusion matrix is printed for this many classes at most: chosen by hand, as is the next."""
+SHOWN_NAMES = 60
+"""It is printed with the names of classes if these have fewer letters in all."""
+OPTION_OF_KEY = {
+    "location_weight": "--lambda",
+    "event_threshold": "--threshold",
+    "start_at": "--start",
+}
+"""Keys of a training configuration whose options have other names."""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -64,21 +74,22 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     check_path(output, f"-o {args.output!r}")
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
-        where, what = (
-            f"output {output.name or str(output)!r}",
-            "it is not a .pt file in an existing folder",
-        )
+        where = f"output {output.name or str(output)!r}"
+        what = "it is not a .pt file in an existing folder"
         raise InputError(where, what, fix="Correct -o.")
     _check_places(args, output)
+    # Two trainings at once would overwrite each other's state, so the second one is refused.
     with claimed(output, f"-o {args.output!r}"):
         return _train(args, output)
 
 
 def _train(args: argparse.Namespace, output: Path) -> int:
+    """Train, write the checkpoint, and print the summary; return the exit code."""
     start = None if args.from_model is None else read_checkpoint(args.from_model)
-    config, values = training_config(args, start)
+    config, given_values = training_config(args, start)
     needed("torch", "train", "locsnn train")
 
+    # Imported only now: torch takes seconds, and wrong options are refused before.
     from locsnn_compile.training.chosen import choose
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.from_python import all_classes, read_parts
@@ -87,9 +98,9 @@ def _train(args: argparse.Namespace, output: Path) -> int:
     recordings, test = read_parts(args.data, config, start)
     classes = all_classes(recordings, test)
     chosen = None
-    if start is None:
-        with progress_bar("choosing windows", show=not args.quiet) as moved:
-            chosen = choose(values, recordings, classes, moved)
+    if start is None:  # a network that exists keeps its windows and architecture
+        with progress_bar("choosing windows", show=not args.quiet) as move_bar:
+            chosen = choose(given_values, recordings, classes, move_bar)
         config = chosen.config
         if not args.quiet:
             print("".join(f"{line}\n" for line in chosen.lines), end="", flush=True)
@@ -97,7 +108,7 @@ def _train(args: argparse.Namespace, output: Path) -> int:
     state_path = _state_path(output)
     if not args.resume:
         state_path.unlink(missing_ok=True)
-    with progress_bar("training", show=not args.quiet) as moved:
+    with progress_bar("training", show=not args.quiet) as move_bar:
         try:
             result = train(
                 recordings,
@@ -107,8 +118,8 @@ def _train(args: argparse.Namespace, output: Path) -> int:
                 start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
-                progress=after_epochs(args, moved),
-                notice=None if args.quiet else _say_at_once,
+                progress=after_epochs(args, move_bar),
+                notice=None if args.quiet else _print_remark,
             )
             measured = export_checkpoint(
                 output,
@@ -121,52 +132,55 @@ def _train(args: argparse.Namespace, output: Path) -> int:
                 chosen=chosen,
             )
         except KeyboardInterrupt:
-            kept = state_path.exists()
-            way_on = (
-                "Continue with the same command and --resume."
-                if kept
-                else "No epoch was kept yet: start again."
-            )
-            print(f"Stopped. {way_on}", file=sys.stderr)
+            advice = "No epoch was kept yet: start again."
+            if state_path.exists():
+                advice = "Continue with the same command and --resume."
+            print(f"Stopped. {advice}", file=sys.stderr)
             return EXIT_INTERRUPTED
         except InputError as error:
-            # Only what the system refused can be mended between two equal commands.
-            if not (isinstance(error.__context__, OSError) and state_path.exists()):
+            # Only if the system refused something, such as a write to a full disk, can the same
+            # command succeed later.
+            is_of_system = isinstance(error.__context__, OSError)
+            if not (is_of_system and state_path.exists()):
                 raise
             fix = "Free space or fix access, then repeat the command with --resume."
             raise InputError(error.where, error.what, measured=error.measured, fix=fix) from None
+    # Only now, after the checkpoint is written: until then the state could resume the run.
     state_path.unlink(missing_ok=True)
     if not args.quiet:
         print(_summary(output, result, measured, recordings, test))
     return 0 if result.learned else EXIT_GATE
 
 
-def _say_at_once(remark: str) -> None:
+def _print_remark(remark: str) -> None:
+    """Print a remark while training goes on, such as that nothing is learned."""
     print(f"! {remark}", file=sys.stderr, flush=True)
 
 
 def _state_path(output: Path) -> Path:
+    """Return the file of the unfinished run: OUT.pt.state."""
     return output.with_name(f"{output.name}.state")
 
 
 def _check_places(args: argparse.Namespace, output: Path) -> None:
     """Refuse outputs that are inputs, files next to them that no training wrote, and ``--resume`` without a state."""
     option = f"-o {args.output!r}"
-    beside = {
+    state_path = _state_path(output)
+    # Files that a training writes next to its output, each with bytes by which it is recognised.
+    mark_of_file = {
         output.with_suffix(".csv"): b"phase,epoch,learning_rate,",
         output.with_suffix(".svg"): b"Training of ",
-        _state_path(output): b"locsnn-training-state",
+        state_path: b"locsnn-training-state",
     }
-    reads = given(args, ("--data", "--config", "--target", "--layout")) | {
-        "--from": args.from_model
-    }
-    check_places(reads, [(option, path) for path in (output, *beside)])
-    for path, mark in beside.items():
+    inputs = given_options(args, ("--data", "--config", "--target", "--layout"))
+    inputs["--from"] = args.from_model
+    check_places(inputs, [(option, path) for path in (output, *mark_of_file)])
+    for path, mark in mark_of_file.items():
         if path.exists() and mark not in path.read_bytes():
             what = f"{path.name!r} next to it would be replaced, but no training wrote it"
             raise InputError(option, what, fix="Write elsewhere.")
-    if args.resume and not _state_path(output).exists():
-        measured = f"no {_state_path(output).name!r}"
+    if args.resume and not state_path.exists():
+        measured = f"no {state_path.name!r}"
         raise InputError(
             "--resume",
             "there is nothing to resume",
@@ -178,40 +192,49 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
 def training_config(
     args: argparse.Namespace, start: Checkpoint | None
 ) -> tuple[TrainingConfig, dict[str, Any]]:
-    """Return the configuration that the options give, and those of its values that were given."""
-    values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
-    of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
-    options = field_kinds(TrainingConfig)
-    typed = vars(args) | {"event_threshold": args.threshold, "threshold": None}
-    # In the record of a run, ``start`` is the network that it starts from.
-    typed |= {"start_at": args.start, "start": None}
-    typed_options = {
-        name: value for name, value in typed.items() if name in options and value is not None
-    }
-    flags = {
-        "location_weight": "--lambda",
-        "event_threshold": "--threshold",
-        "start_at": "--start",
-    }
-    usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
-    config = config_from_mapping(usual | values | typed_options)
-    check_used(
-        {name: flags.get(name, f"--{name.replace('_', '-')}") for name in typed_options}, config
-    )
+    """Return the training configuration, and those of its values that the user gave.
+
+    A value on the command line takes precedence over one in the ``--config`` file, and that over the
+    defaults: those of fine-tuning if the run begins with the network ``start``.
+
+    Raises ``InputError`` for values that would change nothing in this run.
+    """
+    file_values: dict[str, Any] = {} if args.config is None else read_config(args.config)
+    typed_values = _typed_values(args)
+    given_values = file_values | typed_values
+    defaults = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
+    config = config_from_mapping(defaults | given_values)
+    options = {key: OPTION_OF_KEY.get(key, f"--{key.replace('_', '-')}") for key in typed_values}
+    check_used(options, config)
     # A file may serve several runs: it may hold what would count without the other options and, if it does not name the
     # model, what counts for any model.
-    models = ARCHITECTURES if args.model is not None and "model" not in values else [config.model]
-    shared = [config_from_mapping(usual | {"model": model} | values) for model in models]
-    check_used(of_file, config, *shared)
+    is_for_any_model = args.model is not None and "model" not in file_values
+    models = ARCHITECTURES if is_for_any_model else [config.model]
+    other_configs = [
+        config_from_mapping(defaults | {"model": model} | file_values) for model in models
+    ]
+    places_in_file = {key: f"config {Path(args.config).name!r}, {key}" for key in file_values}
+    check_used(places_in_file, config, *other_configs)
     if start is None:
-        return config, values | typed_options
-    check_fits_start(values | typed_options, start.description)
+        return config, given_values
+    check_fits_start(given_values, start.description)
     times = start.event_times
     if times is not None and config.start_at is None:
         config = replace(config, start_at=times.start)
     if times is not None and config.time_unit is None:
         config = replace(config, time_unit=times.time_unit)
-    return fine_tuning_config(config, start.description), values | typed_options
+    return fine_tuning_config(config, start.description), given_values
+
+
+def _typed_values(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what was typed on the command line, by the keys of a training configuration."""
+    values = dict(vars(args))
+    # The keys of these two options have other names. In the record of a run, for example, ``start``
+    # is the network that it starts from.
+    values["event_threshold"] = values.pop("threshold")
+    values["start_at"] = values.pop("start")
+    keys = field_kinds(TrainingConfig)
+    return {key: value for key, value in values.items() if key in keys and value is not None}
 
 
 def _summary(
@@ -221,13 +244,16 @@ def _summary(
     recordings: Recordings,
     test: Recordings | None,
 ) -> str:
+    """Return the lines that end a run: its accuracy, the confusion matrix, and remarks, after a "!"."""
     from locsnn_compile.training.export import accuracy_of
     from locsnn_compile.training.measure import chance_remarks, tie_remarks
 
     confusion = measured.confusion
-    lines, remarks = [f"epoch {result.chosen_epoch} chosen"], list(result.remarks)
+    remarks = list(result.remarks)
+    epoch_line = f"epoch {result.chosen_epoch} chosen"
     if result.validation_accuracy is not None:
-        lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
+        epoch_line += f" by validation accuracy {result.validation_accuracy:.3f}"
+    lines = [epoch_line]
     if confusion is not None and test is not None and test.labels is not None:
         accuracy = accuracy_of(confusion, test)
         if recordings.source != test.source:
@@ -235,41 +261,50 @@ def _summary(
                 f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)
             ]
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
-        lines += _confusion(confusion, test.class_names)
+        lines += _confusion_lines(confusion, test.class_names)
         remarks += tie_remarks(confusion)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     if measured.comparison is not None:
         lines.append(measured.comparison.words)
-        several = len(set(recordings.needed_labels("train on").tolist())) > 1
-        if result.learned and several and measured.comparison.lost:
+        classes = set(recordings.needed_labels("train on").tolist())
+        # A comparison says something only if there was more than one class to learn.
+        if result.learned and len(classes) > 1 and measured.comparison.lost:
             remarks.append(measured.comparison.lost)
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 
-def _confusion(confusion: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
+def _confusion_lines(confusion: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
     """Return the confusion matrix as lines, with class names if there is room; nothing for more than SHOWN_CLASSES.
 
-    Its column of ties is left out where there is none.
+    A row is a label, a column a prediction, and the last column counts recordings in which all
+    classes tie, so that nothing is predicted. It is left out if there are none.
     """
     if len(confusion) > SHOWN_CLASSES:
         return []
     from locsnn_compile.training.measure import NO_CLASS
 
-    heads = [str(label) for label in range(len(confusion))]
+    labels = [str(label) for label in range(len(confusion))]
     if names is not None and sum(map(len, names)) < SHOWN_NAMES:
-        heads = list(names)
-    ties = confusion[:, -1].any()
-    shown = confusion if ties else confusion[:, :-1]
-    columns = [*heads, NO_CLASS] if ties else heads
-    width = max(len(text) for text in (*columns, str(shown.max()))) + 2
-    rows = ["".join(f"{n:>{width}}" for n in row) for row in (columns, *shown.tolist())]
-    return [
-        f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *heads), rows, strict=True)
-    ]
+        labels = list(names)
+    columns = [*labels, NO_CLASS]
+    counts = confusion
+    if not confusion[:, -1].any():
+        columns = labels
+        counts = confusion[:, :-1]
+    width = max(len(text) for text in (*columns, str(counts.max()))) + 2
+    heading = "label \\ predicted"
+    lines = [heading + "".join(f"{name:>{width}}" for name in columns)]
+    for label, row in zip(labels, counts.tolist(), strict=True):
+        cells = "".join(f"{count:>{width}}" for count in row)
+        lines.append(f"{label:>{len(heading)}}{cells}")
+    return lines
 
 
-def after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
-    """Return the callback after each epoch: it moves the bar, or prints a line where there is none, and logs."""
+def after_epochs(args: argparse.Namespace, move_bar: MoveBar | None) -> Progress:
+    """Return the function that is called after each epoch.
+
+    It moves the progress bar, or prints a line if there is no bar, and logs for TensorBoard.
+    """
     log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
@@ -279,8 +314,8 @@ def after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
         if record.validation_accuracy is not None:
             validation = f", validation {record.validation_accuracy:.3f}"
         line = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{validation}"
-        if moved is not None:
-            moved(done, expected, line)
+        if move_bar is not None:
+            move_bar(done, expected, line)
         elif not args.quiet:
             print(f"{done}/{expected} {line}", file=sys.stderr, flush=True)
 

@@ -120,7 +120,7 @@ def without_a_watch(ours, left):
 
 def told_by(run, capsys):
     """Run something as a command; return its exit code and its errors."""
-    code = shell.guarded(shell.Parser("locsnn"), [], run)
+    code = shell.run_guarded(shell.Parser("locsnn"), [], run)
     return code, capsys.readouterr().err
 
 

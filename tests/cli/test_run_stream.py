@@ -395,7 +395,7 @@ def test_a_terminal_shows_one_line_over_and_over(monkeypatch):
     line = LiveLine(stream)
     line.show("first")
     line.show("a line that is longer than the terminal")
-    line.say("settled")
+    line.write("settled")
     line.close()
     assert stream.getvalue() == "\r\x1b[Kfirst\r\x1b[Ka line that\r\x1b[Ksettled\n\r\x1b[K"
 

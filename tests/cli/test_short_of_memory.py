@@ -41,7 +41,7 @@ FAULTS = {
 
 def guarded(run):
     """Run a function as a command is run, which turns errors into a line and an exit code."""
-    return shell.guarded(shell.Parser("locsnn"), [], run)
+    return shell.run_guarded(shell.Parser("locsnn"), [], run)
 
 
 @pytest.mark.parametrize(("fault", "limit", "line"), FAULTS.values(), ids=FAULTS)
@@ -158,7 +158,7 @@ def test_a_command_whose_processor_time_ends_says_so(busy):
     script = (
         "import sys; from locsnn_compile.cli import shell\n"
         f"def run(args):\n    {busy}\n"
-        "sys.exit(shell.guarded(shell.Parser('locsnn'), [], run))"
+        "sys.exit(shell.run_guarded(shell.Parser('locsnn'), [], run))"
     )
     done = subprocess.run(
         ["bash", "-c", 'ulimit -t 2; exec "$0" -c "$1"', sys.executable, script],

@@ -70,8 +70,10 @@ def test_python_asks_for_the_setting_that_is_given(by_python, network, played):
 
 def test_the_command_line_asks_for_the_same_as_python(by_python, played, tmp_path, monkeypatch):
     monkeypatch.setattr(build, "fulfil", stop)
-    monkeypatch.setattr(build, "asked_network", lambda args: by_python.network)
-    monkeypatch.setattr(build, "asked_recordings", lambda args, network: (played, None))
+    monkeypatch.setattr(build, "read_network", lambda args: by_python.network)
+    monkeypatch.setattr(
+        build, "check_and_calibration_recordings", lambda args, network: (played, None)
+    )
     request = requested(lambda: main(["m.pt", "-o", str(tmp_path / "b"), "--quiet", *OPTIONS]))
     for name in ("network", "chip", "pricing"):
         assert getattr(request, name) == getattr(by_python, name)

@@ -1,1 +1,4 @@
-"""The options of all commands: a module for each, and one for what several share."""
+"""The options of all commands: a module for each command, and one for what several share.
+
+They lie apart from the commands, so that help and shell completion import nothing heavy.
+"""

@@ -5,6 +5,7 @@ import argparse
 from locsnn_compile.cli.completion import chips_of_all_families
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
+    DEFAULT_TARGET,
     EVENT_FILES,
     add_chip,
     add_dial,
@@ -40,8 +41,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_chip(
         parser,
         "--target",
-        "chip name or chip file (default loihi-sim)",
-        default="loihi-sim",
+        f"chip name or chip file (default {DEFAULT_TARGET})",
+        default=DEFAULT_TARGET,
         completer=chips_of_all_families,
     )
     add_profile(
@@ -51,6 +52,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     add_folder(parser, "build/<model name>")
     add_recordings(parser, "--events", f"recordings to check on: {EVENT_FILES}")
+    # A dial is a choice of the compiler that --strategy auto and explore can vary, such as the
+    # weight bits. The first, the strategy, decides most and comes first in the help.
     first_dial, *other_dials = DIALS
     add_dial(parser, first_dial)
     add_recordings(

@@ -1,4 +1,4 @@
-"""The one argument of ``locsnn completion``: the shell."""
+"""The only argument of ``locsnn completion``: the shell."""
 
 import argparse
 

@@ -4,6 +4,7 @@ import argparse
 
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
+    DEFAULT_TARGET,
     add_chips,
     add_document,
     add_error_bounds,
@@ -23,7 +24,7 @@ from locsnn_compile.settings import DIALS
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn explore``."""
-    parser.add_argument("model", metavar="MODEL", help=f"{models_in_words()}")
+    parser.add_argument("model", metavar="MODEL", help=models_in_words())
     add_format_options(parser)
     add_recordings(
         parser, "--events", "recordings on which to compare (default: synthetic touches)"
@@ -54,8 +55,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_chips(
         parser,
         "--target",
-        "chip name or chip file (default loihi-sim); given several times, the network on each of them",
+        f"chip name or chip file (default {DEFAULT_TARGET}); given several times, the network on "
+        "each of them",
     )
+    # A dial is a choice of the compiler, such as the weight bits: explore tries several values.
     for dial in DIALS:
         add_explored(parser, dial)
     parser.add_argument(

@@ -22,6 +22,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         type=_board_name,
         help=f"{', '.join(BOARDS)}, or the YAML file of your own (default: the device's first)",
     )
+    # argcomplete looks for this attribute, which argparse does not declare.
     board.completer = lambda **_: list(BOARDS)  # type: ignore[attr-defined]
     parser.add_argument(
         "--seeds",
@@ -34,7 +35,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def _board_name(text: str) -> str:
-    """Return the name of a board that ships, or the path of a description."""
+    """Return the name of an included board, or the path of a description; refuse any other name."""
     if not text.endswith((".yaml", ".yml")) and text not in BOARDS:
         fix = did_you_mean(text, BOARDS)
         raise InputError(f"--board {text}", "it is not known", fix=fix)

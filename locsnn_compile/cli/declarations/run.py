@@ -47,7 +47,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_early_stop(parser: argparse.ArgumentParser) -> None:
-    """Add the options on when to stop before the last step."""
+    """Add the options on stopping a recording before its last step."""
     parser.add_argument(
         "--stop",
         metavar="HOW",

@@ -1,4 +1,8 @@
-"""Options that several commands share."""
+"""Options that several commands share: one function for each group of options.
+
+An option that was not given is None in the parsed arguments, so that the commands know whether to
+look for the value in the model or in the recordings; help texts say the default.
+"""
 
 import argparse
 from collections.abc import Callable
@@ -9,9 +13,12 @@ from locsnn_compile.cli.declarations.kinds import choice, number, numbers, start
 from locsnn_compile.frontends.formats import FORMAT_OPTIONS
 from locsnn_compile.settings import Dial
 
+DEFAULT_TARGET = "loihi-sim"
+"""The chip that commands take if none is given."""
+
 
 def add_times(parser: argparse.ArgumentParser) -> None:
-    """Add the options on how recordings become steps."""
+    """Add the options on how events become bins: steps of one width, and which class is which."""
     parser.add_argument(
         "--step-seconds",
         metavar="X",
@@ -68,7 +75,7 @@ def add_times(parser: argparse.ArgumentParser) -> None:
 
 
 def add_division(parser: argparse.ArgumentParser) -> None:
-    """Add the options on how recordings are divided."""
+    """Add the options on how recordings are divided into a train part and a test part."""
     parser.add_argument(
         "--split",
         metavar="X",
@@ -84,7 +91,7 @@ def add_division(parser: argparse.ArgumentParser) -> None:
 
 
 def add_sensor(parser: argparse.ArgumentParser) -> None:
-    """Add the options on what the sensor is."""
+    """Add the options that describe the sensor, and those that select or merge its channels."""
     parser.add_argument(
         "--axes",
         metavar="ORDER",
@@ -175,7 +182,7 @@ def add_weights(parser: argparse.ArgumentParser) -> None:
 
 
 EVENT_FILES = ".zip, folder, .npy, .npz, .pt, .h5, or event files"
-"""What recordings may be read from."""
+"""The kinds of files from which recordings are read, in the words of the help."""
 
 
 def add_program(parser: argparse.ArgumentParser) -> None:
@@ -202,25 +209,26 @@ def add_profile(parser: argparse.ArgumentParser, help: str) -> None:
 
 
 def add_psi(parser: argparse.ArgumentParser, help: str) -> None:
-    """Add the option on the time-weighted prediction."""
+    """Add psi of the time-weighted prediction: how late it shifts to the location branch."""
     parser.add_argument("--psi", metavar="X", type=number("--psi", float, low=0), help=help)
 
 
 def add_least_agreement(parser: argparse.ArgumentParser, help: str) -> None:
-    """Add the bound on the share of predictions that are the float network's."""
-    read = number("--min-agreement", float, low=0, high=1)
-    parser.add_argument("--min-agreement", metavar="X", type=read, help=help)
+    """Add the bound on the share of recordings whose prediction must stay the same."""
+    parse_share = number("--min-agreement", float, low=0, high=1)
+    parser.add_argument("--min-agreement", metavar="X", type=parse_share, help=help)
 
 
 def add_error_bounds(
     parser: argparse.ArgumentParser, *, agreement: str, spikes: str, scores: str
 ) -> None:
-    """Add the bounds on what the chip may lose, with what each does."""
+    """Add the bounds on what the chip may lose of the float network, with a help text for each."""
     add_least_agreement(parser, agreement)
-    read_share = number("--max-spike-error", float, low=0, high=1)
-    parser.add_argument("--max-spike-error", metavar="X", type=read_share, help=spikes)
-    read_error = number("--max-score-error", float, low=0)
-    parser.add_argument("--max-score-error", metavar="X", type=read_error, help=scores)
+    parse_share = number("--max-spike-error", float, low=0, high=1)
+    parser.add_argument("--max-spike-error", metavar="X", type=parse_share, help=spikes)
+    # Without an upper bound: it is relative to the spread of the scores, and may exceed 1.
+    parse_error = number("--max-score-error", float, low=0)
+    parser.add_argument("--max-score-error", metavar="X", type=parse_error, help=scores)
 
 
 def add_scheduler(parser: argparse.ArgumentParser, help: str) -> None:
@@ -240,7 +248,7 @@ def add_json(parser: argparse.ArgumentParser, help: str = "print the result as J
 
 
 def add_document(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the option that prints a file that the command writes."""
+    """Add ``--json``, which prints the file ``name`` that the command also writes."""
     add_json(parser, f"print {name} to standard output, and nothing else there")
 
 
@@ -256,13 +264,14 @@ def add_chip(
     default: str | None = None,
     completer: Callable[..., list[str]] = chips,
 ) -> None:
-    """Add an option that names a chip, which shells complete by those that ship."""
+    """Add an option that names a chip; shells complete the names of the included chips."""
     action = parser.add_argument(option, metavar="CHIP", default=default, help=help)
+    # argcomplete looks for this attribute, which argparse does not declare.
     action.completer = completer  # type: ignore[attr-defined]
 
 
 def add_chips(parser: argparse.ArgumentParser, option: str, help: str) -> None:
-    """Add an option that names a chip each time that it is given."""
+    """Add an option that names a chip and can be given several times."""
     action = parser.add_argument(option, metavar="CHIP", action="append", help=help)
     action.completer = chips  # type: ignore[attr-defined]
 
@@ -271,17 +280,17 @@ def add_format_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that only some formats of models take."""
     for option in FORMAT_OPTIONS:
         name = f"--{option.name.replace('_', '-')}"
-        if not option.value:
+        if not option.value:  # a flag; None instead of False says that it was not given
             parser.add_argument(name, action="store_true", default=None, help=option.help)
         elif option.is_number:
-            read = number(name, float)
-            parser.add_argument(name, metavar=option.value, type=read, help=option.help)
+            parse = number(name, float)
+            parser.add_argument(name, metavar=option.value, type=parse, help=option.help)
         else:
             parser.add_argument(name, metavar=option.value, help=option.help)
 
 
 def add_dial(parser: argparse.ArgumentParser, dial: Dial) -> None:
-    """Add the option of a dial of the compiler."""
+    """Add the option of ``locsnn-compile`` for one value of a dial (see ``settings.py``)."""
     kind: dict[str, Any] = {"type": dial.read}
     if dial.choices:
         kind = choice(dial.option, dial.choices)
@@ -294,13 +303,15 @@ def add_dial(parser: argparse.ArgumentParser, dial: Dial) -> None:
 
 
 def add_explored(parser: argparse.ArgumentParser, dial: Dial) -> None:
-    """Add the option of ``locsnn explore`` for values of a dial."""
-    read = type(dial.values[0])
-    values = tuple(map(str, dial.values))
+    """Add the option of ``locsnn explore`` for several values of a dial.
+
+    Without bounds only the usual values can be tried; with bounds, any value between them.
+    """
+    usual_values = tuple(map(str, dial.values))
     if dial.bounds is None:
-        kind = choice(dial.option, values, read)
+        kind = choice(dial.option, usual_values, read=type(dial.values[0]))
     else:
         low, high = dial.bounds
         kind = {"type": number(dial.option, dial.read, low=low, high=high)}
-    help = f"{dial.tried} to try (default: {', '.join(values)})"
+    help = f"{dial.tried} to try (default: {', '.join(usual_values)})"
     parser.add_argument(dial.option, metavar="X", nargs="+", help=help, **kind)

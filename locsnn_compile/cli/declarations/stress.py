@@ -3,12 +3,13 @@
 import argparse
 from pathlib import Path
 
-from locsnn_compile.cli.declarations.shared import add_chip, add_json
+from locsnn_compile.cli.declarations.shared import DEFAULT_TARGET, add_chip, add_json
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn stress``."""
-    add_chip(parser, "--target", "chip name or chip file (default loihi-sim)", default="loihi-sim")
+    help = f"chip name or chip file (default {DEFAULT_TARGET})"
+    add_chip(parser, "--target", help, default=DEFAULT_TARGET)
     parser.add_argument(
         "--quick",
         action="store_true",

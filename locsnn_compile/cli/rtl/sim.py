@@ -10,27 +10,35 @@ It needs Verilator (Debian: apt-get install verilator) or, with --simulator icar
 built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on a board.
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 import argparse
 
 import hw_model as hw
 from hw_model.rtl import simulators
 from hw_model.rtl.comparison import compare
-from locsnn_compile.cli.shell import EXIT_GATE, say
+from locsnn_compile.cli.shell import EXIT_GATE, print_result
 from locsnn_compile.cli.step_options import assumption_lines, read_for_program
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare; print the result in a few lines, or as JSON."""
+    """Compare the core with the simulator; print the result in a few lines, or as JSON.
+
+    Returns 3 if a value differs, or if a recording took another number of cycles than predicted.
+    """
     program = hw.load_program(args.program)
     recordings = read_for_program(args, args.events, program)
+    # Without --recordings this is [:None], which takes all.
     spikes = recordings.spikes[: args.recordings]
-    found = compare(program, spikes, simulators.sources(), args.simulator)
-    cycles = found["cycles"]
+    document = compare(program, spikes, simulators.sources(), args.simulator)
+    mismatches = document["mismatches"]
+    cycle_mismatches = document["cycle_mismatches"]
+    cycles = document["cycles"]
     lines = (
-        f"recordings {found['recordings']}, compared values {found['compared_values']}",
-        f"mismatches {found['mismatches']}, cycles predicted wrongly {found['cycle_mismatches']}",
+        f"recordings {document['recordings']}, compared values {document['compared_values']}",
+        f"mismatches {mismatches}, cycles predicted wrongly {cycle_mismatches}",
         f"cycles per recording: {sum(cycles) / len(cycles):.0f} on average, {max(cycles)} at most",
     )
-    found["assumptions"] = list(recordings.assumed)
-    say(args, found, [*lines, *assumption_lines(recordings)])
-    return EXIT_GATE if found["mismatches"] or found["cycle_mismatches"] else 0
+    document["assumptions"] = list(recordings.assumed)
+    print_result(args, document, [*lines, *assumption_lines(recordings)])
+    return EXIT_GATE if mismatches or cycle_mismatches else 0

@@ -10,36 +10,37 @@ sim:verilator and sim:icarus simulate the board and its line; Icarus is slow. A 
 such as /dev/ttyUSB0, and needs pyserial: pip install pyserial.
 """
 
+# The docstring above is the help of the command, so it stays in these words.
+
 import argparse
 
 import hw_model as hw
 from hw_model.rtl.streaming import stream
-from locsnn_compile.cli.shell import EXIT_GATE, say
+from locsnn_compile.cli.shell import EXIT_GATE, print_result
 from locsnn_compile.cli.step_options import assumption_lines, read_for_program
 
 
 def run(args: argparse.Namespace) -> int:
-    """Stream; print the class of each recording and what differs, or the result as JSON."""
+    """Stream recordings to the board; print their classes and what differs, or the result as JSON.
+
+    Returns 3 if the board answers differently from the simulator.
+    """
     program = hw.load_program(args.program)
     recordings = read_for_program(args, args.events, program)
+    # Without --recordings this is [:None], which takes all.
     spikes = recordings.spikes[: args.recordings]
-    found = stream(program, spikes, args.port, args.baud, args.spikes)
-    said = "no readout" if found["expected"] is None else "class {}"
-    found["assumptions"] = list(recordings.assumed)
-    lines = [
-        f"recording {index}: {said.format(winner)}"
-        + (f"; different: {', '.join(differs)}" if differs else "")
-        for index, (winner, differs) in enumerate(
-            zip(found["classes"], found["different"], strict=True)
-        )
-    ]
-    say(
-        args,
-        found,
-        [
-            *lines,
-            *assumption_lines(recordings),
-            f"recordings {found['recordings']}, different from the simulator {found['mismatches']}",
-        ],
-    )
-    return EXIT_GATE if found["mismatches"] else 0
+    document = stream(program, spikes, args.port, args.baud, args.spikes)
+    document["assumptions"] = list(recordings.assumed)
+    lines: list[str] = []
+    # The simulator expects no classes of a program without a readout.
+    has_readout = document["expected"] is not None
+    by_recording = zip(document["classes"], document["different"], strict=True)
+    for number, (predicted_class, differences) in enumerate(by_recording):
+        prediction = f"class {predicted_class}" if has_readout else "no readout"
+        difference = f"; different: {', '.join(differences)}" if differences else ""
+        lines.append(f"recording {number}: {prediction}{difference}")
+    lines += assumption_lines(recordings)
+    mismatches = document["mismatches"]
+    lines.append(f"recordings {document['recordings']}, different from the simulator {mismatches}")
+    print_result(args, document, lines)
+    return EXIT_GATE if mismatches else 0
