@@ -1,4 +1,9 @@
-"""Loops that other processes compile, while this one compiles others: numba compiles one function at a time."""
+"""Compile loops in helper processes while this process compiles others.
+
+numba compiles one function at a time. Modules register helpers (:func:`compile_ahead`): modules that,
+run as processes, compile some loops and leave them in numba's cache. The helpers start as soon as a
+loop turns out not to be compiled, and whoever needs one of their loops waits for them.
+"""
 
 import atexit
 import os
@@ -20,36 +25,36 @@ class _Helper:
     def start(self) -> None:
         """Start the process, once."""
         if self.process is None:
-            self.process = _started(self._name)
+            self.process = _start_process(self._name)
 
 
 TILE_FILES = "__pycache__/tiles.run_tile-*.nbi"
-"""Files in which numba keeps the compiled tile, which takes longest."""
+"""Index files of numba's cache for :func:`hw_model.engine.tiles.run_tile`, the loop that takes longest to compile."""
 _helpers: dict[str, _Helper] = {}
-"""By the name of their module: they are started as soon as a loop turns out not to be compiled."""
+"""The registered helpers, by the names of their modules."""
 
 
 def compile_ahead(name: str, modules: tuple[str, ...]) -> None:
-    """Let module ``name``, run as a process, compile the loops of ``modules``.
+    """Register module ``name`` as a helper that compiles the loops of ``modules`` when it runs as a process.
 
-    It is started as soon as this process compiles others, and who needs these loops then waits for its end
-    (:func:`compiled_ahead`). With one core nothing happens.
+    The process starts as soon as this one compiles a loop; whoever then needs the helper's loops waits for its end
+    (:func:`compiled_ahead`). With a single core nothing is registered, as it would only slow this process down.
     """
     if name not in _helpers and cores() > 1 and sys.executable:
         _helpers[name] = _Helper(name, modules)
 
 
 def start_ahead() -> None:
-    """Start all helpers, because a loop that is needed, or soon will be, is not compiled."""
+    """Start all helpers. Called when a loop that is needed, or soon will be, is not compiled."""
     for helper in _helpers.values():
         helper.start()
 
 
 def start_ahead_where_nothing_is_compiled() -> None:
-    """Start all helpers where no tile was ever compiled next to this copy of the package.
+    """Start all helpers if no tile was ever compiled next to this copy of the package.
 
-    numba, which knows better, takes a third of a second to import. Where it keeps code elsewhere, because nothing can
-    be written here, nothing is started yet.
+    This only looks for files: asking numba would be exact, but importing it takes a third of a second. If numba's
+    cache lies elsewhere, because this folder cannot be written, nothing is started yet.
     """
     folder = Path(__file__).parent
     is_kept_here = "NUMBA_CACHE_DIR" not in os.environ and os.access(folder, os.W_OK)
@@ -58,7 +63,7 @@ def start_ahead_where_nothing_is_compiled() -> None:
 
 
 def compiled_ahead(module: str) -> bool:
-    """Start all helpers, and wait for the one that compiles the loops of a module; tell whether it succeeded."""
+    """Start all helpers, wait for the one that compiles the loops of a module, and return whether it succeeded."""
     start_ahead()
     for helper in _helpers.values():
         if module in helper.modules and helper.process is not None:
@@ -66,8 +71,8 @@ def compiled_ahead(module: str) -> bool:
     return False
 
 
-def _started(module: str) -> subprocess.Popen[bytes]:
-    """Start a module as a process that imports this very copy of the package."""
+def _start_process(module: str) -> subprocess.Popen[bytes]:
+    """Start a module as a process that imports this copy of the package, and no other that may be installed."""
     root = str(Path(__file__).parents[2])
     python_path = os.pathsep.join((root, os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
     process = subprocess.Popen(
@@ -83,6 +88,6 @@ def _started(module: str) -> subprocess.Popen[bytes]:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Let no process outlive this one: loops that it has not cached yet are compiled another time."""
+    """Stop a helper when this process ends: what it has not cached yet is compiled another time."""
     process.kill()
     process.wait()

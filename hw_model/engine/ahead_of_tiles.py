@@ -1,4 +1,9 @@
-"""Run as a process: compiles the tile and the loop over recordings, while another one compiles the rest."""
+"""A helper process (:mod:`hw_model.engine.ahead`): it compiles the fast engine's tile, and its loop over recordings.
+
+It does so by playing a tiny program. Loops are compiled by the types of their arguments, so the
+code serves every program whose layout has 32 bits. :func:`transposed_dendrites` is a program for
+the helpers of other rooms, which compile the loops of sessions.
+"""
 
 from dataclasses import replace
 
@@ -12,7 +17,7 @@ from hw_model.program.chip_program import ChipProgram
 
 
 def program_of_one_chunk() -> ChipProgram:
-    """Return a program of one input and one full chunk, connected in full: all of 32 bits share its loops."""
+    """Return a program of one input and one full chunk, fully connected. All programs in 32 bits share its loops."""
     builder = ProgramBuilder(chip("loihi-sim"))
     x = builder.add_input("x", 1)
     y = builder.add_compartments("y", LANES, threshold=1)
@@ -25,19 +30,22 @@ def transposed_dendrites() -> ChipProgram:
     """Return a program whose input goes through the transpose buffer, to neurons of two dendrites each."""
     builder = ProgramBuilder(chip("loihi-sim"))
     x = builder.add_input("x", 1)
-    # What keeps nothing adds up its dendrites: they are run together, as a pair.
+    # A soma that keeps nothing is only the sum of its dendrites: the three chunks run as a pair.
     soma = builder.add_compartments("soma", LANES, threshold=1, decay_u=FORGETS, decay_v=FORGETS)
     for name in ("one", "other"):
         dendrite = builder.add_compartments(name, LANES, threshold=1, joined_to=soma)
         builder.connect(x, dendrite, np.full((LANES, 1), 2))
     builder.read_out(soma)
     program = builder.build()
-    played = replace(program.inputs[0], positions=np.zeros(1, dtype=np.int64))
-    return replace(program, inputs=(played,))
+    transposed_input = replace(program.inputs[0], positions=np.zeros(1, dtype=np.int64))
+    return replace(program, inputs=(transposed_input,))
 
 
-def _play_nothing() -> None:
-    """Play a recording without events; its list, which is soon compiled, is left to the other process."""
+def _play_silence() -> None:
+    """Play a recording without events, which compiles what every recording needs.
+
+    Events are listed by the plain functions: the loops that list them compile quickly, and another process does it.
+    """
     from hw_model.engine.fast import run_phase
     from hw_model.engine.playing import Player, list_events, play
 
@@ -48,4 +56,4 @@ def _play_nothing() -> None:
 
 
 if __name__ == "__main__":
-    _play_nothing()
+    _play_silence()

@@ -1,7 +1,8 @@
-"""The step of a compartment alone: :mod:`hw_model.arithmetic.loihi` on numbers of 32 bits, for compiled loops.
+"""The step of a single compartment, :mod:`hw_model.arithmetic.loihi` on 32-bit numbers, for compiled loops.
 
-A loop over compartments that takes these in runs in vectors, as one over chunks does; but here q is in whole units of
-64 and everything else may have registers of any width up to 29 bits. Truths are 0 or 1.
+The fast engine does not use it: it is for loops over compartments that do not lie in chunks, such as those of
+networks in training. These functions become part of such a loop, and LLVM then runs it in vectors. q is in whole units
+of 64, and registers may have any width up to 29 bits. Conditions are 0 or 1.
 """
 
 from hw_model.arithmetic import loihi
@@ -12,6 +13,7 @@ from hw_model.engine.lanes import Lanes
 from hw_model.engine.private_numba import of_numbers
 
 Numbers = tuple[Lanes, ...]
+"""What a function returns to a loop: as many 32-bit numbers as its decorator says."""
 
 
 @of_numbers("u, v, charge, keep, last, half_charge, half_current", returns=2 + len(EVENTS))
@@ -24,23 +26,29 @@ def dendrite(  # noqa: PLR0913 - registers and parameters of a step, by name
     half_charge: Lanes,
     half_current: Lanes,
 ) -> Numbers:
-    """Take the step of a compartment without threshold or bias: return u, v, and which events it met."""
+    """Run a step of a compartment without threshold or bias; return u, v, and how often it met each event.
+
+    ``keep`` is the share that u and v keep, in 4096ths, and v is clipped to ``-last..last``.
+    """
     nothing = charge & 0
     p = Parameters(keep, keep, nothing, last, nothing, -last, last)
     response = loihi.respond(OnLanes((half_charge, half_current)), p, u, v, charge, nothing)
-    return response.u, response.v, *_met(response, ALWAYS, nothing)
+    return response.u, response.v, *_event_counts(response, ALWAYS, nothing)
 
 
 @of_numbers("joined, threshold, last, half_charge, half_current", returns=2 + len(EVENTS))
 def sum_of_joined(
     joined: Lanes, threshold: Lanes, last: Lanes, half_charge: Lanes, half_current: Lanes
 ) -> Numbers:
-    """Take the step of a compartment that keeps nothing: return v at the threshold, spikes, and which events it met."""
+    """Run a step of a compartment that is only the sum of its children.
+
+    Return v as it was compared with the threshold, whether it spikes, and how often it met each event.
+    """
     nothing = joined & 0
     p = Parameters(nothing, nothing, nothing, threshold, nothing + 1, -last, last)
     at_rest = State(nothing, nothing, nothing)
     step = loihi.step(OnLanes((half_charge, half_current)), p, at_rest, nothing, joined)
-    return step.potential, step.fired, *_met(step.response, step.live, nothing)
+    return step.potential, step.fired, *_event_counts(step.response, step.live, nothing)
 
 
 @of_numbers(
@@ -51,20 +59,21 @@ def compartment(  # noqa: PLR0913 - registers and parameters of a step, by name
     u: Lanes, v: Lanes, blocked: Lanes, charge: Lanes, keep: Lanes, threshold: Lanes, refractory: Lanes,
     last: Lanes, half_charge: Lanes, half_current: Lanes,
 ) -> Numbers:  # fmt: skip
-    """Take the step of a compartment without bias or children.
+    """Run a step of a compartment without bias or children.
 
-    Return u, v, blocked, v at the threshold, spikes, which are not blocked, and which events it met.
+    Return u, v, blocked, v as it was compared with the threshold, whether it spikes, whether it was not blocked, and
+    how often it met each event.
     """
     nothing = charge & 0
     p = Parameters(keep, keep, nothing, threshold, refractory, -last, last)
     ops = OnLanes((half_charge, half_current))
     step = loihi.step(ops, p, State(u, v, blocked), charge, nothing)
-    met = _met(step.response, step.live, nothing)
-    return *step.state, step.potential, step.fired, step.live, *met
+    counts = _event_counts(step.response, step.live, nothing)
+    return *step.state, step.potential, step.fired, step.live, *counts
 
 
-def _met(response: Response, live: Truth, nothing: Lanes) -> list[Lanes]:
-    """Return how often every event was met, in the order of :data:`EVENTS`."""
+def _event_counts(response: Response, live: Truth, nothing: Lanes) -> list[Lanes]:
+    """Return how often each event was met in the step, in the order of :data:`EVENTS`."""
     counts = dict.fromkeys(EVENTS, nothing)
     for event, met in loihi.events(response, live):
         counts[event] = counts[event] + met

@@ -1,12 +1,15 @@
-"""The kernels over the lanes of a chunk in one step: :mod:`hw_model.arithmetic.loihi` over vectors.
+"""The kernels of the fast engine: the step of :mod:`hw_model.arithmetic.loihi` on a chunk of 16 compartments at once.
 
-A kernel is compiled into the loops that call it (:mod:`hw_model.engine.lanes`). Its decorator names what a loop calls
-it with: for each place an array and the indices of its first element, then plain numbers; names only have to differ.
+A *kernel* is a Python function that runs once, when a loop is compiled: its operations on :class:`Lanes` become vector
+instructions inside the loop (:mod:`hw_model.engine.lanes`). The decorator lists the parameters with which a loop calls
+it. Each ``Place`` of the Python function takes an array and the indices of its first element there, all else a plain
+number: ``update(registers, at, charge, row, slot, widths)`` in a loop runs ``update(c, charge, widths)`` below. The
+names in the list do not matter, but numba wants them to differ.
 
-Registers ``c`` and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` knows which one
-holds every sum. Charges are in units of the page, 64 of the registers each; ``widths`` are
-:class:`hw_model.engine.layout.Widths`. Kernels return spikes as bits, how many lanes were busy, and as bits which of
-them do not rest.
+Registers ``c`` and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` chooses the one
+that holds every sum. Charges are in units of 64. ``widths`` are :class:`hw_model.engine.layout.Widths`. Where nothing
+else is said, a kernel returns the spikes as bits, how many lanes were busy (had anything to work on), and as bits which
+lanes are not at rest (would change without charges).
 """
 
 from functools import reduce
@@ -57,12 +60,15 @@ from hw_model.engine.layout import (
 from hw_model.engine.private_numba import kernel
 
 NO_JOINED = 0
-"""What children pass to a compartment that has none."""
+"""What a compartment without children gets from them."""
 FIELD_OF_EVENT = dict(zip(EVENTS, (CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS), strict=True))
 
 
 class OnLanes:
-    """The operations of a step on vectors; without ``ends`` nothing can wrap."""
+    """The operations of :mod:`hw_model.arithmetic.loihi` on vectors.
+
+    ``ends`` are half the ranges of q and u, at which they wrap; without them nothing wraps.
+    """
 
     def __init__(self, ends: WrapHalves = (None, None)) -> None:
         self._half_charge, self._half_current = ends
@@ -81,7 +87,7 @@ class OnLanes:
         return charge
 
     def kept(self, x: Lanes, keep: Lanes) -> Lanes:
-        """Return what is left of x; no product is wider than x, or than 24 bits."""
+        """Return x keep / 4096, truncated; no product is wider than x, or than 24 bits."""
         left: Lanes = kept_by_parts(x, keep, first_bits, as_factor)
         return left
 
@@ -91,37 +97,38 @@ class OnLanes:
         return where(v > high, high, v)
 
     def select(self, condition: Lanes, chosen: Lanes | int, otherwise: Lanes | int) -> Lanes:
-        """Return ``chosen`` where the condition holds, and ``otherwise`` where not."""
+        """Return ``chosen`` where the condition holds, else ``otherwise``."""
         return select(condition, chosen, otherwise)
 
 
 PLAINLY = OnLanes()
+"""The operations where nothing can wrap."""
 
 
 def _wrap(x: Lanes, half: Lanes | int | None) -> Lanes:
-    """Return x in two's complement: its low bits, of which the highest, worth half, counts as negative."""
+    """Return x wrapped to ``-half..half - 1``: its low bits in two's complement."""
     return x if half is None else ((x & (half * 2 - 1)) ^ half) - half
 
 
 def _parameters(c: Place) -> Parameters:
-    """Return the parameters of a chunk; what a kernel does not use, it does not read."""
+    """Return the parameters of a chunk. The compiler removes the loads of those that a kernel does not use."""
     return Parameters(c[KEEP_U], c[KEEP_V], c[BIAS], c[THRESHOLD], c[REFRACTORY], c[VMIN], c[VMAX])
 
 
 def _plain(p: Parameters) -> Parameters:
-    """Return the parameters of a chunk that has no bias, as is known beforehand."""
+    """Return the parameters of a chunk without bias, with a constant 0 in its place, which costs nothing to add."""
     return p._replace(bias=0)
 
 
 def _count(c: Place, *events: tuple[str, Lanes]) -> None:
-    """Count which lanes met an event. Few do: to look for any takes less time than to count none."""
+    """Count the lanes that met each event. Events are rare, so testing for any is faster than counting zeros."""
     with seldom(reduce(or_, (met for _, met in events))):
         for event, met in events:
             c[FIELD_OF_EVENT[event]] += met
 
 
 def _finish(c: Place, step: Step) -> Lanes:
-    """Write the registers after a step but u; return which lanes do not rest, apart from u and bias."""
+    """Write all registers after a step except u; return the lanes whose v or refractory count is not 0."""
     _, v, blocked = step.state
     c[V], c[BLOCKED] = v, blocked
     c[POTENTIAL] = step.potential
@@ -131,7 +138,7 @@ def _finish(c: Place, step: Step) -> Lanes:
 
 @kernel("registers, at, charge, row, slot, widths", returns=3)
 def update(c: Place, charge: Place, widths: LlvmValue) -> LlvmValues:
-    """Update a chunk. Its charges are taken and set to 0."""
+    """Update a chunk in one row. Its charges are read and set to 0, and so is what its children passed."""
     arrived = charge[0]
     joined = c[JOINED]
     p = _parameters(c)
@@ -147,7 +154,7 @@ def update(c: Place, charge: Place, widths: LlvmValue) -> LlvmValues:
 
 
 def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Response]:
-    """Take charge into u and v, where nothing can wrap; return which lanes were busy, and what they did."""
+    """Read the charge and update u, where nothing can wrap; return which lanes were busy, and the response."""
     arrived = charge[0]
     u = c[U]
     v = c[V]
@@ -161,7 +168,7 @@ def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Response]:
 
 @kernel("registers, at, charge, row, slot", returns=3)
 def update_plain(c: Place, charge: Place) -> LlvmValues:
-    """Do the same for a chunk without bias, refractory steps and children, in which nothing can wrap."""
+    """Do what :func:`update` does for a plain chunk: no bias, refractory steps or children, and nothing can wrap."""
     busy, response = _respond_plainly(c, charge)
     fired = response.v > c[THRESHOLD]
     v = loihi.reset(PLAINLY, response.v, fired)
@@ -176,9 +183,10 @@ def update_plain(c: Place, charge: Place) -> LlvmValues:
 def update_pair(
     c: Place, other: Place, soma: Place, charge: Place, other_charge: Place
 ) -> LlvmValues:
-    """Do the same for two plain chunks of dendrites, and a third that is only their sum and is never refractory.
+    """Update two plain chunks of dendrites, and a third chunk, the soma, that is only their sum and never refractory.
 
-    Return its spikes, how many lanes of each were busy, and which of each do not rest. Potentials are not kept.
+    Return the spikes of the soma; how many lanes of each chunk were busy; and which lanes of each are not at rest.
+    Potentials are not written.
     """
     busy, response = _respond_plainly(c, charge)
     other_busy, other_response = _respond_plainly(other, other_charge)
@@ -200,16 +208,16 @@ def update_pair(
 
 @kernel("registers, at, charge, row, slot, widths", returns=1)
 def advance(c: Place, charge: Place, widths: LlvmValue) -> LlvmValues:
-    """Do what :func:`update` does, but count nothing and leave the charge.
+    """Do what :func:`update` does, but count nothing and leave the charge as it is; return the spikes only.
 
-    What no one will ask for need not be counted, in steps that are run only for their spikes.
+    For steps that a session replays only for their spikes.
     """
     joined = c[JOINED]
     p = _parameters(c)
     before = State(c[U], c[V], c[BLOCKED])
     c[JOINED] = 0
     ends = halves_of_ranges(c, widths)
-    if ends[1] is None:
+    if ends[1] is None:  # where nothing can wrap there is no bias either: the chunk is plain
         p = _plain(p)
     step = loihi.step(OnLanes(ends), p, before, charge[0], joined)
     c[U] = step.state.u
@@ -226,15 +234,21 @@ def advance_pair(  # noqa: PLR0913 - registers and parameters of a step, by name
     c: Place, before: Place, after: Place, charge: Place, other_charge: Place, echo: Place, other_echo: Place,
     masks: Place, flips: Place, numbers: Place, spikes: LlvmValue, many: LlvmValue, widths: LlvmValue,
 ) -> None:  # fmt: skip
-    """Do the same in so ``many`` rows for two dendrites, whose registers follow each other, and a third, their sum.
+    """Do what :func:`advance` does, in ``many`` rows, for two dendrites and their soma, which is only their sum.
 
-    This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma. Their
-    states are read from one place and written to another; ``spikes`` are those of the row before, as bits, and
-    ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted. Without
-    ``widths``, an empty tuple, both dendrites are plain.
+    This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma. The
+    registers of the three chunks ``c`` follow each other.
+
+    - ``before``, ``after``: where the state is read, and where it is written in each row
+    - ``spikes``: the spikes of the row before the first, as bits
+    - ``echo``, ``other_echo``: what a spike adds to the charges of each dendrite in the next row
+    - ``masks``: the spikes of each row as bits, those of an earlier play at first; overwritten
+    - ``flips``: which spikes of each row differ from the earlier play
+    - ``numbers``: the number of spikes of each lane over all rows, kept up to date
+    - ``widths``: an empty tuple if both dendrites are plain
     """
     ends = halves_of_ranges(c, widths)
-    second = KEPT_FIELDS  # where the state of the second dendrite begins, behind that of the first
+    second = KEPT_FIELDS  # the state of the second dendrite lies behind that of the first
     ops = OnLanes(ends)
     alpha, refractory, soma = (_parameters(c.after(n * FIELDS)) for n in range(3))
     if ends[1] is None:
@@ -244,8 +258,9 @@ def advance_pair(  # noqa: PLR0913 - registers and parameters of a step, by name
     fired = variable(mask_of(c, spikes))
     counted = variable(numbers[0])
     echoes = (echo[0], other_echo[0])
-    # The sum is not kept, so it need not be clipped: where clipped ones never exceed the threshold, no sum exceeds
-    # another. None is raised above it, for vmin is 0 at most and the threshold 0 at least.
+    # The soma's v is not written, so it need not be clipped, if spikes stay the same. Clipping to vmax prevents spikes
+    # only if the threshold is vmax or more: then compare with a number that no sum exceeds. Clipping to vmin causes
+    # none, as vmin is 0 at most and the threshold 0 at least.
     threshold = where(soma.vmax > soma.threshold, soma.threshold, alpha.vmax + refractory.vmax)
     for row in each_row(c, many):
         arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
@@ -270,7 +285,7 @@ def advance_pair(  # noqa: PLR0913 - registers and parameters of a step, by name
 
 @kernel("charge, row, slot, weights, at, times", returns=0)
 def add_multiple(charge: Place, weights: Place, times: LlvmValue) -> None:
-    """Add the weights of a spike to a chunk's charges, ``times`` times: -1 takes them back."""
+    """Add the weights of a spike to a chunk's charges, ``times`` times; -1 removes an earlier spike."""
     charge[0] += charge.each(times) * weights[0]
 
 
@@ -282,7 +297,7 @@ def add_weights(charge: Place, weights: Place) -> None:
 
 @kernel("charge, row, slot, echo, at, came, went", returns=0)
 def change_echo(charge: Place, echo: Place, came: LlvmValue, went: LlvmValue) -> None:
-    """Add what the spikes that came pass on, and take back what those that went have."""
+    """Add the echo of spikes that are new, given as bits, and subtract that of spikes that are gone."""
     nothing = echo[0] & 0
     added = where(mask_of(charge, came), echo[0], nothing)
     charge[0] += added - where(mask_of(charge, went), echo[0], nothing)
@@ -290,19 +305,19 @@ def change_echo(charge: Place, echo: Place, came: LlvmValue, went: LlvmValue) ->
 
 @kernel("numbers, at, came, went", returns=0)
 def count_changes(numbers: Place, came: LlvmValue, went: LlvmValue) -> None:
-    """Count spikes that came, given as bits, and no longer those that went."""
+    """Add spikes that are new, given as bits, to each lane's count, and subtract spikes that are gone."""
     numbers[0] = numbers[0] + mask_of(numbers, came) - mask_of(numbers, went)
 
 
 @kernel("numbers, at, number", returns=0)
 def fill(numbers: Place, number: LlvmValue) -> None:
-    """Put one number into all lanes."""
+    """Write one number to all lanes."""
     numbers[0] = numbers.each(number)
 
 
 @kernel("event, at, first, spikes", returns=1)
 def list_lanes(event: Place, first: LlvmValue, spikes: LlvmValue) -> LlvmValues:
-    """List a chunk's spikes, given as bits, counted from ``first``; return how many there are."""
+    """List a chunk's spikes, given as bits, as lane numbers plus ``first``; return how many there are."""
     return (put_lane_numbers(event, mask_of(event, spikes), first),)
 
 
@@ -310,7 +325,10 @@ def list_lanes(event: Place, first: LlvmValue, spikes: LlvmValue) -> LlvmValues:
 def list_flips(
     event: Place, rows: Place, row: LlvmValue, first: LlvmValue, flips: LlvmValue, spikes: LlvmValue
 ) -> LlvmValues:
-    """List with their row the spikes that came or went; those that went, not among ``spikes``, as ``~number``."""
+    """List the spikes that are new or gone, the bits ``flips``, with their row; return how many there are.
+
+    A new spike, a bit of ``spikes`` too, is listed as its number, and one that is gone as ``~number``.
+    """
     numbers, rows[0] = event.each(first) + event.numbers(), rows.each(row)
     return (
         put_side_by_side(
@@ -321,18 +339,18 @@ def list_flips(
 
 @kernel("spikes, row, column, fired", returns=0)
 def note(spikes: Place, fired: LlvmValue) -> None:
-    """Write a chunk's spikes, given as bits, as 0 and 1."""
+    """Write a chunk's spikes, given as bits, as 0 and 1; entries that are 1 stay 1."""
     spikes[0] |= mask_of(spikes, fired)
 
 
 @kernel("to, given, one, two, three", returns=0)
 def copy_state(to: Place, given: Place) -> None:
-    """Copy the state of a chunk: u, v, potential and blocked, which lie side by side."""
+    """Copy the state of a chunk, u, v, potential and blocked, whose fields lie side by side."""
     for field in range(KEPT_FIELDS):
         to[field] = given[field]
 
 
 @kernel("registers, child, same, parent", returns=0)
 def pass_on(child: Place, parent: Place) -> None:
-    """Add the voltages of a chunk to its parent's."""
+    """Add the voltages of a chunk to what its parent gets from its children in this row."""
     parent[JOINED] += child[V]

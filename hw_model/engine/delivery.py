@@ -1,7 +1,13 @@
-"""The compiled loops that deliver spikes: those of a node in some rows of a tile, over a link.
+"""The compiled loops that deliver spikes: they add weights to the charges of later steps.
 
-A spike adds its synapses to the charges of the row in which they are due: the next one, or as many later as the delay
-says. A link is held as a matrix, of which every spike adds a row, or as lists, which every spike follows.
+A *row* is a step of the current tile. A *link* is all synapses from one node (an input or a group)
+to one group, as a matrix or as lists (:class:`hw_model.engine.layout.Links`); ``deliver`` follows one
+link for the spikes of its source in some rows. A spike of row r is due in row r + 1 + delay. Delivery
+also marks the chunks of compartments that get charge as *touched*: all others may be skipped.
+
+There are four ways to do it: by lists; by matrix rows, spike by spike; eight matrix rows at once for
+long rows; and, for short rows, all spikes of a tile in one loop.
+``docs/research/special-paths.md`` measures what they are worth.
 """
 
 from functools import lru_cache
@@ -17,18 +23,25 @@ from hw_model.engine.state import MOST_LISTED, NO_PATHS, TILE, Paths, first_stat
 from hw_model.values import AnyArray
 
 LONG = 128
-"""Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
+"""Slots of a matrix row from which on eight rows are added at once; for shorter rows, the setup takes longer than it
+saves. That it helps was measured (``docs/research/special-paths.md``); 128 was chosen by hand."""
 
-# Unsigned, or each index would be tested for being negative.
+# Constants that take part in indices are unsigned: numba tests signed indices for being negative, which means "from the
+# end" in Python.
 _LANES = np.uint64(LANES)
 _NEXT = np.uint64(1)
 _NO_STEP = np.int64(0)
+"""Stands for a row or a link where only the type of an argument matters."""
 _PARTS = np.uint64(4)
-"""Parts of a list of spikes that are delivered in turn: neighbours in one would wait for each other's charges."""
+"""A list of spikes is divided into this many parts, and one spike of each part is delivered in turn. Neighbours in the
+list are due in the same row: an addition would wait for the one before it to be stored. Chosen by hand."""
 
 
 class Listed(NamedTuple):
-    """The spikes of one node: those of row r are ``event[base + e]``, e in ``begin[r, node]..begin[r + 1, node]``."""
+    """The spikes of one node.
+
+    Those of row r are ``event[base + e]`` with ``begin[r, node] <= e < begin[r + 1, node]``.
+    """
 
     event: AnyArray
     base: int | np.int64
@@ -38,7 +51,8 @@ class Listed(NamedTuple):
 
 @absorbed
 def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
-    """Add the synapses of a link's spikes in rows ``rows_from..rows_to`` to the rows in which they are due."""
+    """Deliver the spikes ``listed`` of rows ``rows_from..rows_to`` over a link."""
+    # Loops that not every phase needs are called by address: they are compiled only if a phase has such links.
     links = tables.links
     if links.kind[link] != MATRIX:
         by_lists = memory.paths.by_lists
@@ -55,16 +69,17 @@ def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[n
 
 @lru_cache(maxsize=8)
 def paths_of(layout: FastLayout) -> Paths:
-    """Return where the code lies that a phase needs of :func:`by_lists` and :func:`by_rows`.
+    """Compile what a phase needs of :func:`by_lists` and :func:`by_rows`, and return their addresses.
 
-    What :func:`deliver` may call must be there: a call to an address of 0 ends the process.
+    Every loop that :func:`deliver` may call must be there: a call to address 0 crashes the process.
     """
     links = layout.tables.links
     sizes = layout.tables.nodes.size
     is_matrix = links.kind == MATRIX
     is_long = links.width >= LONG
-    # No tile is longer, and a source sends one spike a step at most.
+    # A tile has TILE rows at most, in each of which a source spikes once at most.
     may_send_more = sizes[links.source] * TILE > MOST_LISTED
+    # Arguments of the right types: their values do not matter, as nothing is run here.
     listed = Listed(np.zeros(0, np.int32), _NO_STEP, np.zeros((1, 1), np.int64), 0)
     state = packed.pack(first_state(layout, tile=1))
     arguments = (_NO_STEP, _NO_STEP, _NO_STEP, listed, layout.packed_tables, state)
@@ -78,23 +93,25 @@ def paths_of(layout: FastLayout) -> Paths:
 
 @shared
 def by_lists(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no-untyped-def]
-    """Follow the list of each spike's source."""
-    event, base, begin, m = listed
+    """Deliver by lists: add the synapses in the list of each spike's source."""
+    event, base, begin, node = listed
     nodes = tables.nodes
     links = tables.links
     ahead = np.uint64(1 + links.delay[link])
     rows_touched = np.uint64(links.width[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
         due = r + ahead
-        for e in range(begin[r, m], begin[r + _NEXT, m]):
+        for e in range(begin[r, node], begin[r + _NEXT, node]):
             source = np.uint64(links.offset[link] + event[base + e])
             first = np.uint64(links.list_start[source])
             last = np.uint64(links.list_start[source + _NEXT])
+            # The two kinds differ in the type of their words: a call for each.
             if links.kind[link] == LIST:
                 _follow(link, due, first, last, state, links, links.word)
             else:
                 _follow(link, due, first, last, state, links, links.wide_word)
-        if begin[r + _NEXT, m] > begin[r, m]:
+        # Links with few synapses have 0 rows here: `_follow` has marked their chunks one by one.
+        if begin[r + _NEXT, node] > begin[r, node]:
             for late in range(rows_touched):
                 _touch_all(links.target_node[link], due + late, nodes, state.touched)
     return 0
@@ -102,26 +119,26 @@ def by_lists(link, rows_from, rows_to, listed, tables, state):  # type: ignore[n
 
 @absorbed
 def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
-    """Add short matrix rows of the spikes of all rows together."""
+    """Deliver by short matrix rows: the spikes of all rows in one loop, then the marks."""
     _add_short_rows(link, rows_from, rows_to, listed, tables, memory)
     nodes = tables.nodes
     links = tables.links
     begin = listed.begin
-    m = listed.node
+    node = listed.node
     touched = memory.state.touched
-    node = links.target_node[link]
+    target_node = links.target_node[link]
     ahead = np.uint64(1 + links.delay[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
-        any_spike = begin[r + _NEXT, m] > begin[r, m]
-        # No branch: which rows have a spike would be guessed wrong too often.
-        for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+        any_spike = begin[r + _NEXT, node] > begin[r, node]
+        # Without a branch, because the processor could not predict which rows have a spike.
+        for chunk in range(nodes.chunk[target_node], nodes.chunk[target_node + 1]):
             touched[r + ahead, np.uint64(chunk)] |= any_spike
 
 
 @shared
 def by_rows(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no-untyped-def]
-    """Add matrix rows of the spikes of one row after the other."""
-    event, base, begin, m = listed
+    """Deliver by matrix rows, the spikes of one row after the other."""
+    event, base, begin, node = listed
     nodes = tables.nodes
     links = tables.links
     charge = state.charge
@@ -130,12 +147,14 @@ def by_rows(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no
     low = np.uint64(links.target[link])
     ahead = np.uint64(1 + links.delay[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
-        if begin[r + _NEXT, m] > begin[r, m]:
+        if begin[r + _NEXT, node] > begin[r, node]:
             due = r + ahead
-            rest = begin[r, m]
+            next_spike = begin[r, node]
             if width >= LONG:
-                rest = _add_eights(link, listed, rest, begin[r + _NEXT, m], charge, due, links)
-            for e in range(rest, begin[r + _NEXT, m]):
+                next_spike = _add_eights(
+                    link, listed, next_spike, begin[r + _NEXT, node], charge, due, links
+                )
+            for e in range(next_spike, begin[r + _NEXT, node]):
                 start = np.uint64(offset + event[base + e] * width)
                 for j in range(np.uint64(width)):
                     charge[due, low + j] += links.matrix[start + j]
@@ -145,20 +164,22 @@ def by_rows(link, rows_from, rows_to, listed, tables, state):  # type: ignore[no
 
 @inner
 def _add_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
-    """Add a short matrix row for each spike; ``row_of`` is first told the row of each.
+    """Add a short matrix row for each spike.
 
-    One loop over all spikes: how many a row has would be guessed wrong in most rows.
+    First the row of every spike is written to ``row_of``. Then one loop runs over all spikes: nested loops over rows
+    and their spikes would end at another number in most rows, which the processor cannot predict.
     """
-    event, base, begin, m = listed
+    event, base, begin, node = listed
     links = tables.links
     charge = memory.state.charge
     row_of = memory.work.row_of
-    first = begin[rows_from, m]
-    last = begin[rows_to, m]
+    first = begin[rows_from, node]
+    last = begin[rows_to, node]
     for r in range(rows_from, rows_to):
-        at = begin[r, m] - first
-        fill(row_of, at, r)
-        for k in range(at + LANES, begin[r + 1, m] - first, LANES):
+        # `fill` writes LANES numbers at a time. The next row overwrites those that are too many.
+        place = begin[r, node] - first
+        fill(row_of, place, r)
+        for k in range(place + LANES, begin[r + 1, node] - first, LANES):
             fill(row_of, k, r)
     offset = np.uint64(links.offset[link])
     width = np.uint64(links.width[link])
@@ -166,13 +187,15 @@ def _add_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: 
     ahead = np.uint64(1 + links.delay[link])
     first_event = np.uint64(base + first)
     spikes = np.uint64(last - first)
-    part = spikes // _PARTS
+    spikes_of_part = spikes // _PARTS
     for i in range(spikes):
-        e: int | np.uint64 = i
-        if i < _PARTS * part:
-            e = i % _PARTS * part + i // _PARTS
-        due = np.uint64(row_of[e]) + ahead
-        start = offset + np.uint64(event[first_event + e]) * width
+        # One spike of each part in turn; at the end, those that the division by _PARTS leaves over.
+        spike: int | np.uint64 = i
+        if i < _PARTS * spikes_of_part:
+            spike = i % _PARTS * spikes_of_part + i // _PARTS
+        due = np.uint64(row_of[spike]) + ahead
+        start = offset + np.uint64(event[first_event + spike]) * width
+        # Matrix rows are as long as the slots of their target, a multiple of LANES.
         for j in range(np.uint64(0), width, _LANES):
             add_weights(charge, due, low + j, links.matrix, start + j)
 
@@ -186,18 +209,19 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 
 @inner
 def _follow(link, at, first, last, state, links, words):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
+    """Add the synapses ``words[first..last]`` to the charges of row ``at``, or later by what a word says."""
     charge = state.charge
     touched = state.touched
     low = links.target[link]
     shift = links.weight_shift[link]
-    # A word, from its lowest bit on: the slot, how many rows late, and the weight.
+    # A word, from its lowest bit on: the slot, how many rows after `at`, and the weight.
     slot_bits = links.slot_bits[link]
     late_bits = links.late_bits[link]
     slot_mask = (1 << slot_bits) - 1
     late_mask = (1 << late_bits) - 1
     weight_from = slot_bits + late_bits
-    # Three loops, for which of them it is does not change from synapse to synapse.
+    # Three loops, so that none tests in each synapse what is the same for the whole link: whether synapses mark their
+    # own chunks, and whether all have one delay.
     if links.width[link] == 0:
         for k in range(first, last):
             word = np.int64(words[k])
@@ -218,7 +242,10 @@ def _follow(link, at, first, last, state, links, words):  # type: ignore[no-unty
 
 @inner
 def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
+    """Add matrix rows eight at once, so that the charges are loaded and stored once for eight spikes.
+
+    Return the number of the first spike that is left: less than eight remain.
+    """
     event = listed.event
     base = listed.base
     matrix = links.matrix
@@ -228,7 +255,7 @@ def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[n
     low = np.uint64(links.target[link])
     while first + 8 <= last:
         k = base + first
-        # Where the rows of eight spikes begin.
+        # The first entries of the matrix rows of eight spikes.
         a = np.uint64(offset + event[k] * width)
         b = np.uint64(offset + event[k + 1] * width)
         c = np.uint64(offset + event[k + 2] * width)
@@ -238,7 +265,8 @@ def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[n
         g = np.uint64(offset + event[k + 6] * width)
         h = np.uint64(offset + event[k + 7] * width)
         for j in range(slots):
-            # Made 32 bits again and again: numba takes the sum of two such numbers for one of 64.
+            # numba makes the sum of two 32-bit integers 64 bits wide, which would halve the lanes of the vectors: so
+            # each sum is made 32 bits again. Eight weights of 16 bits cannot exceed them.
             first_four = (
                 np.int32(matrix[a + j])
                 + np.int32(matrix[b + j])

@@ -1,4 +1,8 @@
-"""The fast engine: compiled, event-driven, 32 bits wide, block by block over tiles of steps. The same integers."""
+"""The fast engine: it runs a phase in compiled loops, with the same integers as the plain engine.
+
+:func:`run_phase` divides a batch between threads. Each thread runs its recordings one after the
+other, and each recording in tiles of 64 steps (:mod:`hw_model.engine.tiles`).
+"""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
@@ -42,8 +46,10 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, Int32Array, IntArray
 
 _NO_STEP = np.int64(0)
+"""Stands for a step where only the type of an argument matters."""
 COMPARTMENTS_TO_KEEP = 1 << 12
-"""The most compartments of a phase whose memory, some MiB, is kept for the next recording: making it takes time."""
+"""The most compartments of a phase whose memory, a few MiB, is kept for the next call, as allocating it takes time
+(``docs/research/special-paths.md``: a factor of 1.4 for one recording). The limit was chosen by hand."""
 
 
 def run_phase(
@@ -53,7 +59,7 @@ def run_phase(
     windows: dict[Register, Window],
     skip: bool = True,
 ) -> PhaseTrace:
-    """Run a batch through one phase, in threads; keep of the registers what the windows ask for."""
+    """Run a batch through one phase, in threads; record the columns and steps of registers that ``windows`` name."""
     layout = fast_layout(program, phase)
     trace = PhaseTrace.empty(played, layout.columns, layout.pieces, windows)
     kept = NOTHING_KEPT
@@ -75,15 +81,15 @@ def run_phase(
 
 
 def start_ahead_if_missing() -> None:
-    """Start what compiles loops in other processes, if the tile, which takes longest, is not compiled."""
+    """Start the processes that compile loops, if the loop that takes longest to compile, the tile, is missing."""
     if is_missing(run_tile):
         start_ahead()
 
 
 class _Recordings(NamedTuple):
-    """A batch: the lists of its input events, and the steps from which and to which each recording runs.
+    """A batch: its input events, and the steps ``start..stop`` in which each recording runs.
 
-    Those of recording b, row r and input m are ``line[first[b, r, m]:first[b, r + 1, m]]``.
+    The events of recording b, row r and input i are ``line[first[b, r, i]:first[b, r + 1, i]]``.
     """
 
     first: IntArray
@@ -93,7 +99,7 @@ class _Recordings(NamedTuple):
 
 
 class _Trace(NamedTuple):
-    """Arrays of :class:`hw_model.engine.trace.PhaseTrace`, and what to keep of registers."""
+    """The arrays of a :class:`hw_model.engine.trace.PhaseTrace` that loops write, and which registers to record."""
 
     spikes: AnyArray
     sent: AnyArray
@@ -106,10 +112,12 @@ class _Trace(NamedTuple):
 def _run_part(
     layout: FastLayout, recordings: _Recordings, skip: bool, written: _Trace, low: int, high: int
 ) -> None:
-    """Run recordings ``low..high`` of a batch, in a memory of their own."""
+    """Run recordings ``low..high`` of a batch, with a memory that no other thread uses."""
     memories, code = _memories_and_code(layout)
     try:
-        memory = memories.pop()  # of two threads that ask for the last one, one finds none
+        memory = (
+            memories.pop()
+        )  # rather than `if memories`: another thread may take the last one in between
     except IndexError:
         memory = packed.pack(Memory(first_state(layout), workspace(layout), paths_of(layout)))
     if not code:
@@ -127,7 +135,10 @@ def _machine_code(
     skip: bool,
     written: _Trace,
 ) -> tuple[np.int64, Callable[..., Any]]:
-    """Return where a tile lies, and the loop over recordings, for arguments of the kinds that a layout always has."""
+    """Return the address of :func:`run_tile` and the code of :func:`_run`, for arguments of the types of a layout.
+
+    All calls for one layout have the same types, so this is done once per layout.
+    """
     tile_at = address(
         run_tile,
         Tile(_NO_STEP, _NO_STEP, skip),
@@ -143,9 +154,9 @@ def _machine_code(
 def _memories_and_code(
     layout: FastLayout,
 ) -> tuple[list[Packed[Memory]], list[tuple[np.int64, Callable[..., Any]]]]:
-    """Return two lists that callers fill: the memories of a layout that no thread is using, and its machine code.
+    """Return two lists that callers fill: memories of a layout that no thread is using, and its machine code.
 
-    Both are empty in the first call, and kept for the next ones. Whoever takes a memory resets it.
+    Both are empty at first, and the cache keeps them. A memory holds an old state: :func:`_run` resets it.
     """
     return [], []
 
@@ -153,7 +164,7 @@ def _memories_and_code(
 def _kept(
     kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]
 ) -> KeptRegister:
-    """Return where the registers of a kind are written: into the trace, or nowhere without a window for them."""
+    """Return where a register is recorded: in the trace, or nowhere if it has no window."""
     window = windows.get(kind, NOTHING)
     place = np.full(layout.columns, -1, dtype=np.int64)
     place[window.columns] = np.arange(len(window.columns))
@@ -162,14 +173,14 @@ def _kept(
 
 
 def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
-    """Return the lists of several inputs as one: where each recording, row and input begins, and lines; in C order."""
+    """Return the lists of all inputs as one pair of arrays, in C order, as in :class:`_Recordings`."""
     if len(events) == 1:
         return np.ascontiguousarray(events[0].first)[:, :, None], events[0].channel
     events_before = np.cumsum([0, *(len(lists.channel) for lists in events[:-1])])
-    # An array of its own: a sum in numpy would lie in memory in the order of its operands.
+    # Written into an array in C order: the sum of numpy would have the memory order of its operands.
     first = np.empty((*events[0].first.shape, len(events)), dtype=np.int64)
-    for m, lists in enumerate(events):
-        np.add(lists.first, events_before[m], out=first[:, :, m])
+    for item, lists in enumerate(events):
+        np.add(lists.first, events_before[item], out=first[:, :, item])
     return first, np.concatenate([lists.channel for lists in events])
 
 
@@ -183,48 +194,55 @@ def _run(low, high, tile_at, recordings, tables, memory, skip, written):  # type
     links = tables.links
     spikes, sent, active, events, totals, kept = written
     rows_of_tile = len(memory.work.masks)
-    for b in range(low, high):
+    for recording in range(low, high):
         reset(state)
-        for step in range(start[b], stop[b], rows_of_tile):
-            tile = Tile(step, min(rows_of_tile, stop[b] - step), skip)
-            arriving = Arriving(first[b, step:], line)
-            of_tile = Written(spikes[b, step:], sent[b], active[b, step:], b, kept)
-            totals[b, SKIPPED] += call_at(tile_at, (tile, arriving, tables, memory, of_tile))
+        for step in range(start[recording], stop[recording], rows_of_tile):
+            tile = Tile(step, min(rows_of_tile, stop[recording] - step), skip)
+            arriving = Arriving(first[recording, step:], line)
+            of_tile = Written(
+                spikes[recording, step:], sent[recording], active[recording, step:], recording, kept
+            )
+            totals[recording, SKIPPED] += call_at(
+                tile_at, (tile, arriving, tables, memory, of_tile)
+            )
+        # Events are counted in fields of the registers: copy them to the trace, where each column has its own place.
         for k in range(len(chunks.first_column)):
             for i in range(chunks.width[k]):
                 column = chunks.first_column[k] + i
                 registers_of_lane = k * FIELDS * LANES + i
                 for event in range(events.shape[1]):
                     counter = registers_of_lane + (CHARGE_WRAPS + event) * LANES
-                    events[b, event, column] = state.registers[counter]
+                    events[recording, event, column] = state.registers[counter]
         _add_up(
-            start[b],
-            stop[b],
-            first[b],
+            start[recording],
+            stop[recording],
+            first[recording],
             line,
             nodes,
             links,
-            spikes[b],
-            active[b],
-            events[b],
-            totals[b],
+            spikes[recording],
+            active[recording],
+            events[recording],
+            totals[recording],
         )
 
 
 @inner
 def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Add up what :func:`hw_model.engine.trace.added_up` does, of one recording: its ``totals``, in their order.
+    """Write the ``totals`` of one recording, in the order of :data:`hw_model.engine.trace.TOTALS`.
 
-    Synaptic operations are counted from what is sent, by delay: what would act after the last step is left out.
+    :func:`hw_model.engine.trace.added_up` does the same for the plain engine. ``totals[0]`` counts the synapses of
+    spikes that would act after the last step: of a spike ``late`` steps before it, those with a delay of at least
+    ``late``.
     """
     due_late = links.due_late
     columns = spikes.shape[1]
     lines = due_late.shape[1] - columns
     for late in range(min(len(due_late), stop - start)):
         row = stop - 1 - late
-        for m in range(first.shape[1]):
-            for e in range(first[row, m], first[row + 1, m]):
-                totals[0] += due_late[late, nodes.first[m] + line[e]]
+        for item in range(first.shape[1]):
+            for e in range(first[row, item], first[row + 1, item]):
+                totals[0] += due_late[late, nodes.first[item] + line[e]]
         for column in range(columns):
             totals[0] += spikes[row, column] * due_late[late, lines + column]
     totals[1] = (stop - start) * columns

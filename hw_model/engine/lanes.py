@@ -1,8 +1,10 @@
-"""The lanes of a chunk as one vector, in kernels that loops take in: LLVM is told what it would have to find out.
+"""Vectors for kernels: operations on :class:`Lanes` write LLVM instructions into the loop that is being compiled.
 
-A kernel is Python that is run once, when a loop is compiled: each operation on :class:`Lanes` adds an instruction for
-all compartments of a chunk. Lanes have the type of the arrays that the kernel is given, 32 or 64 bits, or are masks of
-one bit; integers in a kernel are constants.
+numba compiles loops over single numbers, and LLVM then tries to find vectors in them, which often fails. A *kernel*
+(:mod:`hw_model.engine.chunks`) avoids that. It is a Python function that runs once, when a loop is compiled: each
+operation on :class:`Lanes` adds an instruction for all 16 compartments of a chunk, the lanes. Lanes have the type of
+the arrays that are passed to the kernel, 32 or 64 bits, or they are masks of one bit per lane. Python integers in a
+kernel become constants. Loads and stores go through a :class:`Place`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,24 +18,29 @@ from llvmlite.binding import get_host_cpu_features
 
 from hw_model.engine.layout import FACTOR_BITS, LANES, USUAL_WIDTHS
 
-BIT, BYTE, COUNT = ir.IntType(1), ir.IntType(8), ir.IntType(32)
+BIT = ir.IntType(1)
+BYTE = ir.IntType(8)
+COUNT = ir.IntType(32)
+"""The type of counts, lane numbers, and masks as numbers."""
 BITS_OF_BYTE = 8
 """Bits of a byte, each of which stands for a lane."""
 LlvmValue = Any
-"""What a loop gives to a kernel: a value of LLVM, which has no type of its own in Python."""
+"""A value of LLVM that a loop passes to a kernel; llvmlite has no Python types for them."""
 LlvmValues = Sequence[Any]
-"""What a kernel returns, values of LLVM."""
+"""The values of LLVM that a kernel returns to a loop."""
 WrapHalves = Sequence[Any]
-"""Half the ranges of q, in units, and of u, at which they wrap: lanes, or constants; None where nothing wraps."""
+"""Half the ranges of q (in units of 64) and of u, at which they wrap: lanes or constants; None if nothing wraps."""
 
 
 def _operation(name: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
+    """Return a method of :class:`Lanes` that adds an instruction of this name in LLVM."""
     return lambda left, right: left.with_value(
         getattr(left.builder, name)(left.value, left.like(right))
     )
 
 
 def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
+    """Return a method of :class:`Lanes` that adds a comparison, whose result is a mask."""
     return lambda left, right: left.with_value(
         left.builder.icmp_signed(sign, left.value, left.like(right))
     )
@@ -45,27 +52,31 @@ def _lane_type(kind: ir.Type) -> ir.Type:
 
 def _in_every_lane(kind: ir.Type, number: int) -> ir.Value:
     """Return a constant of a type, the same in every lane."""
-    return ir.Constant(kind, [number] * kind.count if isinstance(kind, ir.VectorType) else number)
+    if isinstance(kind, ir.VectorType):
+        return ir.Constant(kind, [number] * kind.count)
+    return ir.Constant(kind, number)
 
 
 class Lanes:
-    """A number, or a truth, of every lane of a chunk, or of a compartment alone."""
+    """A number, or a condition, for each lane of a chunk or for one compartment (:mod:`hw_model.engine.alone`)."""
 
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
-        self.builder, self.value = builder, value
+        self.builder = builder
+        self.value = value
 
     def with_value(self, value: ir.Value) -> "Lanes":
-        """Return other lanes of the same kernel."""
+        """Return lanes with another value in the same kernel."""
         return Lanes(self.builder, value)
 
     def like(self, other: "Lanes | int") -> ir.Value:
-        """Return what is combined with these lanes, in their type: an integer in every lane, a truth as 0 or 1."""
+        """Return an operand in the type of these lanes: an integer in every lane, a condition as 0 or 1."""
         if not isinstance(other, Lanes):
             return _in_every_lane(self.value.type, other)
         wide = self.value.type
         narrow = other.value.type
         if narrow == wide:
             return other.value
+        # A mask is 0 or 1, so it has no sign to extend.
         if _lane_type(narrow) == BIT:
             return self.builder.zext(other.value, wide)
         return self.builder.sext(other.value, wide)
@@ -88,7 +99,7 @@ def where(mask: Lanes, chosen: Lanes | int, otherwise: Lanes) -> Lanes:
 
 
 def select(mask: Lanes, chosen: Lanes | int, otherwise: Lanes | int) -> Lanes:
-    """Do the same where ``chosen`` or ``otherwise`` may be an integer, but not both."""
+    """Return what :func:`where` does, but ``chosen`` or ``otherwise`` may be an integer; not both."""
     if isinstance(otherwise, int):
         assert isinstance(chosen, Lanes)
         selected = chosen.builder.select(mask.value, chosen.value, chosen.like(otherwise))
@@ -97,9 +108,10 @@ def select(mask: Lanes, chosen: Lanes | int, otherwise: Lanes | int) -> Lanes:
 
 
 def as_factor(lanes: Lanes) -> Lanes:
-    """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster.
+    """Return lanes that are known to fit 16 bits, in a form from which LLVM knows it too.
 
-    A compartment alone may have wider registers, and is left as it is.
+    It then multiplies them by a short factor with a faster instruction. The numbers of a single compartment or of
+    64-bit lanes may be wider, and stay as they are.
     """
     kind = lanes.value.type
     if kind == COUNT or kind.element.width > COUNT.width:
@@ -111,16 +123,16 @@ def as_factor(lanes: Lanes) -> Lanes:
 
 
 def first_bits(lanes: Lanes, bits_kept: int) -> Lanes:
-    """Return the highest ``bits_kept`` bits of each lane as a number: all ones of what is negative and small."""
+    """Return the highest ``bits_kept`` bits of each lane as a number >= 0; all ones for a small negative number."""
     kind = lanes.value.type
     shift = _in_every_lane(kind, _lane_type(kind).width - bits_kept)
     return lanes.with_value(lanes.builder.lshr(lanes.value, shift))
 
 
 def halves_of_ranges(place: "Place", widths: LlvmValue) -> WrapHalves:
-    """Return the pair :class:`hw_model.engine.layout.Widths`; the usual one, in 32 bits, is known beforehand.
+    """Return half the ranges of q and u, from the :class:`hw_model.engine.layout.Widths` that a loop passes.
 
-    Without widths, an empty tuple, nothing wraps.
+    Layouts have 32 bits only with the usual widths, which are then constants. With an empty tuple nothing wraps.
     """
     if not widths.type.elements:
         return None, None
@@ -131,9 +143,9 @@ def halves_of_ranges(place: "Place", widths: LlvmValue) -> WrapHalves:
 
 
 def put_side_by_side(place: "Place", mask: Lanes, numbers: Lanes) -> LlvmValue:
-    """Put the numbers of the lanes that are set at a place, side by side; return how many there are.
+    """Write the numbers of the lanes in the mask to a place, without gaps; return how many there are.
 
-    The place has room for all lanes.
+    The place must have room for all lanes, as some may be written behind the last number.
     """
     if can("avx512f"):
         place[0] = _side_by_side(mask, numbers)
@@ -142,7 +154,8 @@ def put_side_by_side(place: "Place", mask: Lanes, numbers: Lanes) -> LlvmValue:
     numbers_of_lanes = variable(numbers)
     bits_left = _on_stack(builder, COUNT)
     builder.store(bits(mask), bits_left)
-    # One number after the other: mostly there are few, and LLVM would move every lane.
+    # Without that instruction LLVM would move every lane. Most chunks have few spikes, so a loop over the set bits,
+    # lowest first, is faster. `x & (x - 1)` clears the lowest bit of x.
     with _each_number(builder, count(mask)) as number:
         mask_left = builder.load(bits_left)
         lowest_lane = builder.cttz(mask_left, BIT(1))
@@ -153,9 +166,9 @@ def put_side_by_side(place: "Place", mask: Lanes, numbers: Lanes) -> LlvmValue:
 
 
 def put_lane_numbers(place: "Place", mask: Lanes, first: LlvmValue) -> LlvmValue:
-    """Put which lanes are set at a place, side by side, counted from ``first``; return how many there are.
+    """Write the numbers of the lanes in the mask, each plus ``first``, to a place, without gaps.
 
-    The place has room for all lanes.
+    Return how many there are. The place must have room for all lanes.
     """
     builder = place.builder
     lanes = mask.value.type.count
@@ -165,13 +178,13 @@ def put_lane_numbers(place: "Place", mask: Lanes, first: LlvmValue) -> LlvmValue
         set_count = count(mask)
         place.put_bytes(COUNT(0), _some_lanes(builder, set_lanes, 0, LANES), first)
         if lanes > LANES:
-            # More than one vector of set lanes is rare.
+            # More set lanes than a vector holds are rare.
             overflows = builder.icmp_unsigned(">", set_count, COUNT(LANES))
             with builder.if_then(overflows, likely=False):
                 for low in range(LANES, lanes, LANES):
                     place.put_bytes(COUNT(low), _some_lanes(builder, set_lanes, low, LANES), first)
         return set_count
-    # Eight lanes at a time, whose numbers a table tells.
+    # Eight lanes at a time: a table has the lane numbers for each of the 256 values of their bits.
     mask_bits = bits(mask)
     put_so_far = COUNT(0)
     for low in range(0, lanes, BITS_OF_BYTE):
@@ -185,9 +198,9 @@ def put_lane_numbers(place: "Place", mask: Lanes, first: LlvmValue) -> LlvmValue
 
 @cache
 def can(feature: str) -> bool:
-    """Tell whether the processor that is compiled for has a feature, as LLVM calls it.
+    """Return whether the processor that is compiled for has a feature, by LLVM's name.
 
-    With AVX-512, and for bytes its VBMI2, it moves chosen lanes side by side at once.
+    With AVX-512 (for bytes, its extension VBMI2) one instruction moves the lanes of a mask side by side.
     """
     features = numba.config.CPU_FEATURES
     if features is None:
@@ -197,7 +210,7 @@ def can(feature: str) -> bool:
 
 
 def _side_by_side(mask: Lanes, numbers: Lanes) -> Lanes:
-    """Return the numbers of the lanes that are set in the first lanes; what the others hold does not count."""
+    """Return the numbers of the lanes in the mask, moved to the first lanes; the other lanes are undefined."""
     vector = numbers.value.type
     builder = mask.builder
     kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
@@ -216,7 +229,7 @@ def _some_lanes(builder: ir.IRBuilder, vector: ir.Value, low: int, many: int) ->
 
 
 def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
-    """Return the table of the bits that are set in a byte: their numbers, ascending, in eight bytes."""
+    """Return a table of 256 entries: for each byte the numbers of its set bits, ascending, in eight bytes."""
     name = "lanes_of_bytes"
     module = builder.module
     if name not in module.globals:
@@ -225,13 +238,15 @@ def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
         )
         numbers = [int.from_bytes(of_byte, "little") for of_byte in of_bytes]
         table = ir.Constant(ir.ArrayType(ir.IntType(64), 256), numbers)
-        made = ir.GlobalVariable(module, table.type, name)
-        made.linkage, made.global_constant, made.initializer = "internal", True, table
+        variable_in_module = ir.GlobalVariable(module, table.type, name)
+        variable_in_module.linkage = "internal"
+        variable_in_module.global_constant = True
+        variable_in_module.initializer = table
     return module.globals[name]
 
 
 def variable(lanes: Lanes) -> "Place":
-    """Return a place for lanes that change in a loop, which keeps them in registers of the processor."""
+    """Return a place for lanes that change in a loop of the kernel; LLVM keeps it in registers of the processor."""
     kind = lanes.value.type
     room = _on_stack(lanes.builder, kind)
     place = Place(lanes.builder, lanes.builder.bitcast(room, kind.element.as_pointer()))
@@ -240,14 +255,17 @@ def variable(lanes: Lanes) -> "Place":
 
 
 def each_row(place: "Place", many: LlvmValue) -> Iterator[LlvmValue]:
-    """Loop over the numbers of several rows: what is done with one, in a kernel, becomes a loop of the machine."""
+    """Write a machine loop over the numbers 0 to ``many - 1``.
+
+    In the kernel it is the iterable of a ``for``, whose body runs once: the instructions that it writes are repeated.
+    """
     with _each_number(place.builder, many) as number:
         yield number
 
 
 @contextmanager
 def _each_number(builder: ir.IRBuilder, many: LlvmValue) -> Iterator[LlvmValue]:
-    """Write a loop of the machine over the numbers from 0 to before ``many``, of its type."""
+    """Write a machine loop over 0 to ``many - 1``, of the type of ``many``, around the body of the ``with``."""
     test, body, after = (builder.append_basic_block(name) for name in ("test", "body", "after"))
     counter = _on_stack(builder, many.type)
     builder.store(many.type(0), counter)
@@ -264,13 +282,13 @@ def _each_number(builder: ir.IRBuilder, many: LlvmValue) -> Iterator[LlvmValue]:
 
 
 def _on_stack(builder: ir.IRBuilder, kind: ir.Type) -> ir.Value:
-    """Return room on the stack, taken once where the function begins, not in each round of a loop."""
+    """Return room on the stack, reserved once at the start of the function: in a loop it would grow with each round."""
     with builder.goto_entry_block():
         return builder.alloca(kind)
 
 
 def bits(mask: Lanes) -> ir.Value:
-    """Return a mask as a number, of 32 bits or, if there are more lanes, as many: lane i is bit i."""
+    """Return a mask as a number whose bit i is lane i: 32 bits wide, or as many as there are lanes if more."""
     mask_bits = mask.builder.bitcast(mask.value, ir.IntType(mask.value.type.count))
     if mask_bits.type.width >= COUNT.width:
         return mask_bits
@@ -279,13 +297,13 @@ def bits(mask: Lanes) -> ir.Value:
 
 @contextmanager
 def seldom(mask: Lanes) -> Iterator[None]:
-    """Leave out what is inside, which is expected, where no lane of a mask is set."""
+    """Run the body of the ``with`` only if a lane of the mask is set; the processor is told that this is rare."""
     with mask.builder.if_then(mask.builder.icmp_unsigned("!=", bits(mask), COUNT(0)), likely=False):
         yield
 
 
 def first_lanes(mask: Lanes, many: LlvmValue) -> Lanes:
-    """Return a mask without the lanes from number ``many`` on, which is above 0 and may be more than there are."""
+    """Return a mask without the lanes from number ``many`` on, which is at least 1 and may exceed the lanes."""
     builder = mask.builder
     lanes = mask.value.type.count
     mask_bits = bits(mask)
@@ -301,7 +319,7 @@ def first_lanes(mask: Lanes, many: LlvmValue) -> Lanes:
 
 
 def mask_of(place: "Place", number: LlvmValue) -> Lanes:
-    """Return the mask that a number is."""
+    """Return the mask whose lane i is bit i of a number."""
     builder = place.numbers().builder
     return Lanes(
         builder,
@@ -310,7 +328,7 @@ def mask_of(place: "Place", number: LlvmValue) -> Lanes:
 
 
 def count(mask: Lanes) -> ir.Value:
-    """Return in how many lanes a mask is set."""
+    """Return how many lanes of a mask are set."""
     return _as_count(mask.builder, mask.builder.ctpop(bits(mask)))
 
 
@@ -319,15 +337,21 @@ def _as_count(builder: ir.IRBuilder, number: ir.Value) -> ir.Value:
 
 
 class Place:
-    """Vectors of an array from an element on, by number: fields of a chunk, or a row's charges."""
+    """An array from some element on, read and written in vectors: ``place[n]`` is vector n from there.
+
+    With the registers of a chunk, n is the field. ``row_bytes`` is the distance of two rows of the array.
+    """
 
     def __init__(
         self, builder: ir.IRBuilder, first: ir.Value, row_bytes: ir.Value = None, lanes: int = LANES
     ) -> None:
-        self.builder, self._first, self._row_bytes, self._lanes = builder, first, row_bytes, lanes
+        self.builder = builder
+        self._first = first
+        self._row_bytes = row_bytes
+        self._lanes = lanes
 
     def of(self, lanes: int) -> "Place":
-        """Return the same place with vectors of so many lanes."""
+        """Return the same place, read in vectors of another number of lanes."""
         return Place(self.builder, self._first, self._row_bytes, lanes)
 
     @property
@@ -339,20 +363,22 @@ class Place:
         return self.builder.bitcast(address, self._vector.as_pointer())
 
     def __getitem__(self, field: int) -> Lanes:
-        return Lanes(
-            self.builder, self.builder.load(self._at(field), align=max(1, self.width // 8))
-        )
+        return Lanes(self.builder, self.builder.load(self._at(field), align=self._align))
 
     def __setitem__(self, field: int, lanes: Lanes | int) -> None:
-        value = (
-            lanes.value
-            if isinstance(lanes, Lanes)
-            else ir.Constant(self._vector, [lanes] * self._lanes)
-        )
-        self.builder.store(value, self._at(field), align=max(1, self.width // 8))
+        if isinstance(lanes, Lanes):
+            value = lanes.value
+        else:
+            value = ir.Constant(self._vector, [lanes] * self._lanes)
+        self.builder.store(value, self._at(field), align=self._align)
+
+    @property
+    def _align(self) -> int:
+        """Bytes to which vectors are aligned for sure: those of one number, as a place may begin at any element."""
+        return max(1, self.width // 8)
 
     def each(self, given: LlvmValue, number: int | None = None) -> Lanes:
-        """Return a number, or one of a pair, in each lane."""
+        """Return a number in every lane; with ``number``, that element of a tuple of numbers."""
         vector = self._vector
         value = given if number is None else self.builder.extract_value(given, number)
         if value.type != vector.element:
@@ -367,40 +393,40 @@ class Place:
         return self.builder.load(self.builder.gep(self._first, [lane]))
 
     def put_one(self, lane: LlvmValue, number: ir.Value) -> None:
-        """Put the number of one lane."""
+        """Write the number of one lane."""
         self.builder.store(number, self.builder.gep(self._first, [lane]))
 
     def put_bytes(
         self, number: LlvmValue, given: ir.Value, first: LlvmValue, more: int = 0
     ) -> None:
-        """Put a vector of bytes as numbers from element ``number`` on, each with ``first`` and ``more`` added."""
+        """Write a vector of bytes as numbers from element ``number`` on, each plus ``first`` and ``more``."""
         place = Place(self.builder, self.builder.gep(self._first, [number]), lanes=given.type.count)
         numbers = Lanes(self.builder, self.builder.zext(given, place._vector))
         place[0] = numbers + place.each(first) + more
 
     def numbers(self) -> Lanes:
-        """Return the number of each lane."""
+        """Return the number of each lane: 0, 1, 2, ..."""
         return Lanes(self.builder, ir.Constant(self._vector, list(range(self._lanes))))
 
     def after(self, fields: int) -> "Place":
-        """Return the place that many fields on."""
+        """Return the place that lies this many fields further on."""
         return Place(
             self.builder,
             self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]),
         )
 
     def row(self, number: LlvmValue) -> "Place":
-        """Return the place that many rows of the array on."""
+        """Return the place that lies this many rows of the array further on."""
         first = self.builder.bitcast(self._first, BYTE.as_pointer())
         first = self.builder.gep(first, [self.builder.mul(number, self._row_bytes)])
         return Place(self.builder, self.builder.bitcast(first, self._first.type))
 
     def bits(self) -> Lanes:
-        """Return the mask that the number here is."""
+        """Return the mask that is stored here as a number."""
         return mask_of(self, self.builder.load(self._first))
 
     def put_bits(self, mask: Lanes) -> None:
-        """Put a mask here as a number."""
+        """Store a mask here as a number."""
         self.builder.store(bits(mask), self._first)
 
     @property

@@ -1,7 +1,9 @@
-"""Records of arrays, laid out in memory so that a compiled loop is given one address for all of them.
+"""Lay out records of arrays in memory, so that a compiled loop gets one address instead of many arrays.
 
-The loops read some seventy arrays. Were each an argument, every function that passes them on would
-take hundreds of numbers, and would be compiled for seconds.
+The loops of the fast engine read some seventy arrays. If each were an argument, every function that
+passes them on would take hundreds of numbers, and compiling would take about twice as long
+(``docs/research/special-paths.md``). :mod:`hw_model.engine.private_numba` teaches numba to read
+these records.
 """
 
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -13,11 +15,11 @@ from hw_model.values import AnyArray
 R = TypeVar("R", bound=tuple[Any, ...])
 INTEGERS = (int, np.integer)
 Value = Any
-"""What a record holds: arrays in C order, integers, truths, tuples of integers, and other records."""
+"""What a field of a record can be: an array in C order, an integer, a bool, a tuple of integers, or a record."""
 
 
 class PackedField(NamedTuple):
-    """A field of a record, and the number of the word of 64 bits at which it begins."""
+    """A field of a record, and the number of the 64-bit word at which it begins."""
 
     name: str
     word: int
@@ -25,18 +27,19 @@ class PackedField(NamedTuple):
 
 
 class Packed(Generic[R]):
-    """A record, and what it is in memory: words of 64 bits, field after field.
+    """A record, a named tuple, and its layout in memory: words of 64 bits, field after field.
 
-    An array is its address and its shape; a record within another lies where its field does; a
-    packed one is an address. Loops take what stands in the words for constant. They may write to
-    arrays, but no field may be given another array.
+    An array takes a word for its address and one for each axis of its shape. A record within the
+    record takes the words of its fields, and a :class:`Packed` one takes a word for its address.
+    Loops may write to the arrays. But they rely on the words being constant, so a field can never
+    be replaced by another array.
     """
 
     def __init__(self, record: R) -> None:
         self.record = record
         self.fields: list[PackedField] = []
         words: list[int] = []
-        for name, value in _named(record):
+        for name, value in zip(record._fields, record, strict=True):  # type: ignore[attr-defined]
             self.fields.append(PackedField(name, len(words), value))
             words.extend(_words_of(value))
         self._words = np.array(words, dtype=np.int64)
@@ -44,17 +47,13 @@ class Packed(Generic[R]):
 
 
 def pack(record: R) -> Packed[R]:
-    """Lay a named tuple out for compiled loops. Its arrays live as long as what is returned."""
+    """Lay out a named tuple for compiled loops. The result keeps its arrays alive: do not drop it while loops run."""
     return Packed(record)
 
 
 def is_record(value: Value) -> bool:
-    """Tell whether a value is a named tuple of more than integers, whose fields are read one by one."""
+    """Return whether a value is a named tuple of more than integers, which loops read field by field."""
     return hasattr(value, "_fields") and not all(isinstance(part, INTEGERS) for part in value)
-
-
-def _named(record: Any) -> list[tuple[str, Value]]:
-    return list(zip(record._fields, record, strict=True))
 
 
 def _words_of(value: Value) -> list[int]:
@@ -68,5 +67,6 @@ def _words_of(value: Value) -> list[int]:
 
 
 def _words_of_array(array: AnyArray) -> list[int]:
+    # Loops compute addresses from the shape alone, which would be wrong for another order in memory.
     assert array.flags.c_contiguous
     return [array.ctypes.data, *array.shape]

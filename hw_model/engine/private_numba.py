@@ -1,13 +1,16 @@
-"""All that the loops use of numba beyond what its documentation promises, part by part.
+"""Everything that the loops use of numba beyond its documented interface, in one place.
 
-Each part says what it buys, as ``docs/research/special-paths.md`` measures it, and what to do when
-a release of numba changes it. :mod:`hw_model.engine.usable` looks for what is used here before any
-of it is, so that a numba that lacks something is told in a line, and the plain engine plays.
+The sections are: options of njit, compilers, the cache of compiled code, calls of machine code,
+records by address, and kernels. The comment above each says what it is worth, as measured in
+``docs/research/special-paths.md``, and what to do when a release of numba changes it.
+:mod:`hw_model.engine.usable` checks beforehand that a numba has all these parts; if not, a warning
+names the missing one, and the plain engine runs.
 
-What numba hands over has no types that a checker could see, so that it is ``Any`` here. In its
-words, a *dispatcher* is a compiled function with the code of each set of kinds of its arguments, a
-*library* is code on its way to the machine, and *typing* and *context* say what kinds arguments
-have and how they lie in memory.
+numba has no type annotations, so its objects are ``Any`` here. In numba's words, a *dispatcher* is
+a compiled function with a version of its code for each set of types of arguments; a *library* is
+code on its way to becoming machine code; *typing* and *context* know the types of arguments and how
+they lie in memory. In ours, a *kind* is a type of numba. A *part* is a function that only other
+compiled functions call and that becomes part of them; a *whole* is called from Python or by address.
 """
 
 import gc
@@ -51,54 +54,56 @@ from hw_model.engine.packed import Packed, is_record
 
 _log = logging.getLogger("locsnn")
 
-# Options of njit that are not documented. If numba no longer has one, take it out: loops do the
-# same without it, and are slower.
+# Options of njit that are not documented. If numba no longer has one, remove it: the loops do the
+# same without it, but slower.
 
 WITHOUT_RUNTIME = {"_nrt": False, "no_cfunc_wrapper": True}
-"""Without its runtime (nrt) loops count no references to arrays, which would take a locked
-instruction each and most of the time of short loops; nor can they make any. A wrapper for C would
-be compiled for nobody."""
+"""Without numba's runtime (nrt), loops count no references to arrays. Each count is an atomic
+instruction, and in short loops they take most of the time. Without it loops cannot create arrays
+either. Nobody calls loops from C, so no wrapper for C is compiled."""
 WITH_RUNTIME = {"_nrt": True, "no_cfunc_wrapper": True, "pipeline_class": Compiler}
 NOT_FROM_PYTHON = {"no_cpython_wrapper": True}
-"""Half a second of compiling for a function of many arrays that only compiled ones call."""
+"""For functions that only compiled ones call: it saves half a second of compiling for a function
+with many arrays."""
 
 
-# Compilers. Numba's own does the same, and takes longer: take the classes out of `OF_A_WHOLE` and
-# `OF_A_PART`. The second is of code that others take in, which numba optimises at each level that
-# takes it in.
+# Compilers. numba's own compiles the same code, but takes longer: if they break, remove the classes
+# from `OF_A_WHOLE` and `OF_A_PART`. numba's own would optimise a part again in each function that
+# it becomes part of, at every level.
 
 
 class _Part(JITCodeLibrary):  # type: ignore[misc]
-    """Code that only others take in.
+    """The code of a part: a function that becomes part of other compiled functions.
 
-    With theirs it is optimised and made machine code, once, not at each level.
+    It is optimised and turned into machine code only with the outermost function, once.
     """
 
-    # Numba tells loaded machine code of its environment; of a part, none is loaded.
+    # numba sets an "environment" in machine code after loading it. A part has none: do nothing.
     codegen = SimpleNamespace(set_env=lambda *_: None)
 
     def finalize(self) -> None:
-        """Link in what this code calls, and neither optimise it nor make machine code."""
+        """Link the functions that this code calls, and leave out what numba does next: to optimise and to compile."""
+        # `dict.fromkeys` removes duplicates and keeps the order.
         for library in dict.fromkeys(self._linking_libraries):
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return no address: nobody calls this code by one."""
+        """Return 0: this code has no address, and nobody calls it by one."""
         self._ensure_finalized()
         return 0
 
 
 NEVER_NEEDED = ("InlineClosureLikes", "InlineInlinables", "InlineOverloads", "NopythonRewrites")
-"""Steps of numba that look for what no loop has: closures, functions to be written out before
-they are compiled, and sums of whole arrays."""
+"""Passes of numba that look for what our loops do not contain: closures, functions that are inlined
+as source, and expressions of whole arrays."""
 
 
 class _WholeCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler without the steps that no loop needs."""
+    """numba's compiler without the passes that no loop needs."""
 
     def define_pipelines(self) -> Any:
-        """Return the steps that are left."""
+        """Return numba's pipelines without the passes of :data:`NEVER_NEEDED`."""
         managers = super().define_pipelines()
         for manager in managers:
             manager.passes = [
@@ -108,10 +113,10 @@ class _WholeCompiler(Compiler):  # type: ignore[misc]
 
 
 class _PartCompiler(_WholeCompiler):
-    """The same, which puts what it makes into a :class:`_Part`."""
+    """The same compiler, which writes its code to a :class:`_Part`."""
 
     def define_pipelines(self) -> Any:
-        """Return the steps; they write to the library that the state has."""
+        """Set the library to which the passes write, and return the pipelines."""
         self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
@@ -120,19 +125,21 @@ OF_A_WHOLE = {"pipeline_class": _WholeCompiler}
 OF_A_PART = NOT_FROM_PYTHON | {"pipeline_class": _PartCompiler}
 
 
-# The cache of compiled code. `numba.njit(cache=True)` alone keeps code too, but does not see that a
-# function of another file has changed, crashes on a damaged file, and loads a compiler with every
-# loop: 0.2 s of each command.
+# The cache of compiled code. `numba.njit(cache=True)` alone has a cache too, but it does not notice
+# when a function in another file has changed, it crashes on a damaged file, and it imports the
+# compiler to load a loop, which takes 0.2 s of each command.
 
 DIGEST_BYTES = hashlib.sha256().digest_size
-"""The checksum that stands behind the code in a file."""
+"""The size of the checksum at the end of each file of code."""
 
 
 def keep_in(dispatcher: Any, module: str, stamp: object) -> None:
-    """Let the cache of a function of ``module`` hold its code while the stamp of all loops stays."""
+    """Make the cache of a function of ``module`` valid until ``stamp`` changes, and check its files for damage.
+
+    ``stamp`` is the age of all files with loops. numba only looks at the file of the function itself, but the
+    compiled code also contains functions from other files.
+    """
     cache = dispatcher._cache
-    # The cache looks at the age of the function's own file, but its code holds that of what it
-    # calls elsewhere too.
     own_stamp = cache._impl.locator.get_source_stamp()
     base = cache._impl.filename_base
     cache._cache_file = _CheckedFile(cache._cache_path, base, (own_stamp, stamp))
@@ -141,28 +148,28 @@ def keep_in(dispatcher: Any, module: str, stamp: object) -> None:
 
 
 def is_missing(dispatcher: Any) -> bool:
-    """Tell whether a function has a cache, which holds no code of it for any kinds of arguments."""
+    """Return whether a function has a cache, but no code in it for any arguments."""
     cache_file = getattr(dispatcher._cache, "_cache_file", None)
     if cache_file is None:
         return False
     try:
         return not cache_file._load_index()
-    except Exception:  # as where it is loaded: what is damaged raises whatever it likes
+    except Exception:  # unpickling a damaged file may raise anything
         return True
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
     """The compiled code of a function on disk, with checksums.
 
-    To run code with a wrong byte would end in a crash. Files are damaged by a power cut, or in an
-    image that was copied in part. What is damaged is dropped, and the function is compiled anew.
+    Running code with a wrong byte would crash. Files get damaged by a power cut, or in an image that
+    was copied only in part. Damaged code is deleted, and the function is compiled again.
     """
 
     def load(self, key: Any) -> Any:
-        """Return the code of an entry; None where there is none, or where it is damaged."""
+        """Return the code of an entry, or None if there is none or it is damaged."""
         try:
             return super().load(key)
-        except Exception as error:  # unpickling what is damaged raises whatever it likes
+        except Exception as error:  # unpickling a damaged file may raise anything
             name = self._index_name.removesuffix(".nbi")
             _log.info("compiled code of %s is damaged, and is dropped: %s", name, error)
             with suppress(OSError):
@@ -184,20 +191,23 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
 
 
 def _load(cache: Any, module: str, signature: Any, target: Any) -> Any:
-    """Return code from a cache, or None.
+    """Return the code for a signature from a cache, or None if it must be compiled.
 
-    Numba's own way loads first all that only compiling needs, for a fifth of a second.
+    It replaces a method of numba that first imports everything that only compiling needs, which takes a
+    fifth of a second.
     """
-    rtsys.initialize(target)
+    rtsys.initialize(
+        target
+    )  # loaded code needs numba's runtime, which compiling would have started
     code = cache._load_overload(signature, target)
     if code is None and compiled_ahead(module):
-        # Another process has compiled it meanwhile.
+        # A helper process has compiled it in the meantime.
         code = cache._load_overload(signature, target)
     return code
 
 
 def _save(cache: Any, signature: Any, code: Any) -> None:
-    """Keep code in a cache, if there is room for it: to compile it again is better than to stop."""
+    """Write code to a cache. If that fails, as on a full disk, it will be compiled again: no reason to stop."""
     try:
         cache._save_overload(signature, code)
     except OSError as error:
@@ -205,10 +215,9 @@ def _save(cache: Any, signature: Any, code: Any) -> None:
 
 
 class _Announce(event.Listener):  # type: ignore[misc]
-    """Log that loops are being compiled, which takes seconds, and how long it took.
+    """Log that loops are being compiled, and how long it took: it takes seconds, once per machine.
 
-    It happens once a machine. A function that calls others is compiled while these are: only the
-    outermost is told.
+    A function is being compiled while those that it calls are compiled: only the outermost is logged.
     """
 
     _depth = 0
@@ -230,23 +239,21 @@ class _Announce(event.Listener):  # type: ignore[misc]
 event.register("numba:compile", _Announce())
 
 
-# A way in without looking at arguments, and calls by address. Without the first a session plays
-# rows 4.7 times slower: `entry` in `compiled.py` may return the function itself. Without the second
-# the tile is compiled into two loops.
+# Calls of machine code: from Python without a check of arguments, and from compiled code by address.
+# Without the first, a session plays single rows 4.7 times slower; if it breaks, `entry` in
+# `compiled.py` may return the function itself. Without the second, the tile is compiled twice, as
+# part of two loops.
 
 
 def code_of(function: Any, kinds: tuple[Any, ...]) -> Callable[..., Any]:
-    """Return the machine code of a compiled function for arguments of these kinds.
-
-    It does not look at them.
-    """
+    """Return the machine code of a function for arguments of these kinds, as a callable that does not check them."""
     with _no_garbage_collected():
         code: Callable[..., Any] = function.compile(kinds)
     return code
 
 
 def address_of(function: Any, kinds: tuple[Any, ...]) -> np.int64:
-    """Return where the machine code of a function for arguments of these kinds begins."""
+    """Return the address of the machine code of a function for arguments of these kinds."""
     with _no_garbage_collected():
         function.compile(kinds)
     overload = function.overloads[kinds]
@@ -255,7 +262,7 @@ def address_of(function: Any, kinds: tuple[Any, ...]) -> np.int64:
 
 @contextmanager
 def _no_garbage_collected() -> Iterator[None]:
-    """Compile without looking for garbage, which finds next to none and takes a twentieth of the time."""
+    """Switch the garbage collector off while compiling: it finds next to nothing, and takes a twentieth of the time."""
     if not gc.isenabled():
         yield
         return
@@ -268,9 +275,9 @@ def _no_garbage_collected() -> Iterator[None]:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def call_at(typing: Any, address: Any, arguments: Any) -> Any:
-    """Call a function at its :func:`address_of` with a tuple of arguments; it returns an integer.
+    """In compiled code, call the function at ``address`` with a tuple of arguments; it returns an integer.
 
-    They must be of the kinds that the address was asked for: others would be read as if they were.
+    The arguments must have the kinds for which :func:`address_of` returned the address: nothing checks it.
     """
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
@@ -286,18 +293,18 @@ def call_at(typing: Any, address: Any, arguments: Any) -> Any:
     return types.int64(address, arguments), generate
 
 
-# Records by address, `hw_model.engine.packed`. Without them each array is an argument of its own:
-# with nothing compiled, a command takes twice as long. How an array lies in memory is not
-# documented, the rest is.
+# Records by address, `hw_model.engine.packed`. Without them each array would be an argument of its
+# own, and the first command on a machine, which compiles everything, would take twice as long.
+# All of this is documented by numba, except how an array lies in memory.
 
 
 WORD = ir.IntType(64)
 DIGITS = 8
-"""Of the checksum that tells kinds of records with one name apart."""
+"""Digits of the checksum that distinguishes types of records with the same name but other fields."""
 
 
 class _Field(NamedTuple):
-    """A field of a :class:`_Record`: where it begins, in words, its kind, and whether that is an address."""
+    """A field of a :class:`_Record`: the word at which it begins, its kind, and whether the word is its address."""
 
     word: int
     kind: Any
@@ -316,7 +323,7 @@ class _Record(types.Type):
 
     @property
     def mangling_args(self) -> tuple[str, tuple[Any, ...]]:
-        """What stands for this kind in names of functions, which occur thousands of times."""
+        """A short name of this type, for the names of compiled functions, which contain the types of all arguments."""
         return self._short, ()
 
 
@@ -328,6 +335,7 @@ def _kind_of_packed(packed: Packed[Any], _: Any) -> _Record:
 
 
 def _field(value: Any, word: int) -> _Field:
+    """Return the type of a field from its value. A record in a record lies in place, a packed one is an address."""
     if isinstance(value, Packed):
         return _Field(word, typeof(value), is_address=True)
     if is_record(value):
@@ -347,7 +355,7 @@ class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
 
 @unbox(_Record)  # type: ignore[untyped-decorator]
 def _unbox(kind: _Record, packed: Any, context: Any) -> Any:
-    """Read the address of a packed record that Python gives to a loop."""
+    """Read the address of a packed record that Python passes to a loop."""
     api = context.pyapi
     builder = context.builder
     attribute = api.object_getattr_string(packed, "address")
@@ -363,20 +371,21 @@ class _RecordFields(AttributeTemplate):  # type: ignore[misc]
     key = _Record
 
     def generic_resolve(self, record: _Record, name: str) -> Any:
-        """Return the kind of a field; None where there is none of this name."""
+        """Return the kind of a field, or None if there is no field of this name."""
         return record.fields[name].kind if name in record.fields else None
 
 
 @lower_getattr_generic(_Record)  # type: ignore[untyped-decorator]
 def _read_field(context: Any, builder: Any, record: _Record, address: Any, name: str) -> Any:
-    """Read a field of a record."""
+    """Write the instructions that read a field of a record."""
     field = record.fields[name]
     kind = field.kind
 
     def word(number: int, as_type: Any = WORD) -> Any:
+        """Load a word of the field, by its number."""
         at = builder.gep(address, [WORD(field.word + number)])
         value = builder.load(builder.bitcast(at, as_type.as_pointer()))
-        # LLVM may read it again or not, whatever is written meanwhile.
+        # The words never change, so LLVM need not load them again after a store to an array.
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
         return value
 
@@ -394,36 +403,36 @@ def _read_field(context: Any, builder: Any, record: _Record, address: Any, name:
 
 
 def _array(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any]) -> Any:
-    """Return an array in C order, which belongs to no one."""
-    # Only what compiles loads it, for a fifth of a second.
+    """Return an array in C order. `meminfo=None`: numba counts no references to it, as a record keeps it alive."""
+    # Imported here, as it takes a fifth of a second, which only processes that compile should spend.
     from numba.np.arrayobj import populate_array
 
     array = context.make_array(kind)(context, builder)
     itemsize = WORD(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
     strides = [itemsize]
+    # From the last axis to the second: each is as far apart as all that lies behind it.
     for length in shape[:0:-1]:
         strides.insert(0, builder.mul(strides[0], length, flags=("nsw",)))
     populate_array(array, data, shape, strides, itemsize, meminfo=None)
     return array._getvalue()
 
 
-# Kernels, which write instructions for vectors: `intrinsic` is documented, how an array lies in
-# memory is not. LLVM, given loops over lanes, makes slower ones or none: there is no other way to
-# write them.
+# Kernels, which write vector instructions. `intrinsic` is documented by numba, how an array lies in
+# memory is not. From loops over lanes LLVM makes slower vectors or none, so there is no replacement.
 
 
 def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function over places one that compiled loops call.
+    """Decorate a function over places so that compiled loops can call it.
 
-    ``given`` are the names of what they call it with, with commas. A place is given as an array and
-    the indices of its first element; all else goes to the function as it is. It returns ``returns``
-    32-bit numbers.
+    ``given`` lists the parameters with which a loop calls it, separated by commas. For a place, a loop
+    passes an array and the indices of its first element; all other arguments go to the function
+    unchanged. It returns ``returns`` 32-bit numbers.
     """
     kind = types.void
     if returns:
         kind = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
 
-    def made(function: Callable[..., Any]) -> Any:
+    def decorate(function: Callable[..., Any]) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             returned = function(*_places(context, builder, signature.args, values))
             if not returns:
@@ -432,24 +441,24 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
 
         return _intrinsic(function.__name__, given, lambda kinds: kind(*kinds), generate)
 
-    return made
+    return decorate
 
 
 def _places(context: Any, builder: Any, kinds: Any, values: Any) -> list[Any]:
-    """Return what a kernel is given, with each array and its indices as one place."""
+    """Return the arguments of a kernel's function: each array and the indices behind it become one place."""
     places: list[Any] = []
-    # Each array takes as many of what follows it as it has axes: its indices.
-    rest = list(zip(kinds, values, strict=True))
-    while rest:
-        kind, value = rest.pop(0)
+    # An array is followed by as many indices as it has axes.
+    arguments = list(zip(kinds, values, strict=True))
+    while arguments:
+        kind, value = arguments.pop(0)
         if not isinstance(kind, types.Array):
             places.append(value)
             continue
         indices = [
             context.cast(builder, index, index_kind, types.intp)
-            for index_kind, index in rest[: kind.ndim]
+            for index_kind, index in arguments[: kind.ndim]
         ]
-        del rest[: kind.ndim]
+        del arguments[: kind.ndim]
         array = context.make_array(kind)(context, builder, value)
         first = cgutils.get_item_pointer(context, builder, kind, array, indices)
         row_bytes = cgutils.unpack_tuple(builder, array.strides)[0]
@@ -458,14 +467,14 @@ def _places(context: Any, builder: Any, kinds: Any, values: Any) -> list[Any]:
 
 
 def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function over compartments alone one that compiled loops call.
+    """Decorate a function over single compartments so that compiled loops can call it.
 
-    ``given`` are the names of what they call it with, with commas. What is given and returned are
-    numbers of 32 bits; a truth is returned as 0 or 1.
+    ``given`` lists its parameters, separated by commas. Arguments and results are 32-bit numbers; a
+    condition is returned as 0 or 1.
     """
     kind = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
 
-    def made(function: Callable[..., Any]) -> Any:
+    def decorate(function: Callable[..., Any]) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             returned = function(*[Lanes(builder, value) for value in values])
             zero = Lanes(builder, ir.Constant(COUNT, 0))
@@ -477,15 +486,16 @@ def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
 
         return _intrinsic(function.__name__, given, signature_of, generate)
 
-    return made
+    return decorate
 
 
 def _intrinsic(
     name: str, given: str, signature: Callable[..., Any], generate: Callable[..., Any]
 ) -> Any:
-    """Return an intrinsic: numba wants its parameters by name, after the context of types.
+    """Return a function of compiled code whose instructions ``generate`` writes.
 
-    It reads the names from the signature of the function, which is written here as ``given`` says.
+    numba reads the names of its parameters from the signature of a Python function, after a first
+    parameter for the typing context. So a function gets a signature with the names in ``given``.
     """
 
     def typed(typing: Any, *kinds: Any) -> Any:

@@ -1,4 +1,8 @@
-"""What of a simulation to keep: spikes and registers, of all or chosen populations, in all or chosen steps."""
+"""Probes: which spikes and registers of a simulation to keep, of which populations, in which steps.
+
+Users pass kinds or :class:`Probe` objects to ``simulate``. :func:`phase_probes` works out, for one
+phase, what the engine must record for them and where each population then lies in its arrays.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple, get_args
@@ -12,11 +16,12 @@ from hw_model.values import AnyArray, Frozen
 
 Kind = Literal["spikes", "u", "v", "potential", "activity"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
-"""``activity`` keeps the counts of every step and core, which latency is computed from."""
+"""``potential`` is v as it was compared with the threshold. ``activity`` keeps the counts of every step and core, from
+which latency is computed."""
 
 
 class Probe(Frozen):
-    """Keep ``kind`` of ``populations`` (None: all) in rows ``steps`` (None: all; a range of step 1)."""
+    """Keep ``kind`` of ``populations`` (None: all of them) in ``steps``, a range without gaps (None: all steps)."""
 
     kind: Kind
     populations: tuple[str, ...] | None = None
@@ -24,10 +29,14 @@ class Probe(Frozen):
 
 
 def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kind, Probe]:
-    """Return the probes by kind; an unknown kind or population, or a kind twice, is an ``InputError``."""
+    """Return the probes by kind.
+
+    Raises ``InputError`` for an unknown kind or population, for steps with gaps or before 0, and
+    for a kind that is asked for twice.
+    """
     by_kind: dict[Kind, Probe] = {}
     for kind_or_probe in probe:
-        read = _hashable(kind_or_probe)
+        read = _as_probe(kind_or_probe)
         where = f"probe {read.kind!r}"
         check_known(where, "does not exist", str(read.kind), KINDS)
         if read.kind in by_kind:
@@ -42,8 +51,8 @@ def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kin
     return by_kind
 
 
-def _hashable(kind_or_probe: Kind | Probe) -> Probe:
-    """Return a probe whose populations are no list: a program is planned once for equal probes."""
+def _as_probe(kind_or_probe: Kind | Probe) -> Probe:
+    """Return a hashable probe, with a tuple of populations: plans of a simulation are cached by its probes."""
     if not isinstance(kind_or_probe, Probe):
         return Probe(kind_or_probe)
     if isinstance(kind_or_probe.populations, list):
@@ -52,10 +61,10 @@ def _hashable(kind_or_probe: Kind | Probe) -> Probe:
 
 
 class ProbedPopulation(NamedTuple):
-    """Steps of a population that are kept, and where they lie in an array of the engine.
+    """A population that a probe keeps, and where it lies in an array of the engine.
 
-    An engine returns all spikes of a phase, and of each register what its :class:`Window` covers.
-    ``rows`` and ``columns`` are those of the array of this ``kind``.
+    An engine returns all spikes of a phase, and the part of each register that its :class:`Window`
+    covers. ``rows`` and ``columns`` are positions in the array of this ``kind``.
     """
 
     kind: Kind
@@ -63,43 +72,43 @@ class ProbedPopulation(NamedTuple):
     rows: slice
     columns: slice
     is_copied: bool
-    """Whether a small part of all spikes is copied: a view would keep them all in memory."""
+    """Whether to copy a small part of the spikes of a phase: a view of it would keep all of them in memory."""
 
     def taken_from(self, arrays: Mapping[Kind, AnyArray]) -> AnyArray:
-        """Return its steps, (batch, rows, n), from the arrays of an engine by kind."""
+        """Return the population's values, (batch, rows, n), from the arrays of an engine by kind."""
         view = arrays[self.kind][:, self.rows, self.columns]
         return view.copy() if self.is_copied else view
 
 
 class PhaseProbes(NamedTuple):
-    """What an engine must keep of a phase for some probes, and where each probe has it from."""
+    """The windows of registers that an engine must record in a phase, and the populations of each probe."""
 
     windows: dict[Register, Window]
     populations: dict[Probe, list[ProbedPopulation]]
 
 
 class _Selection(NamedTuple):
-    """What a probe selects of a phase: steps, and populations with their columns in the phase."""
+    """The steps of a phase that a probe selects, and its populations with their columns in the phase."""
 
     columns: dict[str, slice]
     steps: range
 
 
 class _EngineArray(NamedTuple):
-    """An array that an engine returns: the step of its first row, and the columns of populations."""
+    """An array that an engine returns: the step of its first row, and the columns of each population."""
 
     first_step: int
     columns: dict[str, slice]
 
 
 SMALL_PART = 4
-"""A probe of less than a fourth of a phase's spikes is copied."""
+"""A probe of less than a fourth of a phase's spikes is copied; chosen by hand."""
 
 
 def phase_probes(
     program: ChipProgram, phase: str, probes: Sequence[Probe], steps: int
 ) -> PhaseProbes:
-    """Return what an engine must keep of a phase of ``steps`` steps; it returns spikes anyway."""
+    """Return what an engine must record in a phase of ``steps`` steps. Spikes it returns in any case."""
     selections: dict[Probe, _Selection] = {}
     for probe in probes:
         if probe.kind != "activity":
@@ -130,7 +139,7 @@ def phase_probes(
 
 
 def _common_window(selections: Sequence[_Selection]) -> tuple[Window, _EngineArray]:
-    """Return a window of a register that covers some selections, and the array it gives."""
+    """Return the smallest window of a register that covers some selections, and the layout of its array."""
     start = min(selection.steps.start for selection in selections)
     stop = max(selection.steps.stop for selection in selections)
     columns_in_phase: dict[str, slice] = {}
@@ -149,7 +158,7 @@ def _common_window(selections: Sequence[_Selection]) -> tuple[Window, _EngineArr
 
 
 def _columns(program: ChipProgram, phase: str, probe: Probe) -> dict[str, slice]:
-    """Return the populations of a phase that a probe selects, and their columns."""
+    """Return the populations of a phase that a probe selects, and their columns. Joined ones have no spikes."""
     selected: dict[str, slice] = {}
     for name, columns in program.columns_of(phase).items():
         is_named = probe.populations is None or name in probe.populations
@@ -160,8 +169,8 @@ def _columns(program: ChipProgram, phase: str, probe: Probe) -> dict[str, slice]
 
 
 def _steps(probe: Probe, steps: int) -> range:
-    """Return the steps of a probe that a phase of ``steps`` steps has."""
+    """Return the steps of a probe, cut to a phase of ``steps`` steps."""
     if probe.steps is None:
         return range(steps)
-    stop = max(probe.steps.stop, probe.steps.start)
+    stop = max(probe.steps.stop, probe.steps.start)  # an empty range may stop before its start
     return range(min(probe.steps.start, steps), min(stop, steps))

@@ -1,9 +1,12 @@
-"""The plain engine: in which order cores, compartments and spikes take their turns. Obvious rather than fast.
+"""The plain engine: numpy arrays, core by core, obvious rather than fast. The fast engine is tested against it.
 
-One step is: update every compartment of every core, then deliver the spikes of this step to the accumulator slots of
-the steps in which their charge acts. What an update does is said in :mod:`hw_model.arithmetic.loihi`.
+A step first updates every compartment of every core, by the arithmetic of :mod:`hw_model.arithmetic.loihi`. Then it
+delivers the spikes of this step: through the wires of their compartment or input line to axons of cores, and along the
+synapses of these axons to *accumulator slots*. A core has one slot per step of delay, a ring that is indexed by the
+step modulo its length; in each step it reads one slot, the charges that act now.
 
-Recordings do not meet: each has registers and slots of its own. They take the same step together, as rows of arrays.
+Recordings do not influence each other: each has registers and slots of its own. All of a batch take the same step
+together, as rows of arrays.
 """
 
 from collections.abc import Callable
@@ -28,10 +31,11 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import AnyArray, BoolArray, ByteArray, IntArray, ranges
 
 Rows = slice | IntArray
-"""Recordings of a batch that take a step."""
+"""The recordings of a batch that take a step. Recordings may start and stop at different steps."""
 ALL = slice(None)
 NUMBERS_AT_ONCE = 1 << 22
-"""Numbers that the slots of a core hold at most, where several recordings share them."""
+"""The most numbers in the slots of a core over all recordings that run together, 32 MiB; chosen by hand. A larger batch
+runs in parts, and a single recording may take more."""
 
 
 def run_phase(
@@ -41,9 +45,9 @@ def run_phase(
     windows: dict[Register, Window],
     skip: bool,
 ) -> PhaseTrace:
-    """Run a batch through one phase; keep of the registers what the windows ask for.
+    """Run a batch through one phase; record the columns and steps of registers that ``windows`` name.
 
-    With ``skip``, steps in which nothing could change are counted as skipped. They are played all the same.
+    With ``skip``, steps in which nothing could change are counted as skipped, though this engine runs them like others.
     """
     cores = program.cores_of(phase)
     pieces = sum(len(core.slices) for core in cores)
@@ -53,6 +57,7 @@ def run_phase(
     most_of_core = max((core.compartments * _slots(core) for core in cores), default=1)
     together = max(1, NUMBERS_AT_ONCE // most_of_core)
     for low in range(0, batch, together):
+        # Parts are views: what is written to the trace of a part is written to the whole trace.
         part = slice(low, low + together)
         _run_part(program, phase, played.part(part), windows, trace.part(part), skip)
     return added_up(program, phase, played, trace)
@@ -66,12 +71,13 @@ def _run_part(
     trace: PhaseTrace,
     skip: bool,
 ) -> None:
-    """Run recordings step by step, and write their trace."""
+    """Run some recordings step by step, and write their trace."""
     batch = len(played.start)
     run = Run(program, phase, batch)
     lines = np.stack([played.lines(recording) for recording in range(batch)])
     for step in range(played.start.min(), played.stop.max()):
         is_run = (played.start <= step) & (step < played.stop)
+        # Nearly always all: a slice then gives views, where numbers of recordings would copy every array.
         recordings = ALL if is_run.all() else np.flatnonzero(is_run)
         run.update(recordings, step)
         run.deliver(recordings, step, lines[recordings, step])
@@ -82,12 +88,18 @@ def _run_part(
 
 
 def _slots(core: Core) -> int:
-    """Return how many slots a core needs: one for every delay in use, the step being read and the next."""
+    """Return how many slots a core needs.
+
+    Charges that arrive in a step act 1 to 1 + longest delay steps later, and one more slot is being read.
+    """
     return int(core.axons.delay.max(initial=0)) + 2
 
 
 class Run:
-    """A batch of recordings on the cores of a phase; ``columns`` are those of the compartments, core by core."""
+    """A batch of recordings on the cores of a phase.
+
+    ``columns`` are the columns of all compartments, core by core: arrays of cores side by side are in this order.
+    """
 
     def __init__(self, program: ChipProgram, phase: str, batch: int) -> None:
         cores = program.cores_of(phase)
@@ -108,6 +120,7 @@ class Run:
     def deliver(self, recordings: Rows, step: int, lines: ByteArray) -> None:
         """Deliver the spikes of a step: those of compartments, then those of input ``lines`` (recordings, lines)."""
         for state in self._cores.values():
+            # Wires lead from the compartments of this core; a core that sends nothing has none.
             if state.wires:
                 fired = state.of_all(_fired)[recordings]
                 for wires in state.wires:
@@ -118,16 +131,17 @@ class Run:
     def _deliver_along(
         self, wires: "_Wires", spikes: BoolArray | ByteArray, recordings: Rows, step: int
     ) -> None:
-        """Deliver the spikes (recordings, sources) that take some wires."""
+        """Deliver the spikes (recordings, sources) of the sources of some wires."""
         row, wire = np.nonzero(spikes[:, wires.source])
         if len(row):
+            # From rows of `spikes` to numbers in the batch.
             recording = np.arange(self._batch)[recordings][row]
             self._cores[wires.core].deliver(recording, wires.axon[wire], step)
 
     def note(
         self, recordings: Rows, step: int, windows: dict[Register, Window], trace: PhaseTrace
     ) -> None:
-        """Write the row of a step into a trace."""
+        """Write a step into a trace."""
         trace.spikes[recordings, step] = self.fired()[recordings]
         active = np.concatenate([state.active() for state in self._cores.values()], axis=1)
         trace.active[recordings, step] = active[recordings]
@@ -146,18 +160,18 @@ class Run:
 
     def events(self) -> IntArray:
         """Return how often every compartment met each event, (batch, events, columns)."""
-        of_kinds = [self._by_column(partial(_events, event=event)) for event in EVENTS]
-        return np.stack(of_kinds, axis=1)
+        by_event = [self._by_column(partial(_events, event=event)) for event in EVENTS]
+        return np.stack(by_event, axis=1)
 
     def _by_column(self, take: "_Take") -> AnyArray:
-        """Return what is taken of turns, in the order of columns."""
+        """Return what ``take`` returns of all turns, in the order of columns, (batch, columns)."""
         by_core = np.concatenate([state.of_all(take) for state in self._cores.values()], axis=1)
         by_column = np.empty_like(by_core)
         by_column[:, self.columns] = by_core
         return by_column
 
     def was_idle(self) -> BoolArray:
-        """Tell in which recordings nothing could have changed in the step, (batch,)."""
+        """Return in which recordings nothing could have changed in the step, (batch,)."""
         changing = np.zeros(self._batch, dtype=np.bool_)
         for state in self._cores.values():
             for turn in state.turns:
@@ -166,7 +180,7 @@ class Run:
 
 
 class _Wires(NamedTuple):
-    """Ways to one core: each from a ``source``, a compartment or an input line, to an input ``axon``."""
+    """Wires to one core: wire i leads from ``source[i]``, a compartment or an input line, to its input ``axon[i]``."""
 
     core: int
     source: IntArray
@@ -174,7 +188,7 @@ class _Wires(NamedTuple):
 
 
 def _by_target(source: IntArray, core: IntArray, axon: IntArray) -> list[_Wires]:
-    """Return ways by the core to which they lead."""
+    """Group wires by the core to which they lead."""
     return [
         _Wires(target, source[core == target], axon[core == target])
         for target in np.unique(core).tolist()
@@ -182,7 +196,10 @@ def _by_target(source: IntArray, core: IntArray, axon: IntArray) -> list[_Wires]
 
 
 class _CoreState:
-    """Registers and accumulators of one core, arrays (batch, compartments)."""
+    """One core in all recordings: the registers of its compartments, in *turns*, and its accumulator slots.
+
+    A turn is a group of compartments that can be updated at once, as none is the parent of another.
+    """
 
     def __init__(self, core: Core, program: ChipProgram, batch: int) -> None:
         registers = program.chip.registers
@@ -199,16 +216,16 @@ class _CoreState:
         """Update every compartment, children before their parents."""
         slot = self.slots[step % len(self.slots)]
         charge = slot[recordings].copy()
-        slot[recordings] = 0
+        slot[recordings] = 0  # for the charges that act one round of the ring later
         joined = np.zeros_like(charge)
         for turn in self.turns:
             turn.update(recordings, charge[:, turn.members], joined[:, turn.members])
             if len(turn.parents):
-                # A parent may have several children.
+                # A parent may have several children, of which `+=` would add only one.
                 np.add.at(joined.T, turn.parents, turn.v[recordings][:, turn.children].T)
 
     def of_all(self, take: "_Take") -> AnyArray:
-        """Return what is taken of turns, for every compartment of the core."""
+        """Return what ``take`` returns of all turns, in the order of compartments, (batch, compartments)."""
         parts = [take(turn) for turn in self.turns]
         of_core = np.empty((len(parts[0]), self.core.compartments), dtype=parts[0].dtype)
         for turn, part in zip(self.turns, parts, strict=True):
@@ -216,13 +233,19 @@ class _CoreState:
         return of_core
 
     def active(self) -> IntArray:
-        """Count the compartments of every piece that had anything to work on, (batch, pieces)."""
+        """Count the compartments of every piece that had anything to work on, (batch, pieces).
+
+        A piece, a slice of the core, is its share of a group.
+        """
         busy = self.of_all(lambda turn: turn.busy)
-        pieces = self.core.slices
-        return np.stack([busy[:, p.offset : p.offset + p.size].sum(axis=1) for p in pieces], axis=1)
+        counts = []
+        for piece in self.core.slices:
+            busy_of_piece = busy[:, piece.offset : piece.offset + piece.size]
+            counts.append(busy_of_piece.sum(axis=1))
+        return np.stack(counts, axis=1)
 
     def deliver(self, recordings: IntArray, axons: IntArray, step: int) -> None:
-        """Add the weights of axons' synapses, each for its recording, to the slots of the steps in which they act."""
+        """Add the weights of the synapses of ``axons[i]``, in ``recordings[i]``, to the slots from which they act."""
         synapses = self.core.axons
         first = synapses.list_start[axons]
         length = synapses.list_start[axons + 1] - first
@@ -235,9 +258,10 @@ class _CoreState:
 
 
 class _Turn:
-    """Compartments of a core of which none is the parent of another, arrays (batch, members).
+    """Compartments of a core of which none is the parent of another; arrays are (batch, members).
 
-    ``children`` are the members that are joined to a compartment, and ``parents`` those to which they are.
+    ``members`` are their numbers in the core. ``children`` are positions in ``members`` of those that are joined to a
+    parent, and ``parents`` the numbers of these parents in the core.
     """
 
     def __init__(self, core: Core, members: IntArray, arithmetic: OnIntegers, batch: int) -> None:
@@ -258,11 +282,11 @@ class _Turn:
         self.events = {event: np.zeros(shape, dtype=np.int64) for event in EVENTS}
 
     def update(self, recordings: Rows, charge: IntArray, joined: IntArray) -> None:
-        """Take a step of some recordings."""
+        """Run a step of some recordings."""
         before = State(self.u[recordings], self.v[recordings], self.blocked[recordings])
         step = loihi.step(self.arithmetic, self.parameters, before, charge, joined)
 
-        # All four are 0 if, and only if, none of them has a bit that is 1: one comparison instead of four.
+        # All four are 0 if no bit is set in any of them: one comparison instead of four.
         bits = charge | joined | before.u | before.v
         self.busy[recordings] = self.has_bias | (bits != 0)
         self.waiting[recordings] = before.blocked != 0
@@ -270,6 +294,7 @@ class _Turn:
         self.potential[recordings] = step.potential
         self.fired[recordings] = step.fired
         for event, met in loihi.events(step.response, step.live):
+            # Events are rare, and looking is faster than adding.
             if met.any():
                 self.events[event][recordings] += met
 
@@ -279,7 +304,7 @@ class _Turn:
 
 
 _Take = Callable[[_Turn], AnyArray]
-"""Returns something that turns have for each of their compartments, (batch, members)."""
+"""A function that returns something of a turn for each of its compartments, (batch, members)."""
 
 
 def _fired(turn: _Turn) -> BoolArray:

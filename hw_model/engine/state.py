@@ -1,6 +1,7 @@
-"""What the fast engine carries from step to step, where it works, and what it is given and writes of a tile.
+"""The memory of the fast engine's loops: state between steps, workspace, and the inputs and outputs of a tile.
 
-Charges are in units of :mod:`hw_model.arithmetic.loihi`.
+A *tile* is a run of consecutive steps, its *rows*. :mod:`hw_model.engine.layout` explains the other
+words. Charges are in units of 64, as in :mod:`hw_model.arithmetic.loihi`.
 """
 
 from typing import NamedTuple
@@ -13,16 +14,22 @@ from hw_model.engine.layout import BIAS, LANES, FastLayout, aligned
 from hw_model.values import AnyArray
 
 TILE = 64
-"""Steps that one block runs before the next does: their charges stay in the cache."""
+"""Steps that one block runs before the next block does, so that their charges stay in the cache; chosen by hand
+(``docs/development/decisions/0006-blocks-over-tiles.md``)."""
 MOST_LISTED = 1 << 14
-"""Spikes that are delivered together at most: all that 256 sources can send in a tile."""
+"""The most spikes that are delivered in one loop: all that 256 sources can send in a tile. It limits the memory for
+their rows to 64 KiB; chosen by hand."""
 
 
 class State(NamedTuple):
-    """A phase at a step: registers; charges due in a tile of steps and after it; the chunks that they touch, by row.
+    """The state of a phase between two steps.
 
-    ``at_rest`` marks the chunks that are all zero; the next two are registers and marks before the first step. Between
-    tiles charges lie in the first ``due`` rows only, as many as the longest delay takes.
+    - ``registers``: those of all chunks, flat: chunk by chunk, field by field, lane by lane
+    - ``charge`` (rows, slots): the charges that are due in each row of the tile and, behind them, after it
+    - ``touched`` (rows, chunks): whether a charge may be due in a chunk
+    - ``at_rest`` (chunks,): whether the state of a chunk is 0 and it has no bias, so that only charges can change it
+    - ``first_registers`` and ``first_at_rest``: the same before the first step
+    - ``due``: rows that the longest delay reaches beyond a tile. Between tiles only the first ``due`` rows hold charges
     """
 
     registers: AnyArray
@@ -35,10 +42,13 @@ class State(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated.
+    """Arrays that are only used within a tile.
 
-    The lists of node n begin at ``event[list_start[n]]``; behind them is room for all lanes of a chunk, which are
-    written whether they spike or not. ``row_of`` has room for the rows of spikes that are delivered together.
+    - ``masks`` (rows, chunks): the spikes of each chunk as bits
+    - ``event``, ``list_start``, ``begin``: lists of spikes. Those of node n in row r are ``event[list_start[n] + e]``
+      with ``begin[r, n] <= e < begin[r + 1, n]``, numbers of compartments within the node
+    - ``updated`` (rows,): whether anything could change in a row
+    - ``row_of``: the row of each spike, for spikes that are delivered in one loop
     """
 
     masks: AnyArray
@@ -50,7 +60,7 @@ class Workspace(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """Where code lies that not every phase needs; 0 where this one does not, so that it need not be compiled."""
+    """Addresses of loops that not every phase needs, or 0: what a phase does not need is not compiled."""
 
     by_lists: int | np.int64
     by_rows: int | np.int64
@@ -60,7 +70,7 @@ NO_PATHS = Paths(by_lists=0, by_rows=0)
 
 
 class Memory(NamedTuple):
-    """All that the loops write on their way, and where the rest of their code lies."""
+    """Everything that the loops write to besides their results, and the addresses of further loops."""
 
     state: State
     work: Workspace
@@ -68,7 +78,7 @@ class Memory(NamedTuple):
 
 
 class Tile(NamedTuple):
-    """``rows`` steps from ``step`` on; ``skip``: leave out what cannot change anything."""
+    """A tile: ``rows`` steps from ``step`` on. With ``skip``, updates that cannot change anything are left out."""
 
     step: int | np.int64
     rows: int | np.int64
@@ -76,14 +86,17 @@ class Tile(NamedTuple):
 
 
 class Arriving(NamedTuple):
-    """Input events of a tile: those of row r and input m are ``line[first[r, m]:first[r + 1, m]]``."""
+    """Input events of a tile: those of row r and input i are ``line[first[r, i]:first[r + 1, i]]``."""
 
     first: AnyArray
     line: AnyArray
 
 
 class KeptRegister(NamedTuple):
-    """Rows (batch, rows, columns) of a register from step ``start`` on; column c goes to ``place[c]`` if not -1."""
+    """Where a register is recorded: its value in column c at step t goes to ``rows[recording, t - start, place[c]]``.
+
+    ``rows`` is (batch, steps, recorded columns). A column with place -1, and steps outside, are not recorded.
+    """
 
     place: AnyArray
     start: int
@@ -91,7 +104,7 @@ class KeptRegister(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What to keep of registers; ``watched``: anything at all."""
+    """Which registers are recorded; ``watched``: whether any is."""
 
     watched: bool
     u: KeptRegister
@@ -100,10 +113,10 @@ class Kept(NamedTuple):
 
 
 class Written(NamedTuple):
-    """What is written of a tile.
+    """The results of a tile of one recording, whose number in the batch is ``recording``.
 
-    ``spikes`` (rows, n) are 0 and 1; ``sent`` (lines + n,) counts what each sends, and ``active``
-    (rows, pieces) the compartments that were busy. Registers are kept for number ``recording``.
+    ``spikes`` (rows, n) are 0 and 1; ``sent`` (lines + n,) counts the spikes of each source, and
+    ``active`` (rows, pieces) the compartments that had anything to work on.
     """
 
     spikes: AnyArray
@@ -125,15 +138,18 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
     due = len(layout.tables.links.due_late)
     charge = aligned((tile + due, chunks * LANES), registers.dtype)
     touched = np.zeros((tile + due, chunks), dtype=np.uint8)
-    current = aligned(registers.shape, registers.dtype)
-    current[:] = registers
-    return State(current, charge, touched, at_rest.copy(), registers, at_rest, due)
+    # A copy, at a cache line: the loops change it, and `reset` needs the original.
+    registers_now = aligned(registers.shape, registers.dtype)
+    registers_now[:] = registers
+    return State(registers_now, charge, touched, at_rest.copy(), registers, at_rest, due)
 
 
 def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     """Return room for the spikes of a tile."""
     first_of_node = layout.tables.nodes.first
     nodes = len(first_of_node)
+    # A node lists at most a spike per compartment and row. A list is written a whole chunk of lanes at a time, spiking
+    # or not, so there are LANES entries of room behind each node's.
     return Workspace(
         masks=np.zeros((tile, len(layout.tables.chunks.node)), dtype=np.int32),
         event=np.empty(tile * layout.columns + LANES * nodes, dtype=np.int32),
@@ -146,8 +162,8 @@ def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
 
 @compiled
 def reset(state):  # type: ignore[no-untyped-def]
-    """Go back to before the first step."""
-    # Loops: each assignment of a whole array would take a second to compile.
+    """Set a state back to before the first step."""
+    # Loops instead of whole-array assignments, each of which would take a second to compile.
     for k in range(len(state.registers)):
         state.registers[k] = state.first_registers[k]
     for k in range(len(state.at_rest)):
@@ -165,19 +181,23 @@ def _clear(array, row):  # type: ignore[no-untyped-def]
 
 @inner
 def _move_row(array, row, to):  # type: ignore[no-untyped-def]
-    """Move a row to another; return whether anything in it was not 0."""
-    anything = False
+    """Move a row to another; return whether any_nonzero in it was not 0."""
+    any_nonzero = False
     for k in range(array.shape[1]):
-        anything |= array[row, k] != 0
+        any_nonzero |= array[row, k] != 0
         array[to, k] = array[row, k]
         array[row, k] = 0
-    return anything
+    return any_nonzero
 
 
 @absorbed
 def move_on(state, rows):  # type: ignore[no-untyped-def]
-    """Move what is due after a tile to the front; the rows behind it start empty. Charges of the tile are all taken."""
+    """Prepare for the next tile: move the charges due after this tile to the front, and clear the rows behind them.
+
+    The updates of the tile have set all its charges to 0.
+    """
     for r in range(state.due):
+        # Rows without a touched chunk have no charges: there is nothing to move.
         if _move_row(state.touched, r + rows, r):
             _move_row(state.charge, r + rows, r)
     for r in range(state.due, rows):

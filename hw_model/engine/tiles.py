@@ -1,7 +1,9 @@
-"""The compiled loops of the fast engine over a tile of steps: blocks in turn, and in these the updates of chunks.
+"""The compiled loops of the fast engine over a tile: some consecutive steps, called its rows.
 
-A chunk is :mod:`hw_model.engine.chunks`. One that is all zero, and on which nothing arrives, is skipped: nothing could
-change in it.
+:func:`run_tile` runs the blocks of a phase one after the other, each over all rows of the tile. A block delivers the
+spikes that reach it from outside, updates its chunks of compartments in every row, and lists their spikes for the
+blocks behind it (:mod:`hw_model.engine.layout` explains the words, :mod:`hw_model.engine.chunks` the update of a
+chunk). A chunk whose state is 0, and on which no charge arrives, is skipped: nothing could change in it.
 """
 
 import numpy as np
@@ -20,26 +22,32 @@ from hw_model.engine.delivery import Listed, deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
 from hw_model.engine.state import move_on
 
-_ZERO, _NONE = np.int64(0), np.int32(0)
-"""Of a type, as a variable is: loops are compiled anew for each literal that they are called with."""
-# Unsigned, or each index would be tested for being negative.
-_LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
-_U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTENTIAL * LANES)
+# Typed like variables: numba would compile a loop again for each literal that it is called with.
+_ZERO = np.int64(0)
+_NO_SPIKES = np.int32(0)
+# Unsigned: numba tests signed indices for being negative, which means "from the end" in Python.
+_LANES = np.uint64(LANES)
+_CHUNK = np.uint64(FIELDS * LANES)
+_U = np.uint64(U * LANES)
+_V = np.uint64(V * LANES)
+_POTENTIAL = np.uint64(POTENTIAL * LANES)
 
 
 @shared
 def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untyped-def]
     """Run the steps of a tile; return in how many of them nothing could change.
 
-    ``spikes`` and ``active`` of what is :class:`hw_model.engine.state.Written` are written, ``sent``
-    is added to, and registers are kept.
+    The results go to ``written`` (:class:`hw_model.engine.state.Written`): ``spikes`` and ``active``
+    are written, ``sent`` is added to, and registers are recorded.
     """
     first = arriving.first
     rows = tile.rows
     state = memory.state
     work = memory.work
-    for m in range(first.shape[1]):
-        _count(arriving.line, first[0, m], first[rows, m], tables.nodes.first[m], written.sent)
+    for item in range(first.shape[1]):
+        _count(
+            arriving.line, first[0, item], first[rows, item], tables.nodes.first[item], written.sent
+        )
     for r in range(rows):
         work.updated[r] = 0
     for block in range(len(tables.chunks.feeds_itself)):
@@ -58,7 +66,7 @@ def _run_block(block, tile, arriving, tables, memory, written):  # type: ignore[
     chunks = tables.chunks
     first = chunks.bundle[chunks.of_block[block]]
     last = chunks.bundle[chunks.of_block[block + 1]]
-    # What a block that feeds itself sends in a row, it must be given before the next one.
+    # A block that feeds itself must receive the spikes of a row before it updates the next row.
     stride = 1 if chunks.feeds_itself[block] else tile.rows
     for low in range(0, tile.rows, stride):
         fired = _ZERO
@@ -69,108 +77,113 @@ def _run_block(block, tile, arriving, tables, memory, written):  # type: ignore[
 
 @absorbed
 def _deliver_into(block, rows, arriving, tables, memory):  # type: ignore[no-untyped-def]
-    """Deliver what inputs and earlier blocks sent in a tile to a block."""
+    """Deliver to a block the spikes that inputs and earlier blocks sent in the tile."""
     links = tables.links
     work = memory.work
     for link in range(links.into_block[block], links.into_block[block + 1]):
-        m = links.source[link]
-        if m < arriving.first.shape[1]:
-            listed = Listed(arriving.line, _ZERO, arriving.first, m)
+        node = links.source[link]
+        if node < arriving.first.shape[1]:
+            listed = Listed(arriving.line, _ZERO, arriving.first, node)
         else:
-            listed = Listed(work.event, work.list_start[m], work.begin, m)
+            listed = Listed(work.event, work.list_start[node], work.begin, node)
         deliver(link, _ZERO, rows, listed, tables, memory)
 
 
 @absorbed
 def _deliver_within(block, low, high, fired, tables, memory, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """List the spikes of a block in rows ``low..high``, and deliver those that stay within it."""
+    """List the spikes of a block in rows ``low..high``, and deliver those that go to the block itself.
+
+    ``fired`` is 0 if there are none.
+    """
     chunks = tables.chunks
     links = tables.links
     work = memory.work
     for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
-        m = chunks.spiking_node[index]
-        _list_spikes(m, low, high, fired, tables, work, written)
+        node = chunks.spiking_node[index]
+        _list_spikes(node, low, high, fired, tables, work, written)
         if fired:
-            listed = Listed(work.event, work.list_start[m], work.begin, m)
-            for link in range(links.from_node[m], links.from_node[m + 1]):
+            listed = Listed(work.event, work.list_start[node], work.begin, node)
+            for link in range(links.from_node[node], links.from_node[node + 1]):
                 deliver(link, low, high, listed, tables, memory)
 
 
 @absorbed
 def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Update whole bundles, members ``start..stop``, in row r; return the spikes of all of them as bits."""
+    """Update the bundles ``member[start:stop]`` in row r; return the bits of all their spikes, 0 if there are none."""
     state = memory.state
     work = memory.work
     kept = written.kept
     registers = state.registers
     at_rest = state.at_rest
     fired = np.int32(0)
+    # Whether an earlier member of the current bundle was updated: it may pass a voltage on to this one.
     stirred = False
     index = start
     while index < stop:
-        k = np.uint64(chunks.member[index])
-        is_pair = chunks.pair[index] and chunks.plain[k]
+        chunk = np.uint64(chunks.member[index])
+        # A pair runs in one kernel, which records no potentials.
+        is_pair = chunks.pair[index] and chunks.plain[chunk]
         if is_pair and chunks.plain[chunks.member[index + 1]] and not kept.watched:
             fired |= _update_pair(index, np.uint64(r), tile, chunks, memory, written)
             index += 3
             continue
         stirred &= not chunks.begins[index]
         index += 1
-        was_at_rest = at_rest[k]
-        if tile.skip and was_at_rest and not state.touched[r, k] and not stirred:
+        was_at_rest = at_rest[chunk]
+        if tile.skip and was_at_rest and not state.touched[r, chunk] and not stirred:
             continue
-        at = np.uint64(k * np.uint64(FIELDS * LANES))
-        if chunks.plain[k]:
+        at = np.uint64(chunk * np.uint64(FIELDS * LANES))
+        if chunks.plain[chunk]:
             mask, busy, restless = update_plain(
-                registers, at, state.charge, np.uint64(r), k * _LANES
+                registers, at, state.charge, np.uint64(r), chunk * _LANES
             )
         else:
             mask, busy, restless = update(
-                registers, at, state.charge, np.uint64(r), k * _LANES, chunks.widths
+                registers, at, state.charge, np.uint64(r), chunk * _LANES, chunks.widths
             )
-        at_rest[k] = restless == 0
-        work.masks[r, k] = mask
+        at_rest[chunk] = restless == 0
+        work.masks[r, chunk] = mask
         fired |= mask
-        _echo(k, np.uint64(r), mask, chunks, state)
-        written.active[r, chunks.piece[k]] += busy
-        # What arrives may add up to nothing, and then nothing changes.
+        _echo(chunk, np.uint64(r), mask, chunks, state)
+        written.active[r, chunks.piece[chunk]] += busy
+        # Arriving charges may cancel out, in which case nothing changes: that does not count as an update.
         if busy or not was_at_rest or not tile.skip:
             work.updated[r] = 1
         stirred = True
-        if chunks.parent[k] >= 0:
-            pass_on(registers, at, registers, np.uint64(chunks.parent[k] * FIELDS * LANES))
+        if chunks.parent[chunk] >= 0:
+            pass_on(registers, at, registers, np.uint64(chunks.parent[chunk] * FIELDS * LANES))
         if kept.watched:
             step = tile.step + r
             recording = written.recording
-            _keep(registers, at + _U, k, chunks, step, recording, kept.u)
-            _keep(registers, at + _V, k, chunks, step, recording, kept.v)
-            _keep(registers, at + _POTENTIAL, k, chunks, step, recording, kept.potential)
+            _keep(registers, at + _U, chunk, chunks, step, recording, kept.u)
+            _keep(registers, at + _V, chunk, chunks, step, recording, kept.v)
+            _keep(registers, at + _POTENTIAL, chunk, chunks, step, recording, kept.potential)
     return fired
 
 
 @absorbed
 def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
-    """Do what :func:`_update_members` does for two dendrites and their sum, three members, at once."""
+    """Do what :func:`_update_members` does for a pair: two dendrites and their sum, three members, in one kernel."""
     state = memory.state
     work = memory.work
     active = written.active
     at_rest = state.at_rest
     touched = state.touched
     registers = state.registers
-    # The dendrites, and the chunk of their sum.
+    # The two dendrites, and the chunk of their sum, on which no charge arrives.
     a = np.uint64(chunks.member[index])
     b = np.uint64(chunks.member[index + 1])
     c = np.uint64(chunks.member[index + 2])
     are_at_rest = at_rest[a] and at_rest[b] and at_rest[c]
     if tile.skip and are_at_rest and not touched[r, a] and not touched[r, b]:
         return np.int32(0)
-    mask, busy_a, busy_b, busy_c, left_a, left_b, left_c = update_pair(
+    mask, busy_a, busy_b, busy_c, restless_a, restless_b, restless_c = update_pair(
         registers, a * _CHUNK, registers, b * _CHUNK, registers, c * _CHUNK,
         state.charge, r, a * _LANES, state.charge, r, b * _LANES,
     )  # fmt: skip
-    at_rest[a] = left_a == 0
-    at_rest[b] = left_b == 0
-    at_rest[c] = left_c == 0
+    at_rest[a] = restless_a == 0
+    at_rest[b] = restless_b == 0
+    at_rest[c] = restless_c == 0
     active[r, chunks.piece[a]] += busy_a
     active[r, chunks.piece[b]] += busy_b
     active[r, chunks.piece[c]] += busy_c
@@ -183,7 +196,10 @@ def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-un
 
 @absorbed
 def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
-    """Add what the spikes of a chunk pass to a child, due from the next row on; without branches if that is one row."""
+    """Add the echo of a chunk's spikes to the charges of a child, due from the next row on, one row per delay.
+
+    An echo with one delay, as most have, takes no branch: without spikes it adds 0.
+    """
     if chunks.echo_to[k] >= 0:
         to = np.uint64(chunks.echo_to[k])
         due = r + np.uint64(1)
@@ -191,16 +207,19 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
         weights_of_row = np.uint64(state.charge.shape[1])
         at = to * _LANES
         while at < end:
-            change_echo(state.charge, due, to * _LANES, chunks.echo, at, mask, _NONE)
+            change_echo(state.charge, due, to * _LANES, chunks.echo, at, mask, _NO_SPIKES)
             state.touched[due, to] |= mask != 0
-            # Without spikes one row is enough: it adds nothing, and so would all later ones.
+            # Without spikes, stop after the first row: nothing is added in any.
             at += weights_of_row if mask else end
             due += np.uint64(1)
 
 
 @absorbed
 def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
+    """Turn a node's spikes in rows ``low..high`` from bits into lists, into 0 and 1, and into counts.
+
+    ``fired`` is 0 if there are none.
+    """
     nodes = tables.nodes
     chunks = tables.chunks
     spikes = written.spikes
@@ -211,9 +230,11 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
     base = work.list_start[m]
     first = nodes.first[m]
     columns = spikes.shape[1]
+    # `sent` counts input lines first, then columns.
     lines = len(sent) - columns
-    # The last column at which a whole chunk of lanes can be written.
+    # The last column from which a whole chunk of lanes can be written without leaving the row.
     last = columns - LANES
+    # The lists of a tile follow each other: this call continues where that of the rows before ended.
     listed = begin[low, m] if low else 0
     begin[low, m] = listed
     for r in range(np.uint64(low), np.uint64(high)):
@@ -222,8 +243,10 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
                 mask = masks[r, k]
                 column = chunks.first_column[k]
                 masks[r, k] = 0
-                # No branches: they would be guessed wrong too often.
+                # Without branches on the number of spikes, which the processor could not predict.
                 listed += list_lanes(event, base + listed, column - first, mask)[0]
+                # The last chunk is written further left, with its bits moved up by as many lanes. A phase with fewer
+                # columns than a chunk has lanes is written lane by lane.
                 at = min(column, last)
                 if at >= 0:
                     note(spikes, r, at, mask << (column - at))
@@ -236,7 +259,7 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
 
 @inner
 def _count(event, first, last, source, sent):  # type: ignore[no-untyped-def]
-    """Count the spikes ``first..last`` of a list among those of the sources from ``source`` on."""
+    """Add the spikes ``event[first:last]`` to the counts of a node's sources, which begin at ``sent[source]``."""
     source = np.uint64(source)
     for e in range(np.uint64(first), np.uint64(last)):
         sent[source + np.uint64(event[e])] += 1
@@ -244,7 +267,7 @@ def _count(event, first, last, source, sent):  # type: ignore[no-untyped-def]
 
 @inner
 def _keep(registers, at, k, chunks, step, recording, kept):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Copy the lanes of chunk k that are to be kept, if this step is."""
+    """Record a register of chunk k, if this step and these columns are recorded."""
     row = step - kept.start
     first_column = chunks.first_column[k]
     if 0 <= row < kept.rows.shape[1]:

@@ -1,6 +1,7 @@
-"""Whether loops can be compiled here: they use private parts of numba, which change from one release to the next.
+"""Check whether numba here can compile our loops, which use private parts of it that change between releases.
 
-Where they cannot, the plain engine plays, which gives the same integers about a hundred times slower.
+Nothing here imports numba unless asked. If loops cannot be compiled, the plain engine runs instead:
+the same integers, about a hundred times slower.
 """
 
 import re
@@ -12,9 +13,10 @@ from hw_model.io.memory import LOOPS_BYTES, check_room
 
 LOWEST = (0, 62)
 ABOVE = (0, 69)
-"""Releases of numba from ``LOWEST`` to below ``ABOVE`` compile the loops: ``pyproject.toml`` asks for the same.
+"""Loops are compiled by numba from release ``LOWEST`` to before ``ABOVE``; ``pyproject.toml`` has the same bounds.
 
-Those below 0.62 have an LLVM that crashes on processors with AVX-512, where lanes are moved side by side.
+Releases before 0.62 have an LLVM that crashes on processors with AVX-512 when it compiles
+:func:`hw_model.engine.lanes.put_side_by_side`.
 """
 PRIVATE_PARTS = {
     "numba.core.caching.Cache": ("_load_overload", "_save_overload"),
@@ -31,15 +33,16 @@ PRIVATE_PARTS = {
     "numba.core.runtime.rtsys": ("initialize",),
     "numba.core.typing.templates.AttributeTemplate": ("resolve",),
 }
-"""What the loops use of numba's classes that its documentation does not promise."""
+"""Undocumented methods and functions of numba that the loops use, by class or module."""
 
 
 @cache
 def why_not_compiled() -> str | None:
-    """Return why no loop can be compiled here; None where it can be.
+    """Return why no loop can be compiled here, or None if loops can be compiled.
 
-    Raises ``InputError`` where an inherited limit leaves too little memory to find out.
+    Raises ``InputError`` if a limit on memory, such as that of ulimit, leaves too little to find out.
     """
+    # Without enough memory, importing numba ends in an obscure error or a crash.
     check_room(LOOPS_BYTES)
     try:
         numba = import_module("numba")
@@ -57,7 +60,7 @@ def why_not_compiled() -> str | None:
 
 
 def check_compiled() -> None:
-    """Raise ``InputError`` where no loop can be compiled."""
+    """Raise ``InputError`` if no loop can be compiled here."""
     reason = why_not_compiled()
     if reason is not None:
         raise InputError(
@@ -66,14 +69,14 @@ def check_compiled() -> None:
 
 
 def fix_of(reason: str) -> str:
-    """Return the way out of one of :func:`why_not_compiled`'s reasons."""
+    """Return what a user can do about a reason of :func:`why_not_compiled`."""
     if "DISABLE_JIT" in reason:
         return "Unset it."
     return f"Install numba {supported()}."
 
 
 def supported() -> str:
-    """Return the supported releases of numba as pip takes them."""
+    """Return the supported releases of numba as a requirement of pip."""
     return f">={_dotted(LOWEST)},<{_dotted(ABOVE)}"
 
 
@@ -87,6 +90,7 @@ def _release(version: str) -> tuple[int, ...]:
 
 
 def _has(owner: str, name: str) -> bool:
+    """Return whether a class or module of numba, by its dotted name, has an attribute."""
     module, _, attribute = owner.rpartition(".")
     try:
         return hasattr(getattr(import_module(module), attribute), name)
