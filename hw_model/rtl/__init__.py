@@ -1,1 +1,2 @@
-"""The open hardware core: its SystemVerilog, what it is loaded with, and programs played on it."""
+"""The open core, the hardware of this project: its SystemVerilog, programs in its memory words, and
+recordings played on it."""

@@ -1,4 +1,9 @@
-"""A board that runs the open core: programs loaded over its line, recordings played, answers checked."""
+"""The host of a board with the open core: load programs and play recordings over its line.
+
+The protocol is that of docs/reference/hardware/serial-line-and-axi.md: frames with sequence
+numbers, each of which the board answers. A frame that was lost or damaged on the line is sent
+again.
+"""
 
 import struct
 from collections.abc import Iterator, Mapping
@@ -17,18 +22,36 @@ from hw_model.texts.templates import filled
 from hw_model.values import ByteArray, Frozen
 
 PROBLEMS = ("", *filled(__package__, "problems.txt").splitlines())
-"""What a board says by number; the first are those of the line, where sending again helps."""
-LINE, OUT_OF_ORDER, CUT_OFF = range(1, 5), 5, 6
+"""The texts of the problems that a board reports, by their numbers; number 0 is none."""
+LINE = range(1, 5)
+"""Problems of the line: the frame was damaged or lost, so it is sent again."""
+OUT_OF_ORDER = 5
+CUT_OFF = 6
+"""Not a refusal: a hello reports that it cut a recording off."""
 TRIES = 4
+"""How often a frame is sent before the host gives up. Chosen by hand."""
 VERSION = 3
-"""Of the protocol, which a board says first: a core has other parameters in another."""
+"""The version of the protocol, which a board sends first. Versions differ in the parameters that
+follow it."""
+# Bytes of a word on the load port, and of what precedes the words in the buffer of the board: the
+# type and number of a frame, and in a load also memory, address and size.
+_PLACE_BYTES = 4
+_DATA_BYTES = 16
+_HEADER_BYTES = 2
+_LOAD_HEADER_BYTES = _HEADER_BYTES + _PLACE_BYTES + 1
 
 
 class Answer(Frozen):
-    """What a board made of a recording: an error of the stream or 0, a class, cycles, counts, and spikes if asked.
+    """A board's answer to a recording.
 
-    ``counts``: synaptic operations, updates, active updates, spikes, and wraps and clips, as ``cosimulation.ANSWER``
-    names them. ``spikes``: each as the number of updates before it; ``lost``: those that the board had no room for.
+    - ``error``: of the stream; 0 if there was none
+    - ``winner``: the class
+    - ``cycles``: from the first word of the recording to its answer
+    - ``counts``: synaptic operations, updates, active updates, spikes, wraps of charge and of
+      current, and clips, in the order of ``cosimulation.ANSWER_COUNTS``
+    - ``lost``: spikes that the board had no room for
+    - ``spikes``: each as the number of compartments that were updated before it; empty unless they
+      were asked for
     """
 
     error: int
@@ -40,9 +63,12 @@ class Answer(Frozen):
 
 
 class Board:
-    """A board on a port, greeted: ``sizes`` and ``buffer`` are what it says of itself.
+    """A board on a port. It is greeted when this object is made.
 
-    ``cut_off``: an earlier host left a recording in the middle, which the board dropped.
+    - ``sizes``: the sizes of its core, as it reports them
+    - ``buffer``: the bytes of frames that may wait on the board, so the longest frame it takes
+    - ``cut_off``: whether an earlier host left a recording in the middle, which the board then
+      dropped
     """
 
     def __init__(self, port: Port) -> None:
@@ -54,20 +80,30 @@ class Board:
         self._answers: list[Answer] = []
         welcome = self._command(frames.HELLO)
         if welcome[:1] != bytes((VERSION,)):
-            said = f"got {welcome[0] if welcome else 'none'} against {VERSION}"
+            version = welcome[0] if welcome else "none"
             fix = "Build the bitstream again, with this version."
             raise InputError(
-                "board", "it speaks another version of the protocol", measured=said, fix=fix
+                "board",
+                "it speaks another version of the protocol",
+                measured=f"got {version} against {VERSION}",
+                fix=fix,
             )
+        # The bytes of a welcome: version, whether a program is loaded, then numbers of three bytes.
         self.buffer, *sizes, last = _numbers(welcome[2:])
+        # What an earlier host asked for is not of interest.
         self._answers.clear()
         self._spikes.clear()
+        # Three parameters share the last number, as locsnn_bytes.sv packs them.
         self.sizes = replace(
             Sizes(*sizes), phase_words=last & (1 << 20) - 1, later=last >> 20 & 7, groups=last >> 23
         )
 
     def load(self, core: CoreProgram) -> None:
-        """Fill the memories with a program, and start it; a ``TargetError`` names what has no room."""
+        """Fill the memories with a program, and start it.
+
+        Raise a ``TargetError`` that names the first size in which the core of the board is too
+        small.
+        """
         for name, need in asdict(core.needs).items():
             room = getattr(self.sizes, name)
             refuse_unless(
@@ -76,48 +112,57 @@ class Board:
                 f"room on this board for its {name}",
                 f"{need} against {room}",
             )
-        rows = np.packbits(core.load_words(self.sizes)[:, ::-1], axis=1)
-        place = rows[:, :4].astype(np.int64) @ (1 << np.arange(24, -1, -8))
-        for block in np.split(rows, np.flatnonzero(np.diff(place) != 1) + 1):
-            size = 16 - int(np.flatnonzero(block[:, 4:].any(axis=0)).min(initial=15))
-            for part in _parts(block, (self.buffer - 7) // size):
-                self._command(
-                    frames.LOAD, part[0, :4].tobytes() + bytes((size,)) + part[:, -size:].tobytes()
-                )
+        # Bytes, the highest first: one of the memory, three of the address, sixteen of data.
+        words = np.packbits(core.load_words(self.sizes)[:, ::-1], axis=1)
+        place = words[:, :_PLACE_BYTES].astype(np.int64) @ (1 << np.arange(24, -1, -8))
+        # A frame holds words of one memory whose addresses follow each other, without the leading
+        # bytes of data that are 0 in all of them.
+        block_starts = np.flatnonzero(np.diff(place) != 1) + 1
+        for block in np.split(words, block_starts):
+            data = block[:, _PLACE_BYTES:]
+            leading_zeros = int(np.flatnonzero(data.any(axis=0)).min(initial=_DATA_BYTES - 1))
+            size = _DATA_BYTES - leading_zeros
+            for part in _parts(block, (self.buffer - _LOAD_HEADER_BYTES) // size):
+                destination = part[0, :_PLACE_BYTES].tobytes() + bytes((size,))
+                self._command(frames.LOAD, destination + part[:, -size:].tobytes())
 
     def report(self, wanted: bool) -> None:
-        """Ask for spikes, or for none."""
+        """Ask the board to report spikes with the answers, or to stop that."""
         self._command(frames.REPORT, bytes((wanted,)))
 
     def play(self, core: CoreProgram, recording: ByteArray) -> Answer:
         """Stream a recording (rows, channels) and return its answer."""
-        words = (
-            np.array(words_of(core, recording), dtype=">u4").view(np.uint8).reshape(-1, 4)[:, 1:]
-        )
-        for part in _parts(words, (self.buffer - 2) // 3):
+        # The stream has words of 18 bits, and the line three bytes for each: the highest of four
+        # bytes is left out.
+        words = np.array(words_of(core, recording), dtype=">u4")
+        bytes_of_words = words.view(np.uint8).reshape(-1, 4)[:, 1:]
+        for part in _parts(bytes_of_words, (self.buffer - _HEADER_BYTES) // 3):
             self._command(frames.WORDS, part.tobytes())
         while not self._answers:
-            if self._heard() is None:
+            if self._next_frame() is None:
                 raise InputError(
                     "board", "it did not answer a recording", fix="Check the line; play it again."
                 )
         return self._answers.pop()
 
     def _command(self, kind: int, payload: bytes = b"") -> bytes:
-        """Send a frame until it is carried out; return what the board says to it. A refusal is an ``InputError``."""
+        """Send a frame until it is carried out, and return the payload of the board's reply.
+
+        Raise an ``InputError`` if the board refuses the frame, or does not answer.
+        """
         reply_type = frames.WELCOME if kind == frames.HELLO else frames.DONE
-        following = (self._number + 1) % 256
+        next_number = (self._number + 1) % 256
         for _ in range(TRIES):
             self._port.write(frames.framed(kind, self._number, payload))
-            while (frame := self._heard()) is not None:
-                said, number, body = frame
-                problem = body[0] if said == frames.ERROR else 0
-                # Carried out already, if the board waits for the next one: what it said to it was lost on the line.
-                if (said, number) == (reply_type, self._number) or (problem, number) == (
-                    OUT_OF_ORDER,
-                    following,
-                ):
-                    self._number = following
+            while (frame := self._next_frame()) is not None:
+                frame_type, number, body = frame
+                problem = body[0] if frame_type == frames.ERROR else 0
+                is_reply = (frame_type, number) == (reply_type, self._number)
+                # The board waits for the next number: it has carried this frame out, and its reply
+                # was lost on the line.
+                was_carried_out = (problem, number) == (OUT_OF_ORDER, next_number)
+                if is_reply or was_carried_out:
+                    self._number = next_number
                     return body
                 self.cut_off |= problem == CUT_OFF
                 if problem in LINE:
@@ -128,14 +173,22 @@ class Board:
             "board", "it does not answer", fix="Check the port, the baud rate and the bitstream."
         )
 
-    def _heard(self) -> frames.Frame | None:
-        """Return the next frame, None if nothing comes; keep spikes and answers."""
+    def _next_frame(self) -> frames.Frame | None:
+        """Return the next frame, or None if nothing comes.
+
+        Spikes and answers may come between other frames, so they are stored here, whatever is
+        waited for.
+        """
         frame = self._frames.next()
-        if frame and frame[0] == frames.SPIKES:
-            self._spikes += _numbers(frame[2])
-        if frame and frame[0] == frames.ANSWER:
-            error, winner, cycles, *counts = struct.unpack(">BHI7I", frame[2][:-3])
-            (lost,) = _numbers(frame[2][-3:])
+        if frame is None:
+            return None
+        frame_type, _, payload = frame
+        if frame_type == frames.SPIKES:
+            self._spikes += _numbers(payload)
+        if frame_type == frames.ANSWER:
+            # Error 1 byte, class 2, cycles 4, seven counts of 4, lost spikes 3.
+            error, winner, cycles, *counts = struct.unpack(">BHI7I", payload[:-3])
+            (lost,) = _numbers(payload[-3:])
             self._answers.append(
                 Answer(error, winner, cycles, tuple(counts), lost, tuple(self._spikes))
             )
@@ -144,16 +197,22 @@ class Board:
 
 
 def _numbers(payload: bytes) -> list[int]:
+    """Return the numbers in a payload, three bytes each, the highest first."""
     return [int.from_bytes(payload[at : at + 3], "big") for at in range(0, len(payload), 3)]
 
 
 def _parts(rows: ByteArray, most: int) -> Iterator[ByteArray]:
+    """Split an array into parts of at most ``most`` rows."""
     return (rows[at : at + most] for at in range(0, len(rows), most))
 
 
 def spike_numbers(
     core: CoreProgram, recording: ByteArray, spikes: Mapping[str, ByteArray]
 ) -> list[int]:
-    """Return the spikes of a simulation as a board reports them; ``spikes[population]`` (steps, n)."""
+    """Return the spikes of a simulation as a board reports them: each as the number of updates
+    before it.
+
+    ``spikes[population]`` (steps, n).
+    """
     parts = [fired_in_order(core, phase, recording, spikes).ravel() for phase in core.phases]
     return np.flatnonzero(np.concatenate(parts)).tolist()

@@ -1,4 +1,9 @@
-"""Top, constraints and rules of make of a board, from its description and the templates of its family."""
+"""Write the files that put the open core on a board, from the board's description.
+
+These are the top module, which connects pins, clock and reset to ``top_uart.sv``; the constraints,
+which give every port its pin (an LPF file for an ECP5, a PCF file for an iCE40); and the variables
+of make. The templates lie in ``boards/``.
+"""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -10,29 +15,36 @@ from hw_model.description.pll import ecp5_pll, ice40_pll
 from hw_model.values import Frozen
 
 MEMORY_BLOCKS = {"ecp5-85f": 16384}
-"""The bits of the blocks that large memories are cut into, for cores that need it."""
+"""Bits of a block RAM, for cores whose memories are cut into slices of one block each: memory.sv
+says why."""
 _LIGHTS = ("loaded", "running", "answered", "failed")
-"""What the lights of ``top_uart.sv`` show, from bit 0 on."""
+"""What the four lights of ``top_uart.sv`` show, from bit 0 on."""
 _PLL_PADS = {"sg48": "35"}
-"""The pin of a package of an iCE40 that its PLL takes directly."""
+"""By package of an iCE40, the pin that is wired to the PLL; a clock on any other pin takes another
+cell."""
 
 
 class Port(Frozen):
-    """A port of the top, or a bit of one, and its pin."""
+    """A port of the top module, or a bit of one, and its pin."""
 
     signal: str
     pin: Pin
 
 
 class ClockSource(Frozen):
-    """The clock of the core: its exact frequency, and the text that makes it from the input."""
+    """The clock of the core: its exact frequency, and the SystemVerilog that makes it from the
+    input."""
 
     mhz: Fraction
     text: str
 
 
 def board_sources(board: Board, target: str) -> dict[str, str]:
-    """Return the files of a board by name, for the core of a target."""
+    """Return the files of a board, by name: text of the top module, constraints and variables of
+    make.
+
+    ``target`` names the chip whose core the board gets.
+    """
     constraints = f"{board.name}.{'lpf' if board.device.family == 'ecp5' else 'pcf'}"
     return {
         f"{board.name}.top.sv": _top(board),
@@ -46,7 +58,7 @@ def _template(name: str) -> Template:
 
 
 def clock_port(board: Board) -> str:
-    """Return the name of the clock's port, with its frequency: ``clk25``."""
+    """Return the name of the clock's port, which holds the frequency in MHz, such as ``clk25``."""
     return f"clk{board.clock.mhz:g}".replace(".", "_")
 
 
@@ -55,7 +67,7 @@ def _reset_port(pin: Pin) -> str:
 
 
 def _light_ports(board: Board) -> list[Port]:
-    """Return the LEDs; one alone is no vector."""
+    """Return the ports of the LEDs: bits of a vector or, for a single LED, a port of one bit."""
     pins = list(board.lights.values())
     if len(pins) == 1:
         return [Port("leds", pins[0])]
@@ -63,7 +75,7 @@ def _light_ports(board: Board) -> list[Port]:
 
 
 def _ports(board: Board) -> list[Port]:
-    """Return all ports, in the order of the constraints."""
+    """Return all ports of the top module, in the order in which the constraints list them."""
     ports = [
         Port(clock_port(board), board.clock.pin),
         Port("rx", board.serial.rx),
@@ -77,6 +89,7 @@ def _ports(board: Board) -> list[Port]:
 
 
 def _top(board: Board) -> str:
+    """Return the top module."""
     source = clock_source(board)
     baud = board.serial.baud
     reset = "!locked"
@@ -86,7 +99,8 @@ def _top(board: Board) -> str:
     return _template("top.sv").substitute(
         description=board.description,
         baud=baud,
-        # What is usual is left to the default of ``top_uart.sv``, so that the core of a board stays as it was placed.
+        # The usual rate is the default of top_uart.sv. Naming it would rename the module in the
+        # netlist, and what a placement reaches depends on names.
         rate="" if baud == USUAL_BAUD else f".BAUD({baud}), ",
         pll=source.text,
         reset=reset,
@@ -99,6 +113,7 @@ def _top(board: Board) -> str:
 
 
 def _declarations(board: Board) -> list[str]:
+    """Return the declarations of the ports of the top module."""
     inputs = [clock_port(board), "rx"]
     if board.reset is not None:
         inputs.append(_reset_port(board.reset))
@@ -109,29 +124,32 @@ def _declarations(board: Board) -> list[str]:
         declarations.append("output logic leds")
     elif lights:
         declarations.append(f"output logic [{lights - 1}:0] leds")
-    # Escaped, so that no name is a word of the language.
+    # Escaped names, as the user's name of a pin may be a keyword of SystemVerilog.
     declarations += [f"output logic \\{name} " for name in board.held_high]
     return declarations
 
 
 def _level(signal: str, pin: Pin) -> str:
+    """Return the expression of a signal, inverted for a pin that is active low."""
     return f"!{signal}" if pin.active == "low" else signal
 
 
 def _light_assignments(board: Board) -> list[str]:
+    """Return a line per LED that the board has, which assigns it one of the four lights."""
     lines = []
-    for port, shows in zip(_light_ports(board), board.lights, strict=True):
-        shown = _level(f"shown[{_LIGHTS.index(shows)}]", port.pin)
-        lines.append(f"    assign {port.signal} = {shown};")
+    for port, light in zip(_light_ports(board), board.lights, strict=True):
+        level = _level(f"shown[{_LIGHTS.index(light)}]", port.pin)
+        lines.append(f"    assign {port.signal} = {level};")
     return lines
 
 
 def clock_source(board: Board) -> ClockSource:
-    """Return how the core gets its clock."""
+    """Return the clock of the core: that of the board, or from the PLL of the family."""
     name = clock_port(board)
     clock = board.clock
     if clock.core == clock.mhz:
         text = _template("pll_none.sv").substitute(input=name)
+        # By its decimals: 12.1 is not exactly a binary fraction.
         return ClockSource(Fraction(repr(clock.mhz)), text.rstrip())
     if board.device.family == "ecp5":
         return _ecp5_clock(board)
@@ -152,7 +170,8 @@ def _ecp5_clock(board: Board) -> ClockSource:
 
 
 def _phase(divider: int) -> int:
-    """Return the coarse phase of an output whose first edge is in the middle of its period."""
+    """Return the coarse phase (CPHASE) of an output of an ECP5's PLL: its first edge is in the
+    middle of its period."""
     return max(divider // 2 - 1, 0)
 
 
@@ -172,6 +191,7 @@ def _ice40_clock(board: Board) -> ClockSource:
 
 
 def _rules(board: Board, target: str, constraints: str) -> str:
+    """Return the variables of make: the device, its part, and the names of the other files."""
     block = MEMORY_BLOCKS.get(target)
     return _template("board.mk").substitute(
         description=board.description,
@@ -194,7 +214,7 @@ def _part(board: Board) -> str:
 
 
 def _lpf(board: Board) -> str:
-    """Return the constraints of an ECP5."""
+    """Return the constraints of an ECP5, in the format LPF."""
     lines = [
         f"# Pins of {board.description}.",
         f'FREQUENCY PORT "{clock_port(board)}" {board.clock.mhz:g} MHZ;',
@@ -211,7 +231,7 @@ def _lpf(board: Board) -> str:
 
 
 def _pcf(board: Board) -> str:
-    """Return the constraints of an iCE40."""
+    """Return the constraints of an iCE40, in the format PCF."""
     lines = [f"# Pins of {board.description}."]
     for port in _ports(board):
         pull = "-pullup yes " if port.pin.pull == "up" else ""

@@ -1,4 +1,9 @@
-"""The core against the simulator: every spike, u, v, potential, count and class, and every cycle predicted."""
+"""Compare the core with the simulator: every spike, u, v, potential, count, score and class, and
+the cycles.
+
+``locsnn rtl sim`` and the tests play recordings on both, the core in a simulator of SystemVerilog,
+and count how many values differ.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,17 +30,20 @@ def compare(
     sizes: Sizes = SIMULATED,
     patience: int = PATIENCE,
 ) -> dict[str, Any]:
-    """Return what was compared, and how often the two differ; cycles are counted apart from values.
+    """Play recordings on the simulator and on the core, and return how many values differ.
+
+    Cycles are compared with those that :mod:`hw_model.rtl.cycles` predicts, and counted apart from
+    values.
 
     - ``spikes``: a batch, (batch, steps, channels)
     - ``texts``: the SystemVerilog of the core, by the names of its files
-    - ``patience``: clock cycles without an answer after which the core is given up
-    - ``sizes``: of the core, if the chip is not an open core, which has sizes of its own
+    - ``patience``: clock cycles without a sign of life after which the run ends
+    - ``sizes``: the sizes of the core, if the chip is not an open core, which has sizes of its own
     """
     expected = simulate(program, spikes, probe=KINDS)
     on_core, answers = play_on_core(program, spikes, None, KINDS, simulator, texts, sizes, patience)
     core_figures = dict(zip(ANSWER, answers.T, strict=True))
-    # Arrays of the simulator, each with that of the core.
+    # Pairs of arrays to compare: (of the simulator, of the core).
     pairs: list[tuple[Any, Any]] = []
     for kind in KINDS:
         of_core = getattr(on_core, kind)
@@ -62,5 +70,8 @@ def compare(
         ),
         "cycles": cycles,
         "predicted_cycles": predicted,
-        "cycle_mismatches": sum(a != b for a, b in zip(cycles, predicted, strict=True)),
+        "cycle_mismatches": sum(
+            taken != expected_cycles
+            for taken, expected_cycles in zip(cycles, predicted, strict=True)
+        ),
     }

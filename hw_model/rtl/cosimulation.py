@@ -1,4 +1,11 @@
-"""Recordings played to the core's SystemVerilog, and what it did as a simulation's result."""
+"""Play recordings to the core's SystemVerilog, and return what it did as the result of a
+simulation.
+
+A bench (``bench.sv``), built with Verilator or Icarus Verilog, reads the program and the recordings
+from files and writes every update and answer of the core to files. The updates are sorted back into
+the arrays that the simulator's engines give for a phase, so both results have the same type and can
+be compared value by value.
+"""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -29,12 +36,13 @@ END = 2 << 16
 PATIENCE = 1 << 20
 """Cycles without a sign of life after which a core is given up."""
 UNKNOWN = -(1 << 62)
-"""What stands for a value that the logic leaves undefined: nothing that a simulation gives."""
+"""Stands for a value with undefined bits (x, z). No simulation gives this number, so it always
+differs."""
 MISSING = -1
-"""What stands for a number that a core that fails did not write."""
+"""Stands for a number that the bench did not write, as of a core that fails."""
 _UNDEFINED = dict.fromkeys(map(ord, "xXzZ"), str(UNKNOWN))
 UPDATE = ("compartment", "u", "v", "potential", "fired", "active", *EVENTS)
-"""What the bench writes of an update."""
+"""The numbers that the bench writes of an update, in order."""
 ANSWER_COUNTS = (
     "synaptic_ops",
     "neuron_updates",
@@ -44,7 +52,7 @@ ANSWER_COUNTS = (
 )
 """Counts of a recording that the core sends with its answer."""
 ANSWER = ("error", "class", "cycles", *ANSWER_COUNTS)
-"""What the bench writes of a recording."""
+"""The numbers that the bench writes of a recording, in order."""
 
 
 @checked
@@ -73,10 +81,10 @@ def play_on_core(  # noqa: PLR0913 - public: each is an option of its own
     sizes: Sizes = SIMULATED,
     patience: int = PATIENCE,
 ) -> tuple[SimulationResult, IntArray]:
-    """Return the result, and the core's own figures (batch, :data:`ANSWER`).
+    """Return the result, and the numbers of the core's answers (batch, :data:`ANSWER`).
 
     ``texts``: SystemVerilog files by name. ``sizes``: the least sizes of the simulated core.
-    ``patience``: cycles until a silent core is given up.
+    ``patience``: cycles without a sign of life after which the run ends.
     """
     streams, batched = read_streams(program, spikes)
     recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
@@ -91,6 +99,7 @@ def play_on_core(  # noqa: PLR0913 - public: each is an option of its own
         run(binary, folder, patience)
         outputs = _read_outputs(folder, core, recordings)
 
+    # The engine that plays a phase for play_recordings: it only looks up what the core did.
     def run_phase(
         program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]
     ) -> PhaseTrace:
@@ -106,19 +115,23 @@ def play_on_core(  # noqa: PLR0913 - public: each is an option of its own
 
 
 def words_of(core: CoreProgram, recording: ByteArray) -> list[int]:
-    """Return the words of a recording (rows, channels): events of a row, a tick after each, and the end."""
+    """Return the words of a recording (rows, channels) on the stream.
+
+    They are the channels of the events of each row, a tick after each row, and an end.
+    """
     rows_taken = recording[: core.heard]
     row, channel = np.nonzero(rows_taken)
+    # np.nonzero sorts events by row: a tick goes in front of the first event of the next row.
     row_ends = np.searchsorted(row, np.arange(1, len(rows_taken) + 1))
-    ticked = np.insert(channel, row_ends, TICK)
-    return [*ticked.tolist(), END]
+    events_and_ticks = np.insert(channel, row_ends, TICK)
+    return [*events_and_ticks.tolist(), END]
 
 
 def bench_numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
-    """Return the numbers of a file in a shape.
+    """Return the numbers in a file of the bench, in a given shape.
 
-    ``UNKNOWN`` stands for undefined ones, and ``MISSING`` for those that lack. A core that fails
-    may give fewer, or more, which are left out.
+    Undefined numbers become ``UNKNOWN``. A core that fails may write fewer numbers, which are
+    filled up with ``MISSING``, or more, which are left out.
     """
     written = np.array(path.read_text().translate(_UNDEFINED).split(), dtype=np.int64)
     numbers = np.full(shape, MISSING, dtype=np.int64)
@@ -128,9 +141,11 @@ def bench_numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
 
 
 class _Updates:
-    """The updates that the bench wrote, handed out phase by phase as recordings are played.
+    """The updates that the bench wrote, handed out in the order in which phases are played.
 
-    The bench writes them recording by recording, and phase by phase in each.
+    The bench writes all phases of a recording, then the next recording. ``play_recordings`` plays a
+    phase of a batch of recordings, then the next phase. So the updates are split into runs, one for
+    each recording and phase.
     """
 
     def __init__(self, path: Path, core: CoreProgram, recordings: ByteArray) -> None:
@@ -146,14 +161,16 @@ class _Updates:
         self._recordings_played = dict.fromkeys(core.numbers, 0)
 
     def next_of(self, phase: str, played: PhaseInput) -> list[IntArray]:
-        """Return the updates (updates, :data:`UPDATE`) of each of the next recordings of a phase."""
+        """Return the updates of a phase in the recordings that are played next.
+
+        An array (updates, :data:`UPDATE`) for each of them; ``played`` says how many these are.
+        """
         first = self._recordings_played[phase]
         stop = first + len(played.start)
         self._recordings_played[phase] = stop
-        place = self._phases.index(phase)
-        return [
-            self._runs[recording * len(self._phases) + place] for recording in range(first, stop)
-        ]
+        phase_index = self._phases.index(phase)
+        phases = len(self._phases)
+        return [self._runs[recording * phases + phase_index] for recording in range(first, stop)]
 
 
 class _Outputs(NamedTuple):
@@ -170,19 +187,20 @@ class _Outputs(NamedTuple):
 
 
 def _write_inputs(folder: Path, core: CoreProgram, sizes: Sizes, recordings: ByteArray) -> None:
-    """Write what the bench reads: the words of all memories, and those of all recordings."""
+    """Write the files that the bench reads: the words of all memories, and of all recordings."""
     (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
     lines = [f"{word:x}\n" for recording in recordings for word in words_of(core, recording)]
     (folder / "words").write_text("".join(lines))
 
 
 def _read_outputs(folder: Path, core: CoreProgram, recordings: ByteArray) -> _Outputs:
-    """Return what the bench wrote of some recordings (batch, rows, channels)."""
+    """Return the numbers that the bench wrote for recordings (batch, rows, channels)."""
     batch = len(recordings)
     readout = core.program.readout
     classes = core.program.populations[readout.populations[0]] if readout else 0
     return _Outputs(
         answers=bench_numbers(folder / "answers", (batch, len(ANSWER))),
+        # The core's weights are whole numbers, `scale` times those of the program.
         scores=bench_numbers(folder / "scores", (batch, classes)) / core.scale,
         updates=_Updates(folder / "updates", core, recordings),
     )
@@ -195,15 +213,20 @@ def _trace(
     windows: dict[Register, Window],
     updates: list[IntArray],
 ) -> PhaseTrace:
-    """Return what an engine does, of the updates (updates, fields) of each of the recordings that are played."""
+    """Return the trace of a phase that an engine would return, made from the core's updates.
+
+    ``updates`` holds an array (updates, :data:`UPDATE`) for each recording that is played.
+    """
     numbers = core.numbers[phase]
     shape = (len(updates), played.steps, len(numbers), len(UPDATE))
     by_column = np.zeros(shape, dtype=np.int64)
-    # The core updates compartments in the order of their numbers, in every step.
+    # The core updates compartments in the order of their numbers, in every step. The rank of a
+    # compartment is its place in this order; an argsort of an argsort gives ranks.
     rank_of_column = np.argsort(np.argsort(numbers))
     for rows, start, run_updates in zip(by_column, played.start.tolist(), updates, strict=True):
         by_rank = run_updates.reshape(-1, len(numbers), len(UPDATE))
         run_rows = by_rank[:, rank_of_column]
+        # An update in the place of another compartment counts as missing, whatever its values are.
         is_misplaced = run_rows[..., UPDATE.index("compartment")] != numbers
         run_rows[is_misplaced] = MISSING
         rows[start : start + len(run_rows)] = run_rows

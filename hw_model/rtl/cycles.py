@@ -1,6 +1,10 @@
-"""How many cycles the core takes for a recording, to the last one, from its events and spikes.
+"""Predict exactly how many cycles the core takes for a recording, from its events and spikes.
 
-It follows words and requests rather than clock edges; the modules of the same names say what happens in each cycle.
+It follows words and requests rather than clock edges. Words are what the sequencer of the core
+takes: events, the ends of steps, and the end of a phase; they come from the stream (event_input.sv)
+or from the buffer of events (transpose.sv). Requests are spikes to deliver, whose lists of synapses
+are walked (delivery.sv). Simulations of the SystemVerilog check that the prediction is right to the
+last cycle, and its constants are those of the pipelines that these modules describe.
 """
 
 from collections import deque
@@ -12,22 +16,25 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.phases import CorePhase
 from hw_model.values import BoolArray, ByteArray
 
-# Words that are not sources.
+# What a word says where it is not the number of a source, which is 0 or more.
 TICK = -1
-"""A step is over."""
+"""The end of a step: its compartments are updated."""
 END = -2
-"""The stream is over, and silent steps may follow."""
+"""The end of the recording in the stream; silent steps may follow."""
 LAST = -3
-"""The phase is over."""
+"""The end of the phase."""
 DROPPED = -4
-"""A word after the last step of the first phase."""
+"""A word in a row after the last step of the first phase: it is taken without effect."""
 HIDDEN = -5
-"""An event of a row that a visit does not tell of."""
+"""An event of a row that the phase does not play: the buffer finds it, and drops it."""
 AGAIN = -6
-"""Instead of cycles: a source is what the event before it is in the second phase."""
+"""In place of the cycles of a word: its source is what the event before it is to the second phase.
+"""
 NEVER = 1 << 62
+"""A cycle later than any other."""
 Word = tuple[int, int]
-"""Cycles from the word before it to its own, at least, and its source or kind."""
+"""The least number of cycles from the word before to this one, or ``AGAIN``; and a source, or what
+else the word says."""
 
 
 def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, ByteArray]) -> int:
@@ -42,6 +49,7 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
         fired = [numbers[row].tolist() for row in fired_in_order(core, phase, recording, spikes)]
         words = transposed_words(core, phase, recording) if index else _streamed(core, recording)
         clock.play(words, compartments, fired)
+    # Two more cycles from the end of the readout to the answer.
     return clock.consumed + readout_cycles(core) + 2
 
 
@@ -57,11 +65,17 @@ def predicted_cycles(
 
 
 class _Clock:
-    """Cycles so far: when the last word was ``prepared`` and ``consumed``, and when words are taken again (``row``).
+    """The cycles in which the core did what it did last, moved on word by word.
 
-    ``open``: when events are, which do not wait for the ``spikes`` of the step before them, each with the cycle in
-    which it is the head of the queue; ``accepted``: when the last of them was delivered. ``walk``, ``walked``: the
-    first cycle of the last list's walk, and the one after it. ``lengths``: cycles of each.
+    - ``prepared``, ``consumed``: when the last word was ready, and when the sequencer took it
+    - ``events_open``: from when on events are taken; while compartments are on their way to fire,
+      events of the next row are taken already
+    - ``row_open``: from when on other words are taken, after all spikes of the step
+    - ``spikes``: spikes of the step that wait for delivery, each with the cycle in which it can be
+      the head of the queue
+    - ``spike_accepted``: when the last of them was requested
+    - ``walk_start``, ``walk_end``: the first cycle of the last list's walk, and the one after it
+    - ``lengths``: the cycles of the walk of each source's list
     """
 
     def __init__(self, lengths: list[int], first_source: int) -> None:
@@ -69,39 +83,42 @@ class _Clock:
         self.first_source = first_source
         self.prepared = -1
         self.consumed = -1
-        self.row = 0
-        self.open = 0
-        self.accepted = 0
+        self.row_open = 0
+        self.events_open = 0
+        self.spike_accepted = 0
         self.spikes: deque[tuple[int, int]] = deque()
-        self.walk = -3
-        self.walked = -3
+        # So long ago that the first request need not wait for it.
+        self.walk_start = -3
+        self.walk_end = -3
 
     def play(self, words: Iterator[Word], compartments: range, steps: list[list[int]]) -> None:
-        """Play the words of a phase to its ``compartments``; ``steps``: those that fire, in order."""
+        """Play the words of a phase; ``steps`` lists the ``compartments`` that fire in each step."""
         fired = deque(steps)
         for wait, word in words:
             if wait == AGAIN:
+                # arrivals.sv knows its source three cycles after the mark, which comes a cycle
+                # after the word was accepted. Two requests are at least two cycles apart.
                 earliest = max(self.prepared + 4, self.consumed + 2)
                 self._deliver(earliest)
                 self.consumed = self._request(earliest, word)
                 continue
             self.prepared = max(self.prepared + wait, self.consumed + 1)
             if word == HIDDEN:
-                continue
+                continue  # it takes time to find, and never reaches the sequencer
             if word >= 0:
-                earliest = max(self.prepared + 1, self.open)
+                earliest = max(self.prepared + 1, self.events_open)
                 self._deliver(earliest)
                 self.consumed = self._request(earliest, word)
                 continue
-            self._deliver(NEVER)
-            earliest = max(self.prepared + 1, self.row)
+            self._deliver(NEVER)  # all spikes that wait
+            earliest = max(self.prepared + 1, self.row_open)
             # The last charge is handed on two cycles after the walk of its list.
-            all_charged = max(earliest, self.walked + 2)
+            all_charged = max(earliest, self.walk_end + 2)
             if word == TICK:
                 self.consumed = all_charged
                 self._update(self.consumed + 1, compartments, fired.popleft())
                 if not fired:
-                    self.open = NEVER
+                    self.events_open = NEVER  # after the last step of a phase
             elif word == DROPPED:
                 self.consumed = earliest
             elif word == END:
@@ -109,32 +126,51 @@ class _Clock:
             else:
                 self.consumed = all_charged
         self.prepared = self.consumed
-        self.row = self.open = self.consumed + 1
+        self.row_open = self.consumed + 1
+        self.events_open = self.row_open
 
     def _request(self, cycle: int, source: int) -> int:
-        """Deliver a spike; return when its request is accepted: the walk before it must have begun."""
-        accepted = max(cycle, self.walk)
-        self.walk = max(accepted + 2, self.walked)
-        self.walked = self.walk + self.lengths[source]
+        """Request the delivery of a spike, and return when the request is accepted.
+
+        The walk of the list before must have begun by then. This walk begins two cycles after its
+        request, which look the list up, and after the end of the walk before.
+        """
+        accepted = max(cycle, self.walk_start)
+        self.walk_start = max(accepted + 2, self.walk_end)
+        self.walk_end = self.walk_start + self.lengths[source]
         return accepted
 
     def _deliver(self, earliest: int) -> None:
-        """Deliver the spikes that are heads of the queue before an event is taken, which is not before ``earliest``."""
-        while self.spikes and max(self.spikes[0][0], self.accepted + 2) <= max(earliest, self.walk):
-            head, source = self.spikes.popleft()
-            self.accepted = self._request(max(head, self.accepted + 2), source)
-            self.row = max(self.row, self.accepted + 2)
+        """Deliver the spikes that go first, if an event may be requested from cycle ``earliest``
+        on.
+
+        A spike goes before an event if it is the head of the queue by then. The next head follows
+        two cycles after a pop.
+        """
+        while self.spikes:
+            head, source = self.spikes[0]
+            head = max(head, self.spike_accepted + 2)
+            if head > max(earliest, self.walk_start):
+                break
+            self.spikes.popleft()
+            self.spike_accepted = self._request(head, source)
+            self.row_open = max(self.row_open, self.spike_accepted + 2)
 
     def _update(self, first: int, compartments: range, fired: list[int]) -> None:
-        """Update from cycle ``first`` on. What fires is the head of the queue 11 cycles after its issue.
+        """Update the compartments, one per cycle from cycle ``first`` on; ``fired`` are those that
+        fire.
 
-        Heads are looked up from five cycles before the end of the updates on.
+        A compartment that fires is the head of the queue 11 cycles after its issue: 8 in the
+        pipeline of update.sv, and 3 in queue.sv. Heads are requested from five cycles before the
+        end of the updates on (``ending`` in locsnn_core.sv). Other words than events wait until the
+        pipeline is empty, 8 cycles after the last issue, and a cycle more.
         """
-        self.open = first + len(compartments)
+        self.events_open = first + len(compartments)
         for number in fired:
-            head = max(self.open - 5, first + number - compartments.start + 11)
+            issue = first + number - compartments.start
+            head = max(self.events_open - 5, issue + 11)
             self.spikes.append((head, self.first_source + number))
-        self.row = self.open + (8 if compartments else 0) + 1
+        self.row_open = self.events_open + (8 if compartments else 0) + 1
 
 
 def fired_in_order(
@@ -151,7 +187,7 @@ def fired_in_order(
 
 
 def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
-    """Yield words as the stream brings them, one per cycle at most."""
+    """Yield the words of the first phase, as the stream brings them: at most one per cycle."""
     heard = recording[: core.heard]
     steps = core.phases[0].steps
 
@@ -171,42 +207,51 @@ def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
 
 
 def transposed_words(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> Iterator[Word]:
-    """Yield words as the scan of the buffer finds them.
+    """Yield the words of a later phase, as the scan of the buffer (transpose.sv) finds them.
 
-    A channel of a row takes a cycle, a visit four and one for every word of its rows.
+    A channel of a row takes a cycle; a visit takes four, and one for every word of its channel.
+    ``wait`` sums the cycles since the last word, and ``read`` says how many channels of the row, or
+    words of the channel, were looked at by then.
     """
     visits = [] if core.later else phase.visits.T.tolist()
     origin = phase.origin(recording)
-    wait, at = core.swept + 10 + 5, 0  # charges are swept and the fields of the phase read first
+    next_visit = 0
+    # First, charges are swept (where phases share places), the fields of the phase are read in 10
+    # cycles, and the scan goes through four states (FETCH to NEXT) and a register.
+    wait = core.swept + 10 + 5
     for step in phase.span(recording):
         if phase.by_rows:
             read = 0
-            wait = wait + 3
+            wait += 3
             for channel in np.flatnonzero(recording[step : step + 1].any(axis=0)).tolist():
                 yield wait + channel - read, phase.row_source + channel
-                read, wait = channel, 0
+                read = channel
+                wait = 0
             wait += core.channels - read
-        while at < len(visits) and visits[at][0] == step:
-            _, channel, source = visits[at]
+        while next_visit < len(visits) and visits[next_visit][0] == step:
+            _, channel, source = visits[next_visit]
             read = 0
-            wait = wait + 2
+            wait += 2
             for row in np.flatnonzero(recording[: core.kept, channel]).tolist():
-                shown = 0 <= row - origin < phase.rows
-                yield (
-                    wait + row // core.word + 1 - read,
-                    source + (row - origin >> phase.shared) if shown else HIDDEN,
-                )
-                read = row // core.word + 1
+                words_to_row = row // core.word + 1
+                row_of_phase = row - origin
+                is_played = 0 <= row_of_phase < phase.rows
+                word = source + (row_of_phase >> phase.shared) if is_played else HIDDEN
+                yield wait + words_to_row - read, word
+                read = words_to_row
                 wait = 1
             wait += core.row_words - read + 2
-            at += 1
+            next_visit += 1
         yield wait, TICK
         wait = 2
     yield wait, LAST
 
 
 def readout_cycles(core: CoreProgram) -> int:
-    """Return the cycles of the readout: a bit of a weight per cycle."""
+    """Return the cycles of the readout, which multiplies by a bit of a weight per cycle.
+
+    readout.sv spends three cycles on a weight besides its bits, and two on comparing scores.
+    """
     readout = core.program.readout
     if not readout:
         return 0

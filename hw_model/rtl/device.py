@@ -1,4 +1,8 @@
-"""A program on the open core of a device: whether it fits, how many cycles a recording takes, and what these do."""
+"""A program on the open core of a device: whether it fits, its cycles, and its memory accesses.
+
+:mod:`hw_model.targets` asks these questions when a program is compiled for a device with an open
+core.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -17,21 +21,24 @@ from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.values import ByteArray
 
-_as_core = lru_cache(maxsize=4)(CoreProgram)
+_core_program = lru_cache(maxsize=4)(CoreProgram)
+"""As :class:`CoreProgram`. The last few are kept, as the questions about a program come one after
+the other."""
 
 
 def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     """Return a program as the open core of a device holds it, for recordings of ``rows`` rows.
 
-    What the core does not have, or has too few of, is a ``TargetError``.
+    Raise a ``TargetError`` if the program needs what the core does not have, or has too few of.
     """
-    core = _as_core(program, rows, None, device.open_core)
+    core = _core_program(program, rows, None, device.open_core)
     check_room(core, device)
     return core
 
 
 def check_room(core: CoreProgram, device: Chip) -> None:
-    """Refuse what the open core of a device has too few of, or no bits for, as a ``TargetError``."""
+    """Raise a ``TargetError`` if the core of a device is too small for a program, or its fields too
+    narrow."""
     assert device.open_core is not None
     for name, (need, limit) in _short_of(core, device).items():
         what = f"the open core of {device.name} is too small in {name!r}"
@@ -43,7 +50,8 @@ def check_room(core: CoreProgram, device: Chip) -> None:
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
-    """Return what is needed and what there is where the core of a device has too few."""
+    """Return the sizes in which the core of a device is too small: what is needed, and what there
+    is."""
     assert device.open_core is not None
     words = uses(core.words, device.memory_words) if device.memory_words else {}
     all_uses = uses(core.needs, device.open_core) | words
@@ -51,7 +59,7 @@ def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
 
 
 def uses(needs: Sizes | MemoryWords, sizes: Sizes | MemoryWords) -> dict[str, tuple[int, int]]:
-    """Return what is needed and what there is of each parameter of the core."""
+    """Return what is needed and what there is (need, limit), by parameter of the core."""
     return {name: (need, getattr(sizes, name)) for name, need in asdict(needs).items()}
 
 
@@ -66,17 +74,20 @@ def latencies(
     core = on_core(program, recordings.shape[1], program.chip)
     cycles = predicted_cycles(core, recordings, fired)
     # The core has no mesh and no barrier: of the entries only the total is known.
-    return [Latency(many / program.chip.clock_ghz, {}, 0, 0.0, 0.0) for many in cycles]
+    return [Latency(count / program.chip.clock_ghz, {}, 0, 0.0, 0.0) for count in cycles]
 
 
 def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, dict[str, float]]:
-    """Return the memory accesses that the counts of some recordings stand for, by kind, and the multiplications.
+    """Return memory reads, memory writes and multiplications per recording, given the counts of
+    some recordings.
 
-    They are means of a recording. The cleaning between recordings is not in it. Charges that are 0 when they are taken
-    and compartments at rest are not written back: writes are the most that there can be.
+    They are means. The cleaning of memories between recordings is left out. Writes are upper
+    bounds: charges that are 0 when they are taken, and states of compartments at rest, are not
+    written back.
     """
     updates = counts.neuron_updates
     lists = counts.input_events + counts.transpose_events + counts.spikes
+    # A visit reads all words of its channel.
     scanned = 0 if core.later else recordings * len(core.tables["visits"]["step"]) * core.row_words
     written = {
         "charges": counts.synaptic_ops + updates,
@@ -106,13 +117,13 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
 
 
 def _way_out(core: CoreProgram) -> str:
-    """Name the devices that hold what is needed."""
+    """Return a piece of advice: the devices that ship on which the program fits."""
     holding = []
     for name in chip_names():
         device = chip(name)
         if device.open_core is None:
             continue
-        core_on_device = _as_core(core.program, core.rows, None, device.open_core)
+        core_on_device = _core_program(core.program, core.rows, None, device.open_core)
         if not _short_of(core_on_device, device):
             holding.append(device.name)
     return f"Use the device {listed(holding, 'or')}." if holding else "Use a smaller network."

@@ -1,4 +1,8 @@
-"""``--emit rtl``: the core with a program as a folder that needs nothing else."""
+"""``--emit rtl``: the core with a program, as a folder that needs nothing else.
+
+It holds the SystemVerilog, the program in words of the load port, a recording and the answers to
+expect, and the files of the boards. ``boards/README.md`` becomes its page.
+"""
 
 from collections.abc import Mapping
 from importlib.resources import files
@@ -24,7 +28,7 @@ from hw_model.values import ByteArray, IntArray
 
 
 def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
-    """Return the files by name, in the folder ``rtl``; ``spikes``: the one recording that its bench plays."""
+    """Return the files of the folder by name; ``spikes`` is the one recording that its bench plays."""
     recording = np.concatenate(
         [stream[0] for stream in read_streams(program, spikes)[0].values()], axis=1
     )
@@ -56,19 +60,21 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
 
 
 def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) -> dict[str, bytes]:
-    """Return sources, Makefile, constraints and parameters: all that a bitstream is made of.
+    """Return the files that a bitstream is made from: sources, Makefile, constraints and
+    parameters.
 
-    ``board``: the name of a board that ships, none, or that of one whose files are ``own``, by name.
+    ``board`` is the name of a board that ships, empty for none, or that of the user's own board,
+    whose files are ``own``.
     """
     files_of_boards: dict[str, str] = {}
     for name, target in BOARDS.items():
         files_of_boards |= board_sources(read_board(name), target)
     files_of_boards |= own or {}
     values = parameters(sizes)
-    config = f"BOARD ?= {board}\nPARAMETERS := {' '.join(f'{name}={value}' for name, value in values.items())}\n"
-    defined = (
-        f"`define PARAMETERS {', '.join(f'.{name}({value})' for name, value in values.items())}\n"
-    )
+    # The same parameters for make, which passes them to simulators, and for the top module of a
+    # board.
+    for_make = " ".join(f"{name}={value}" for name, value in values.items())
+    for_top = ", ".join(f".{name}({value})" for name, value in values.items())
     board_entries = [
         entry
         for entry in (files("hw_model") / "rtl" / "boards").iterdir()
@@ -81,14 +87,17 @@ def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) 
             for entry in sorted(board_entries, key=lambda entry: entry.name)
         },
         **{name: text.encode() for name, text in files_of_boards.items()},
-        "config.mk": config.encode(),
+        "config.mk": f"BOARD ?= {board}\nPARAMETERS := {for_make}\n".encode(),
         "top.sv": f'`include "{board}.top.sv"\n'.encode(),
-        "parameters.vh": defined.encode(),
+        "parameters.vh": f"`define PARAMETERS {for_top}\n".encode(),
     }
 
 
 def _updates(core: CoreProgram, recording: ByteArray, played: SimulationResult) -> IntArray:
-    """Return what the core writes of every update, (updates, 5): compartment, u, v, potential, spike."""
+    """Return what the bench is expected to write of every update.
+
+    The array is (updates, 5), with the columns compartment, u, v, potential, spike.
+    """
     rows = []
     for phase in core.phases:
         numbers = core.numbers[phase.name]

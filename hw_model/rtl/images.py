@@ -1,7 +1,12 @@
-"""A program as one core holds it: the words of every memory, and which layouts they have.
+"""A program as the open core holds it: the words of every memory, and their layouts.
 
-All cores of a program become one. What sends spikes has one number: channels of the recording, then what phases read
-from the buffer, then compartments as :mod:`.numbering` has them; a word that is not valid fills a gap.
+The open core is a single core, so all cores of a program become one. Whatever sends spikes is a
+source with a number, and has a list of synapses: first the channels of the recording, then the
+sources that phases read from the buffer of events (:mod:`.phases`), then the compartments in the
+order of :mod:`.numbering`. Numbers of compartments may have gaps; the words of constants of a gap
+are marked as not valid.
+
+docs/reference/hardware/stream-and-memory-map.md describes all words.
 """
 
 from collections.abc import Iterable
@@ -22,19 +27,20 @@ from hw_model.rtl.refused import refuse_unless, refuse_unplayable
 from hw_model.values import IntArray
 
 STEP_BITS = 24
-"""Of a setting, and of a field of a phase, such as its steps: ``settings`` and ``phase_fields`` of locsnn_core.sv."""
+"""Bits of a setting, and of a field of a phase: ``settings`` and ``phase_fields`` of
+locsnn_core.sv."""
 VISIT_BITS = 16
-"""Of the step of a visit: ``STEP`` of transpose.sv."""
+"""Bits of the step of a visit: ``STEP`` of transpose.sv."""
 LOAD_BITS = 128
-"""Of the data of a word on the load port: ``load_data`` of locsnn_core.sv."""
+"""Bits of the data of a word on the load port: ``load_data`` of locsnn_core.sv."""
 LENGTH_BITS = 9
-"""Of the length of a list, in words, where targets are told as steps; ``LENGTH`` of delivery.sv."""
+"""Bits of the length of a list where targets are stored as steps: ``LENGTH`` of delivery.sv."""
 MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
-"""By the number that the load port knows them by."""
+"""The memories; the index is the number of a memory on the load port."""
 READOUT_BITS = 32
-"""Of a weight of the readout, beside its sign: ``weight`` of readout.sv has one more."""
+"""Bits of a weight of the readout, next to its sign: ``weight`` of readout.sv has one bit more."""
 PLACE = Layout.of(address=24, memory=8)
-"""What follows the data of a word on the load port."""
+"""The fields that follow the data of a word on the load port."""
 
 
 SIMULATED = Sizes(
@@ -52,17 +58,24 @@ SIMULATED = Sizes(
 
 
 def layouts(sizes: Sizes) -> dict[str, Layout]:
-    """Return the words of every memory, bit 0 first, in the order of loading; modules take them apart likewise."""
+    """Return the layout of every memory's words, bit 0 first, in the order of loading.
+
+    The modules of the core take words apart in the same order. Settings come last, as the last of
+    them starts the core.
+    """
     words = (
         sizes.synapses,
         sizes.slots,
         sizes.entries,
         sizes.axons,
-        held(sizes),
-        sizes.sums or held(sizes),
+        resident_compartments(sizes),
+        sizes.sums or resident_compartments(sizes),
     )
+    # Bits of the number of a synapse, a slot, ...: as many as the largest number, size - 1, needs.
     synapse, slot, entry, source, place, parent = ((size - 1).bit_length() for size in words)
     family = {"child": 1, "first": 1, "parent": parent} if sizes.join else {}
+    # A word has two synapses, so an address has a bit less than the number of a synapse. The bank
+    # of a synapse gives the lowest bit of its target.
     half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     lists = {"start": synapse - 1, "length": synapse - 1}
     if sizes.step:
@@ -87,37 +100,49 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
     }  # fmt: skip
 
 
-def held(sizes: Sizes) -> int:
-    """Return how many compartments have a state and charges at a time."""
+def resident_compartments(sizes: Sizes) -> int:
+    """Return for how many compartments at a time the core has states and charges: of a phase, or of
+    all."""
     return sizes.places or sizes.compartments
 
 
 class CoreProgram:
-    """A program in the numbers of the core, for recordings of ``rows`` rows; ``steps`` of phases of no fixed length.
+    """A program in the words and numbers of the core, for recordings of ``rows`` rows.
 
-    ``phases``: in order, the first while the recording arrives. ``numbers[phase]`` (columns,): compartments by column;
-    ``ends`` (phases,): the first number after each phase. ``starts``, ``lengths`` (sources,): words of the list of each
-    source. ``heard``: rows of a recording that the core takes; ``kept``: those that the buffer does. ``scale``: what
-    scores are multiplied by. ``sizes``: of the core whose words these are, that of the program's chip unless given.
-    ``needs``: the least sizes. ``swept``: cycles between phases in which charges are cleaned. What the core cannot run
-    is a ``TargetError``.
+    Raise a ``TargetError`` if the core cannot run the program. ``steps`` is the length of phases of
+    no fixed length.
+
+    - ``sizes``: the sizes of the core, those of the program's chip unless given
+    - ``phases``: in the order in which they run; the first runs while the recording arrives
+    - ``numbers[phase]`` (columns,): the numbers of a phase's compartments, by column of the program
+    - ``ends`` (phases,): the first number after each phase
+    - ``starts``, ``lengths`` (sources,): first word and words of the list of each source
+    - ``heard``: rows of a recording that the core takes; ``kept``: rows that its buffer keeps
+    - ``row_words``: words of the buffer that hold the kept rows of a channel
+    - ``later``: whether the second phase hears its events when they arrive, not later from the
+      buffer
+    - ``scale``: the scores of the core are this many times those of the program
+    - ``tables``: the fields of every memory's words, by memory and field
+    - ``needs``: the smallest sizes of a core that holds the program
+    - ``swept``: cycles between phases in which charges are cleaned, 0 unless phases share places
     """
 
     def __init__(
         self, program: ChipProgram, rows: int, steps: int | None = None, sizes: Sizes | None = None
     ) -> None:
-        self.program, self.rows = program, rows
+        self.program = program
+        self.rows = rows
         self.sizes = sizes or program.chip.open_core or SIMULATED
         self.word = self.sizes.word
         refuse_unplayable(program)
         self.phases, self.first_source = core_phases(program, rows, steps, self.sizes.groups)
-        longest = max((phase.steps for phase in self.phases[1:]), default=0)
-        largest_field = (1 << VISIT_BITS) - 1
+        longest_phase = max((phase.steps for phase in self.phases[1:]), default=0)
+        most_steps = (1 << VISIT_BITS) - 1
         refuse_unless(
-            longest <= largest_field,
+            longest_phase <= most_steps,
             program,
-            f"phase of more than {largest_field} steps after the first",
-            longest,
+            f"phase of more than {most_steps} steps after the first",
+            longest_phase,
         )
         self.kept = max(phase.kept for phase in self.phases)
         self.heard = max(self.kept, self.phases[0].steps)
@@ -128,34 +153,36 @@ class CoreProgram:
         self.ends = self.numbering.ends
         synapses = self._synapses()
         places = self.numbering.places(synapses["target"])
-        self.later = self._hears_later(_power(int(synapses["delay"].max(initial=0)) + 2))
+        self.later = self._hears_later(_power(_slots_needed(synapses["delay"])))
         if self.later:
+            # The memory of charges then has more slots for fewer compartments, and both phases lie
+            # in the same places.
             places %= self.sizes.compartments >> self.sizes.later
         placed = {**synapses, "target": places}
         lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
         self.starts = lists.starts
         self.lengths = lists.lengths
-        largest_field = (1 << LENGTH_BITS) - 1
-        longest = int(self.lengths.max(initial=0))
-        fits = not self.sizes.step or longest <= largest_field
+        most_words = (1 << LENGTH_BITS) - 1
+        longest_list = int(self.lengths.max(initial=0))
+        fits = not self.sizes.step or longest_list <= most_words
         refuse_unless(
             fits,
             program,
-            f"list of more than {largest_field} words where targets are told as steps",
-            longest,
+            f"list of more than {most_words} words where targets are told as steps",
+            longest_list,
         )
-        ratios = (
-            [weight.as_integer_ratio() for weight in program.readout.weights]
-            if program.readout
-            else []
-        )
-        self.scale = max((below for _, below in ratios), default=1)
-        weights = [above * (self.scale // below) for above, below in ratios]
+        # The weights of a readout are binary fractions, and the core multiplies integers. All
+        # denominators are powers of two, so the largest is a multiple of the others.
+        readout_weights = program.readout.weights if program.readout else ()
+        ratios = [weight.as_integer_ratio() for weight in readout_weights]
+        self.scale = max((denominator for _, denominator in ratios), default=1)
+        weights = [numerator * (self.scale // denominator) for numerator, denominator in ratios]
         heaviest = max(map(abs, weights), default=0)
         what = f"weight of a readout of more than {READOUT_BITS} bits"
         refuse_unless(heaviest < 1 << READOUT_BITS, program, f"{what} as a whole number", heaviest)
         visits = np.hstack([phase.visits for phase in self.phases])
-        visits = visits[:, np.argsort(visits[1])] if self.later else visits
+        if self.later:
+            visits = visits[:, np.argsort(visits[1])]  # arrivals.sv looks a visit up by its channel
         self.tables = {
             "axons": {
                 "start": np.where(self.lengths > 0, self.starts, 0),
@@ -172,34 +199,32 @@ class CoreProgram:
             "phases": {"value": self._phase_fields()},
         }
         self.needs = self._needs(synapses)
-        self.swept = (
-            self._swept(max(self.sizes.places, _power(self.needs.places)))
-            if self.sizes.places
-            else 0
-        )
+        self.swept = 0
+        if self.sizes.places:
+            self.swept = self._sweep_cycles(max(self.sizes.places, _power(self.needs.places)))
 
     def load_words(self, sizes: Sizes) -> BitArray:
-        """Return what goes through the load port, a row a word: data, address, memory; the settings come last."""
+        """Return the words for the load port of a core of these sizes, a row per word, as bits.
+
+        A row holds data, address and memory, bit 0 first. The settings come last.
+        """
         rows = []
         for name, (layout, columns) in self._words(sizes).items():
             data = layout.pack(columns)
-            place = {
+            padded = np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width)))
+            place = PLACE.pack({
                 "address": np.arange(len(data)),
                 "memory": np.full(len(data), MEMORIES.index(name)),
-            }
-            rows.append(
-                np.hstack(
-                    (np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))
-                )
-            )
+            })  # fmt: skip
+            rows.append(np.hstack((padded, place)))
         return np.concatenate(rows)
 
     def check_fields(self, sizes: Sizes) -> None:
-        """Refuse what no field of a core of these sizes can hold, as a ``TargetError``."""
+        """Raise a ``TargetError`` if a value is too large for its field in a core of these sizes."""
         self._words(sizes)
 
     def _words(self, sizes: Sizes) -> dict[str, tuple[Layout, Table]]:
-        """Return what every memory holds, in the fields of its words."""
+        """Return the layout of each memory's words, and the values of their fields."""
         settings = {"settings": {"value": _array(self._settings(sizes).values())}}
         compartments = self.tables["compartments"]
         tables = self.tables | settings | {"leaks": compartments, "fires": compartments}
@@ -218,10 +243,12 @@ class CoreProgram:
         return words
 
     def simulated(self, least: Sizes) -> Sizes:
-        """Return sizes of a simulated core that holds it: those of ``least``, or more.
+        """Return the sizes of a simulated core that holds the program: those of ``least``, or
+        larger.
 
-        Where events are heard on arrival, charges lie as the device has room for them. Where compartments share
-        places, or parents sums, there are as many as the device has.
+        Some sizes are exactly those of the device, as cycles or numbers depend on them: where the
+        second phase hears events when they arrive, those of the memory of charges; where phases
+        share places, or parents share words of sums, how many there are.
         """
         of_device_exactly = ("compartments", "slots") if self.later else ()
         exact = {name: getattr(self.sizes, name) for name in (*of_device_exactly, "later")}
@@ -232,15 +259,21 @@ class CoreProgram:
 
     @property
     def words(self) -> MemoryWords:
-        """Words of memories that a chip may have fewer of than its sizes say."""
+        """The words that the program fills of memories of which a chip may have fewer words than
+        its sizes say."""
         weights = max(1, len(self.tables["weights"]["magnitude"]))
         states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
         return MemoryWords(
-            weights, len(self.tables["phases"]["value"]), states, self.numbering.sums()
+            weights, len(self.tables["phases"]["value"]), states, self.numbering.sum_words()
         )
 
     def _hears_later(self, slots: int) -> bool:
-        """Tell whether the second phase hears its events when they arrive; charges take ``slots`` otherwise."""
+        """Return whether the second phase can hear its events when they arrive.
+
+        The core must be built for it (``later``), and have room: each step of the second phase then
+        has a slot of its own, so that an event is added at once to the step in which its channel is
+        visited. ``slots`` are the slots that the program needs otherwise.
+        """
         sizes = self.sizes
         first, *others = self.phases
         # Shared places are swept before the second phase, and with them what it heard.
@@ -274,7 +307,10 @@ class CoreProgram:
         )
 
     def _settings(self, sizes: Sizes) -> dict[str, int]:
-        """Return memory 0, a setting an address; writing the last one starts the core."""
+        """Return the settings, memory 0, one per address; writing the last one starts the core.
+
+        The head of locsnn_core.sv says what each of them is.
+        """
         readout = self.program.readout
         slots = _power(self.needs.slots)
         return {
@@ -282,38 +318,46 @@ class CoreProgram:
             "kept": self.kept,
             "channels": self.channels,
             "words": self.needs.bitmap,
-            # More than there are channels are never on, however many more.
+            # A row never has more events than channels: a larger number is cut to one that fits its
+            # field.
             "align_events": min(
                 max(phase.align_events or 0 for phase in self.phases), self.channels + 1
             ),
             "phases": len(self.phases),
-            "slot_mask": slots - 1 + (self.later << STEP_BITS - 1),
-            "sweep": self._swept(held(sizes)),
+            "slot_mask": slots - 1 + (self.later << STEP_BITS - 1),  # the highest bit: `later`
+            "sweep": self._sweep_cycles(resident_compartments(sizes)),
             "classes": self.program.populations[readout.populations[0]] if readout else 0,
             "populations": len(readout.populations) if readout else 0,
             "first_source": self.first_source,
             "run": 1,
         }
 
-    def _swept(self, places: int) -> int:
-        """Return the cycles in which memories are cleaned that hold the charges of ``places`` compartments."""
+    def _sweep_cycles(self, places: int) -> int:
+        """Return the cycles in which all memories with state are cleaned, a word of each per cycle.
+
+        They hold the charges of ``places`` compartments, in two banks. The largest memory decides.
+        """
         slots = self.sizes.slots if self.later else _power(self.needs.slots)
         return max(slots * places // 2, self.needs.bitmap, self.needs.entries)
 
     def _phase_fields(self) -> IntArray:
         """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
-        visits = np.cumsum(
-            [phase.visits.shape[1] * (not self.later) for phase in self.phases]
-        ).tolist()
+        # With `later`, the phase has heard its events, and reads none of its visits from the
+        # buffer.
+        visits = [0 if self.later else phase.visits.shape[1] for phase in self.phases]
+        ends_of_visits = np.cumsum(visits).tolist()
         fields: list[int] = []
-        for phase, number_end, visits_end in zip(self.phases, self.ends, visits, strict=True):
-            rows_shared = phase.by_rows + 2 * phase.shared
+        for phase, number_end, visits_end in zip(
+            self.phases, self.ends, ends_of_visits, strict=True
+        ):
+            rows_shared = phase.by_rows + 2 * phase.shared  # bit 0, and bits 1 to 3
             is_aligned = bool(phase.align_events)
             fields += [phase.steps, number_end, visits_end, phase.rows]
             fields += [phase.row_source, phase.potentials_from, rows_shared, is_aligned]
         return _array(fields)
 
     def _needs(self, synapses: Table) -> Sizes:
+        """Return the smallest sizes of a core that holds the program."""
         compartments = self.tables["compartments"]
         charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
@@ -321,10 +365,10 @@ class CoreProgram:
         children = int(np.bincount(parent[parent >= 0], minlength=1).max())
         return Sizes(
             axons=len(self.starts),
+            # Two per word; and a word more, as the core reads one behind the end of a list.
             synapses=2 * int(self.lengths.sum() + 1),
             compartments=self.ends[-1],
-            # A spike of step t with delay d acts at t + 1 + d, while the charges of step t are still being taken.
-            slots=int(synapses["delay"].max(initial=0)) + 2,
+            slots=_slots_needed(synapses["delay"]),
             charge=int(charge).bit_length() + 1,  # the most that can meet in a step, and a sign
             # A voltage has 24 bits with its sign, and children add up.
             join=24 + children.bit_length() if children else 0,
@@ -340,13 +384,17 @@ class CoreProgram:
         )
 
     def _synapses(self) -> Table:
-        """Return the synapses of all cores, in any order, with their sources."""
+        """Return the synapses of all cores, in any order, with the numbers of their sources and
+        targets."""
         parts = []
         for core in self.program.cores:
             axons = core.axons
-            heard = next(phase.sources for phase in self.phases if phase.name == core.phase)
+            sources_of_lines = next(
+                phase.sources for phase in self.phases if phase.name == core.phase
+            )
             numbers = self.numbers[core.phase]
-            source = np.concatenate((heard, self.first_source + numbers))
+            # By the sender of an axon: the input lines of the phase, then its compartments.
+            source = np.concatenate((sources_of_lines, self.first_source + numbers))
             exponent = _array(form.exponent for form in axons.formats)[axons.format_index]
             # A negative exponent loses low bits of the mantissa, weight by weight.
             mantissa = axons.mantissa.astype(np.int64) >> np.maximum(-exponent, 0)
@@ -365,10 +413,11 @@ class CoreProgram:
         return {name: column[has_source] for name, column in columns.items()}
 
     def _compartments(self) -> Table:
-        """Return the constants of every compartment; gaps have none.
+        """Return the constants of every compartment, by number: the fields of the memories
+        ``leaks`` and ``fires``.
 
-        Decays are stored as what they keep, thresholds in units of 64, vmin and vmax as binary logarithms of 1 - vmin
-        and vmax + 1.
+        Gaps in the numbers have zeros. Decays are stored as what they keep (4096 - decay),
+        thresholds in units of 64, vmin and vmax as binary logarithms of 1 - vmin and vmax + 1.
         """
         numbering = self.numbering
         constant = partial(of_compartments, self.program)
@@ -377,8 +426,9 @@ class CoreProgram:
         parent = np.where(child, number[numbering.parent], -1)
         place_of_parent = numbering.places(np.maximum(parent, 0)) * child
         if self.sizes.sums:
-            place_of_parent %= max(self.sizes.sums, numbering.sums())
-        # Siblings follow each other, gaps left out.
+            place_of_parent %= max(self.sizes.sums, numbering.sum_words())
+        # Siblings follow each other in the order of numbers, so the first of them is where the
+        # parent changes.
         in_order = np.argsort(number)
         first = np.empty_like(child)
         first[in_order] = np.diff(parent[in_order], prepend=-1) != 0
@@ -392,6 +442,8 @@ class CoreProgram:
             "blocks": np.maximum(
                 loihi.blocked_by_spike(constant(lambda core: core.setting("refractory"))), 0
             ),
+            # A voltage that is clipped below the threshold never reaches it, and a joined
+            # compartment does not spike.
             "spiking": constant(
                 lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)
             ),
@@ -418,12 +470,21 @@ class CoreProgram:
 
 
 def parameters(sizes: Sizes) -> dict[str, int]:
-    """Return the parameters of the SystemVerilog by name; those that are 0 unless named are left out."""
+    """Return the parameters of the SystemVerilog by name.
+
+    Parameters of value 0 are left out, as 0 is their default there, except ``JOIN``, whose default
+    is another.
+    """
     return {name.upper(): value for name, value in asdict(sizes).items() if value or name == "join"}
 
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
-    """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
+    """Return sizes of a simulated core that hold what is needed, and are not smaller than
+    ``least``.
+
+    Words of memories are rounded up to a power of two, so that few different cores are built. Bits
+    are just enough.
+    """
     exact = ("charge", "join", "one_port", "later", "groups")
     grown = {name: need if name in exact else _power(need) for name, need in asdict(needs).items()}
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
@@ -431,7 +492,17 @@ def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     return Sizes(**grown | shared | {"word": needs.word, "step": needs.step})
 
 
+def _slots_needed(delays: IntArray) -> int:
+    """Return the slots of charges that synapses with these delays need.
+
+    A spike of step t with delay d acts at t + 1 + d, while the charges of step t are still being
+    taken.
+    """
+    return int(delays.max(initial=0)) + 2
+
+
 def _power(words: int) -> int:
+    """Return the least power of two that is not below ``words``, and at least 2."""
     return 1 << max(words - 1, 1).bit_length()
 
 

@@ -1,23 +1,24 @@
-"""How full a program makes each memory of the open core, in words and bits."""
+"""How full a program makes each memory of the open core, in words and bits, for the report."""
 
 from hw_model.description.open_core import MemoryUse
-from hw_model.rtl.images import CoreProgram, held, layouts
+from hw_model.rtl.images import CoreProgram, layouts, resident_compartments
 
 _STATE_BITS = 48
 """A current and a voltage, of 24 bits each."""
 _TALLY_BITS = 24
+"""Bits of a tally: ``tallies`` in readout.sv."""
 
 
 def memory_uses(core: CoreProgram) -> dict[str, MemoryUse]:
-    """Return what a program fills of each memory of its core, by the name of the memory.
+    """Return how many words of each memory of its core a program fills, by the name of the memory.
 
-    Synapses lie in pairs, so a word of theirs is two, and charges wait in a slot for each step of
-    delay. The sums of joined voltages are left out: the tools make them of logic or of memory.
+    A word of synapses holds two of them, and charges wait in a slot for each step of delay. The
+    sums of joined voltages are left out: whether they become memory or logic is up to the tools.
     """
     sizes = core.sizes
     needs = core.needs
     widths = {name: layout.width for name, layout in layouts(sizes).items()}
-    places = held(sizes)
+    places = resident_compartments(sizes)  # compartments that the core has room for at a time
     states = core.words.states
     return {
         "source_lists": MemoryUse(needs.axons, sizes.axons, widths["axons"]),

@@ -1,4 +1,5 @@
-"""Memory words as bits: named fields, packed low to high, and written as hexadecimal text that ``$readmemh`` reads."""
+"""Memory words as bits: named fields, packed from bit 0 on, and hexadecimal text that ``$readmemh``
+reads."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -42,24 +43,26 @@ class Layout(Frozen):
 
     @classmethod
     def of(cls, *signed: str, **widths: int) -> "Layout":
-        """Return the word of fields by name, the widths of each; the names of ``signed`` ones come first."""
+        """Return a layout, given the width of each field by name; ``signed`` are the names of the
+        signed ones."""
         return cls(tuple(Field(name, width, name in signed) for name, width in widths.items()))
 
     def pack(self, columns: Mapping[str, IntArray]) -> BitArray:
-        """Return a word a row as bits (rows, width), bit 0 first; ``columns[name]`` (rows,) holds a field's values."""
+        """Return words as bits (words, width), bit 0 first; ``columns[name]`` (words,) are the
+        values of a field."""
         assert list(columns) == [field.name for field in self.fields]
         return np.concatenate(
             [bits_of(columns[field.name], field) for field in self.fields], axis=1
         )
 
     def pack_rows(self, rows: Sequence[Mapping[str, int]]) -> BitArray:
-        """Return words likewise, each from its own values by name."""
+        """Return words as bits, as :meth:`pack` does, given the values of each word by field."""
         names = [field.name for field in self.fields]
         columns = {name: np.array([row[name] for row in rows], dtype=np.int64) for name in names}
         return self.pack(columns)
 
     def describe(self) -> dict[str, object]:
-        """Return what a manifest says of the word."""
+        """Return the description of the word that goes into a manifest."""
         low = 0
         fields = []
         for field in self.fields:
@@ -71,7 +74,7 @@ class Layout(Frozen):
 
 
 def bits_for(largest: int) -> int:
-    """Return the bits that hold 0..largest, at least one."""
+    """Return how many bits hold the numbers 0 to ``largest``, at least one."""
     return max(1, int(largest).bit_length())
 
 
@@ -83,13 +86,15 @@ def bits_of(values: IntArray, field: Field) -> BitArray:
 
 
 def hex_words(bits: BitArray) -> bytes:
-    """Return words (rows, width), bit 0 first, as a line of hexadecimal digits each, the highest digit first.
+    """Return words (words, width), bit 0 first, as text: a line of hexadecimal digits each, the
+    highest digit first.
 
     Words of no bits are written as 0.
     """
     if bits.shape[1] == 0:
         bits = np.zeros((len(bits), 1), dtype=np.uint8)
     digits = math.ceil(bits.shape[1] / 4)
+    # Whole bytes, the highest first; a leading digit too many is cut off below.
     words = np.packbits(bits, axis=1, bitorder="little")[:, ::-1]
     text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8)
     lines = text.reshape(len(bits), 2 * words.shape[1])[:, -digits:]

@@ -1,6 +1,10 @@
-"""The numbers of a program's compartments in the core, which are the order of their updates.
+"""Number the compartments of a program; the core updates them in the order of their numbers, one
+per cycle.
 
-Phase by phase, deepest children first, siblings together, and a parent at least ``JOIN_DISTANCE`` after its last child.
+A compartment may be joined to another, its parent, to which it adds its voltage in the same step.
+So children come before parents: phase by phase, the deepest children first, siblings next to each
+other, and a parent at least ``JOIN_DISTANCE`` after its last child. Where nothing else can be
+updated in between, numbers have gaps, in which the core waits.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,15 +17,23 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import Frozen, IntArray
 
 JOIN_DISTANCE = 6
-"""Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
+"""Least number of cycles from the issue of a child to that of its parent.
+
+The pipeline (update.sv) writes the sum of the children in cycle 8 and reads it for the parent in
+cycle 3, and a word can be read in the cycle after it was written: 8 + 1 - 3.
+"""
 
 
 class Numbering(Frozen, eq=False):
     """The compartments of all cores of a program, core after core, and their numbers.
 
-    ``number`` (compartments,); ``parent`` (compartments,): the compartment that each is joined to, or -1;
-    ``of_phase[phase]`` (columns,): numbers by column; ``ends`` (phases,): the first number after each phase;
-    ``shared``: whether all phases keep their states in the same places. Numbers may have gaps, in which the core waits.
+    - ``number`` (compartments,): the number of each; there may be gaps
+    - ``parent`` (compartments,): the compartment that each is joined to, as an index of these
+      arrays, or -1
+    - ``of_phase[phase]`` (columns,): the numbers of the compartments of a phase, by column of the
+      program
+    - ``ends`` (phases,): the first number after each phase
+    - ``shared``: whether all phases keep their states in the same places
     """
 
     number: IntArray
@@ -31,9 +43,11 @@ class Numbering(Frozen, eq=False):
     shared: bool
 
     def places(self, numbers: IntArray) -> IntArray:
-        """Return, in a new array, where the states and charges of compartments with these numbers lie.
+        """Return the places at which the states and charges of compartments with these numbers lie,
+        in a new array.
 
-        They are counted from the first of all compartments on or, where phases share places, from the first of each.
+        A place is the number itself or, where phases share places, its distance from the first
+        number of its phase.
         """
         if not self.shared:
             return numbers.copy()
@@ -41,8 +55,12 @@ class Numbering(Frozen, eq=False):
         phase = np.searchsorted(self.ends, numbers, side="right")
         return np.asarray(numbers - first_of_phase[phase])
 
-    def sums(self) -> int:
-        """Return the least power of two that tells all parents apart that wait for their children at a time."""
+    def sum_words(self) -> int:
+        """Return how many words for sums of joined voltages the core needs, a power of two.
+
+        A parent's word is its place modulo this number. Two parents may share a word, but not while
+        both wait for children: the sum of one would be overwritten before it is read.
+        """
         is_child = self.parent >= 0
         child = self.number[is_child]
         parent_of_child = self.number[self.parent[is_child]]
@@ -52,72 +70,90 @@ class Numbering(Frozen, eq=False):
         np.minimum.at(first_child, index_of_parent, child)
         # Doubling ends at the latest where each parent has a word of its own.
         words = 1
-        while self._meet(parents, first_child, words):
+        while self._sums_collide(parents, first_child, words):
             words *= 2
         return words
 
-    def _meet(self, parents: IntArray, first_child: IntArray, words: int) -> bool:
-        """Tell whether a sum is begun before the last one in its word has been read.
+    def _sums_collide(self, parents: IntArray, first_child: IntArray, words: int) -> bool:
+        """Return whether, with so many words, a sum is written before the one before it in its word
+        has been read.
 
-        ``parents`` (n,) are numbers, ascending, and ``first_child`` (n,) those of their first children.
+        ``parents`` (n,) are numbers, ascending, and ``first_child`` (n,) the numbers of their first
+        children.
         """
         word = self.places(parents) % words
+        # Neighbours in this order are the sums that follow each other in one word.
         order = np.lexsort((first_child, word))
         share_word = np.diff(word[order]) == 0
-        begins = first_child[order][1:] + JOIN_DISTANCE
-        is_read = parents[order][:-1] + 1
-        return bool((share_word & (begins <= is_read)).any())
+        # The sum is written in cycle 8 of its first child, and the parent before reads its own in
+        # cycle 3. They collide unless the write comes later, so if first_child + 8 <= parent + 3.
+        write = first_child[order][1:] + JOIN_DISTANCE
+        read = parents[order][:-1] + 1
+        return bool((share_word & (write <= read)).any())
 
 
 def numbered(program: ChipProgram, phases: Sequence[str], sizes: Sizes) -> Numbering:
     """Number the compartments of all cores, with ``phases`` in the order in which they run."""
+    # Compartments are counted core after core; `begin` is the first of each core.
     begin = np.cumsum([0, *(core.compartments for core in program.cores)])
     parent = of_compartments(
         program, lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent)
     )
-    turn = of_compartments(program, lambda core: phases.index(core.phase))
+    phase_of = of_compartments(program, lambda core: phases.index(core.phase))
     _, depth = roots(parent)
-    together = _families_together(parent, turn, len(phases), sizes)
-    order = np.lexsort((parent, -depth, together, turn))
+    batch = _family_batches(parent, phase_of, len(phases), sizes)
+    # The last key counts first: by phase, by batch, the deepest first, and siblings together.
+    order = np.lexsort((parent, -depth, batch, phase_of))
     number = _numbers_in_order(order, parent)
-    last = [number[turn == index].max(initial=-1) for index in range(len(phases))]
+    last = [number[phase_of == index].max(initial=-1) for index in range(len(phases))]
+    # A phase without compartments ends where the phase before it does.
     ends = [end + 1 for end in np.maximum.accumulate(last).tolist()]
     of_core = np.split(number, begin[1:-1])
     of_phase = {name: program.by_column(name, lambda core: of_core[core.number]) for name in phases}
     return Numbering(number, parent, of_phase, ends, shared=sizes.places > 0)
 
 
-def _families_together(parent: IntArray, turn: IntArray, phases: int, sizes: Sizes) -> IntArray:
-    """Return a number for each compartment: families of a phase with one number are updated together.
+def _family_batches(parent: IntArray, phase_of: IntArray, phases: int, sizes: Sizes) -> IntArray:
+    """Return the batch of each compartment; the batches of a phase are updated one after the other.
 
-    They are at most ``sizes.sums``, so their sums find room. A family is all that is joined below one root.
+    A family is a compartment that is joined to no other, the root, with all that is joined to it,
+    also by way of others. A batch has at most ``sizes.sums`` families, so that there is room for
+    their sums.
     """
     if not sizes.sums:
-        # Each parent has a word for its sum: all families are updated together.
+        # Each parent has a word of its own for its sum: all families are one batch.
         return np.zeros_like(parent)
     root, _ = roots(parent)
     is_root = parent < 0
     family_of_root = np.zeros_like(parent)
     for phase in range(phases):
-        of_phase = turn == phase
+        of_phase = phase_of == phase
+        # Families are counted from 0 in each phase.
         family_of_root[of_phase] = np.cumsum(is_root[of_phase]) - 1
     return family_of_root[root] // sizes.sums
 
 
 def _numbers_in_order(order: IntArray, parent: IntArray) -> IntArray:
-    """Return the least numbers in an order that leave :data:`JOIN_DISTANCE` before every parent."""
+    """Return the least numbers that ascend in an order, and leave :data:`JOIN_DISTANCE` before
+    every parent.
+
+    ``order`` lists the compartments, each child before its parent.
+    """
     number = np.empty_like(parent)
     next_number = 0
     earliest_of_parent: dict[int, int] = {}
     for compartment in order.tolist():
-        own_number = max(next_number, earliest_of_parent.get(compartment, 0))
-        number[compartment] = own_number
-        earliest_of_parent[int(parent[compartment])] = own_number + JOIN_DISTANCE
-        next_number = own_number + 1
+        earliest = max(next_number, earliest_of_parent.get(compartment, 0))
+        number[compartment] = earliest
+        # Children ascend, so the last one of a parent leaves its entry. The entry of -1, no parent,
+        # is never looked up.
+        earliest_of_parent[int(parent[compartment])] = earliest + JOIN_DISTANCE
+        next_number = earliest + 1
     return number
 
 
 def of_compartments(program: ChipProgram, values: Callable[[Core], IntArray | int]) -> IntArray:
-    """Return what ``values`` gives for the compartments of every core, core after core."""
+    """Return a value for each compartment, core after core: ``values`` gives those of a core, or
+    one for all of them."""
     parts = [np.broadcast_to(values(core), core.compartments) for core in program.cores]
     return np.concatenate(parts).astype(np.int64)

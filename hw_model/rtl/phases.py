@@ -1,4 +1,10 @@
-"""The phases of a program as the core plays them: the first while a recording arrives, the others from its buffer."""
+"""The phases of a program as the core plays them.
+
+The first phase of the core runs while a recording arrives. All others read its events from the
+buffer (transpose.sv), in visits or by rows. A row is a step of the recording; a visit reads all
+rows of one channel, in one step of the phase. What a phase reads from the buffer has numbers as
+sources of spikes, which are given out here.
+"""
 
 from dataclasses import field
 
@@ -11,16 +17,27 @@ from hw_model.rtl.row_groups import rows_together
 from hw_model.values import ByteArray, Frozen, IntArray
 
 NO_ROW = 1 << 23
-"""The row that counts as the first where none has enough events: later than all of a recording."""
+"""The first row of an aligned phase where no row has enough events: later than all rows of a
+recording."""
 
 
 class CorePhase(Frozen, eq=False):
-    """A phase of ``steps`` steps; one without a name has nothing to do while the recording arrives.
+    """A phase of the core, of ``steps`` steps.
 
-    ``kept``: rows of a recording that the buffer keeps for it. ``rows``: those that its visits tell of; where it is
-    aligned and plays by rows, those of the recording. Of rows that visits tell of, two to the power of ``shared`` send
-    as one. ``row_source``: what channel 0 sends as, by rows. ``sources`` (lines,): what its input lines send as, or -1
-    if a line shares the source of the line before. ``visits`` (3, n): step, channel, and what its first row sends as.
+    - ``name``: the phase of the program; empty for a first phase with nothing to do while the
+      recording arrives
+    - ``kept``: rows of a recording that the buffer keeps for it
+    - ``rows``: rows of a channel that its visits play; the rows of the recording, if it is aligned
+      and reads by rows
+    - ``shared``: 2^shared rows of a visit are one source
+    - ``row_source``: the source of channel 0, by rows; those of the other channels follow
+    - ``by_rows``: whether a step reads its row of the recording, besides visits
+    - ``align_events``: rows count from the first with as many events; None if the phase is not
+      aligned
+    - ``potentials_from``: the step from which potentials are read out
+    - ``sources`` (lines,): the source of each input line, or -1 if the line shares the source of
+      the line before
+    - ``visits`` (3, n): step, channel, and the source of the first row, by step
     """
 
     name: str = ""
@@ -36,14 +53,18 @@ class CorePhase(Frozen, eq=False):
     visits: IntArray = field(default_factory=lambda: np.empty((3, 0), dtype=np.int64))
 
     def origin(self, recording: ByteArray) -> int:
-        """Return the row of a recording (rows, channels) that counts as the first."""
+        """Return the row of a recording (rows, channels) from which the phase counts rows."""
         if self.align_events is None:
             return 0
         enough = np.flatnonzero(recording.sum(axis=1, dtype=np.int64) >= self.align_events)
         return int(enough[0]) if len(enough) else NO_ROW
 
     def span(self, recording: ByteArray) -> range:
-        """Return the rows in which the phase runs, of those that a simulation gives."""
+        """Return the steps in which the core runs the phase, among the steps of a simulation.
+
+        An aligned phase that reads by rows begins with its first row, and ends with the recording
+        at the latest.
+        """
         if self.align_events is None or not self.by_rows:
             return range(self.steps)
         start = min(self.origin(recording), self.rows)
@@ -53,14 +74,18 @@ class CorePhase(Frozen, eq=False):
 def core_phases(
     program: ChipProgram, rows: int, steps: int | None, groups: int
 ) -> tuple[tuple[CorePhase, ...], int]:
-    """Return the phases in order, for recordings of ``rows`` rows, and the first source after theirs.
+    """Return the phases of the core in order, for recordings of ``rows`` rows, and the first source
+    after theirs.
 
-    ``steps``: those of phases of no fixed length. ``groups``: 1 if rows share sources where they can.
+    ``steps`` is the length of phases of no fixed length. ``groups`` is 1 if rows share sources
+    where they can.
     """
-    streaming = next((p for p in program.phases if _plays_as_it_arrives(program, p)), None)
+    streaming = next(
+        (phase for phase in program.phases if _plays_as_it_arrives(program, phase)), None
+    )
     # The first phase of the core is that of the arriving recording, even if it has nothing to do.
     phases = [] if streaming else [CorePhase()]
-    next_source = sum(program.streams.values())
+    next_source = sum(program.streams.values())  # after the channels
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
         core_phase, next_source = _core_phase(
             program,
@@ -76,11 +101,13 @@ def core_phases(
 
 
 def _plays_as_it_arrives(program: ChipProgram, phase: Phase) -> bool:
+    """Return whether a phase can play a recording while it arrives: it is not aligned, and visits
+    no channels."""
     inputs = program.inputs_of(phase.name)
     return phase.align_events is None and all(item.positions is None for item in inputs)
 
 
-def _core_phase(  # noqa: PLR0913 - what earlier steps made, each used once
+def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
     program: ChipProgram,
     phase: Phase,
     *,
@@ -90,25 +117,29 @@ def _core_phase(  # noqa: PLR0913 - what earlier steps made, each used once
     streams: bool,
     groups: int,
 ) -> tuple[CorePhase, int]:
-    """Return a phase whose sources are numbered from ``next_source`` on, and the first number after them.
+    """Return a phase of the core, and the first number after its sources.
 
-    ``streams``: it plays rows as they arrive, whose channels have sources already.
+    Its sources are numbered from ``next_source`` on. ``streams``: it plays rows as they arrive,
+    from channels, which are sources already.
     """
     inputs = program.inputs_of(phase.name)
     ends = np.cumsum([0, *program.streams.values()]).tolist()
     first_channel = dict(zip(program.streams, ends, strict=False))
+    # An input without positions is read as it comes; one with positions visits a channel at each of
+    # them.
     by_rows = not streams and any(item.positions is None for item in inputs)
     row_source = 0
     if by_rows:
         row_source = next_source
         next_source += ends[-1]
 
-    sources = [CorePhase().sources]
+    sources = [CorePhase().sources]  # empty, so that there is something to concatenate
     visits = [CorePhase().visits]
     shared = rows_together(program, phase.name) if groups else 0
     for item in inputs:
         channels = first_channel[item.stream] + np.arange(item.channels)
         if item.positions is None:
+            # While the recording arrives, row_source is 0: its channels are sources already.
             sources.append(row_source + channels)
             continue
         source_of_line, row_of_line = _sources_of_lines(item, shared)
@@ -146,7 +177,12 @@ def _core_phase(  # noqa: PLR0913 - what earlier steps made, each used once
 
 
 def _sources_of_lines(item: Input, shared: int) -> tuple[IntArray, IntArray]:
-    """Return the source of each line of a transposed input, counted from 0, and its row; 2^shared rows have one."""
+    """Return the source of each line of a transposed input, counted from 0, and the row of the
+    line.
+
+    A line is a row of a channel, and the lines of a channel follow each other. 2^shared rows have
+    one source.
+    """
     line = np.arange(item.size)
     row = line % item.rows
     if not shared:

@@ -1,4 +1,5 @@
-"""Ways to a board: a serial device, or a simulated board with its serial line."""
+"""Ports through which a host talks to a board: a serial device, or a simulated board with its
+serial line."""
 
 import subprocess
 from collections.abc import Iterable
@@ -9,15 +10,21 @@ from hw_model.rtl.images import Sizes
 from hw_model.rtl.simulators import built, command_of, sources
 
 WAIT = 512
-"""What makes the simulated line wait for a byte from the board: board_bench.sv lists what else it is told."""
+"""Number that makes the simulated line wait for a byte from the board; board_bench.sv lists all
+numbers that it takes."""
 SECONDS = 2.0
-"""How long a board may be silent before it is asked again, next to the time that its bytes take."""
+"""How long a board may be silent before it is asked again, on top of the time that its bytes take.
+Chosen by hand."""
 LONGEST_BITS = 40_000
-"""Of 4,000 bytes, with start and stop bit ten bits each: what may be on the line before an answer."""
+"""The most bits on the line before an answer: 4,000 bytes, of ten bits with start and stop bit.
+Chosen by hand."""
 
 
 class SimulatedBoard:
-    """``board_bench.sv`` as a port; the line stands still between calls. ``more``: parameters of it by name."""
+    """A simulated board as a port, by ``board_bench.sv``. Its time stands still between calls.
+
+    ``more`` are parameters of the bench, by name.
+    """
 
     def __init__(self, simulator: str, sizes: Sizes, **more: int) -> None:
         binary = built(simulator, sizes, sources(), "board_bench", **more)
@@ -32,15 +39,15 @@ class SimulatedBoard:
         self._process.stdin.flush()
 
     def read(self) -> bytes:
-        """Let time pass until a byte comes."""
+        """Let simulated time pass until a byte comes, and return the bytes that came."""
         assert self._process.stdout is not None
         self.write([WAIT])
-        came = bytearray()
+        received = bytearray()
         for line in self._process.stdout:
-            if line == b".\n":
+            if line == b".\n":  # the end of the bytes that came
                 break
-            came.append(int(line))
-        return bytes(came)
+            received.append(int(line))
+        return bytes(received)
 
     def close(self) -> None:
         """End the simulation."""
@@ -48,7 +55,7 @@ class SimulatedBoard:
 
 
 class SerialPort:
-    """A serial device, by pyserial."""
+    """A serial device as a port, by pyserial."""
 
     def __init__(self, name: str, baud: int) -> None:
         where = f"port {name!r}"
@@ -68,7 +75,7 @@ class SerialPort:
         self._device.write(data)
 
     def read(self) -> bytes:
-        """Return what came."""
+        """Return the bytes that came: all that wait or, if there are none, the next one."""
         return bytes(self._device.read(max(1, self._device.in_waiting)))
 
     def close(self) -> None:
@@ -81,6 +88,6 @@ Port = SimulatedBoard | SerialPort
 
 
 def open_port(name: str, baud: int, sizes: Sizes) -> Port:
-    """Open a serial device, or with ``sim:NAME`` a simulated board of these sizes."""
+    """Open a serial device, or with the name ``sim:SIMULATOR`` a simulated board of these sizes."""
     kind, _, simulator = name.partition(":")
     return SimulatedBoard(simulator, sizes) if kind == "sim" else SerialPort(name, baud)

@@ -1,21 +1,26 @@
-"""What the open core cannot run, told by name before anything is built."""
+"""Refuse programs that the open core cannot run, with an error that names why, before anything is
+built."""
 
 from hw_model.errors import TargetError
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import ChipProgram
 
 REGISTERS = {"charge_bits": 21, "current_bits": 23, "voltage_bits": 23}
-"""Widths that are fixed in its logic, the sign not counted."""
+"""The widths of registers that are fixed in the logic of the core, in bits, the sign not counted.
+"""
 MOST_POPULATIONS = 64
-"""That are read out: ``GROUPS`` of readout.sv."""
+"""The most populations that are read out: ``GROUPS`` of readout.sv."""
 MOST_CHANNELS = 1 << 16
-"""A word of the stream has 16 bits for its channel: ``in_channel`` of locsnn_core.sv."""
+"""The most channels: a word of the stream has 16 bits for them, ``in_channel`` of locsnn_core.sv.
+"""
 MOST_PHASES = 64
-"""``phase`` of locsnn_core.sv has six bits; one value is left for a first phase that has nothing to do."""
+"""One more than the most phases. ``phase`` of locsnn_core.sv has six bits, and one value is left
+for a first phase that has nothing to do."""
 
 
 def refuse_unless(fits: bool, program: ChipProgram, what: str, measured: object) -> None:
-    """Raise a ``TargetError`` that names what the core does not have, and what a program asks for."""
+    """Raise a ``TargetError`` unless a program fits: the core has no ``what``, and the program
+    needs ``measured``."""
     if not fits:
         where = f"program {program.name!r}"
         what = f"the open core has no {what}"
@@ -23,7 +28,7 @@ def refuse_unless(fits: bool, program: ChipProgram, what: str, measured: object)
 
 
 def refuse_unplayable(program: ChipProgram) -> None:
-    """Raise a ``TargetError`` for the first thing of a program that the core does not have."""
+    """Raise a ``TargetError`` for the first thing that a program needs and the core does not have."""
     for name, bits in REGISTERS.items():
         bits_of_chip = getattr(program.chip.registers, name)
         refuse_unless(bits_of_chip == bits, program, f"{name} other than {bits}", bits_of_chip)
@@ -31,18 +36,18 @@ def refuse_unplayable(program: ChipProgram) -> None:
     refuse_unless(
         channels <= MOST_CHANNELS, program, f"more than {MOST_CHANNELS} channels", channels
     )
-    read = program.readout.populations if program.readout else ()
+    read_out = program.readout.populations if program.readout else ()
     refuse_unless(
-        len(read) <= MOST_POPULATIONS,
+        len(read_out) <= MOST_POPULATIONS,
         program,
         f"readout of more than {MOST_POPULATIONS} groups",
-        len(read),
+        len(read_out),
     )
     for core in program.cores:
+        # The core stores the binary logarithms of these two.
         for power in (1 - core.vmin, core.vmax + 1):
-            refuse_unless(
-                power & (power - 1) == 0, program, "voltage limit that is not 2^k from 1", power
-            )
+            is_power_of_two = power & (power - 1) == 0
+            refuse_unless(is_power_of_two, program, "voltage limit that is not 2^k from 1", power)
     refuse_unless(
         len(program.phases) < MOST_PHASES, program, f"{MOST_PHASES} phases", len(program.phases)
     )
@@ -57,6 +62,7 @@ def refuse_unplayable(program: ChipProgram) -> None:
 
 
 def _refuse_phase(program: ChipProgram, phase: Phase) -> None:
+    """Raise a ``TargetError`` for the first thing that a phase needs and the core does not have."""
     inputs = program.inputs_of(phase.name)
     from_step = program.readout.from_step if program.readout else {}
     populations = program.columns_of(phase.name)

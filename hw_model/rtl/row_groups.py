@@ -1,4 +1,9 @@
-"""Rows of a recording that send alike: a window of time hears all of its rows by the same synapses."""
+"""Find rows of a recording that can share a source of spikes, because they have the same synapses.
+
+Usually each row (step) of a visited channel is a source of its own. A window of time hears all of
+its rows by the same synapses, so they can be one source with one list, which saves memory.
+locsnn_core.sv has the parameter ``GROUPS`` for it.
+"""
 
 import numpy as np
 
@@ -7,11 +12,15 @@ from hw_model.program.chip_program import ChipProgram
 MOST_SHARED = 7
 """Binary logarithm of the most rows that share a source: ``shared`` of transpose.sv has three bits."""
 Synapse = tuple[int, ...]
-"""Core, target, delay, format and mantissa."""
+"""Core, target, delay, format and mantissa, as a program has them."""
 
 
 def rows_together(program: ChipProgram, phase: str) -> int:
-    """Return the largest k for which rows ``n 2^k`` to ``(n + 1) 2^k - 1`` of every channel have the same synapses."""
+    """Return the largest k for which groups of 2^k successive rows of every channel have the same
+    synapses.
+
+    The groups are rows ``n 2^k`` to ``(n + 1) 2^k - 1``; k is 0 if rows cannot share.
+    """
     transposed = [item for item in program.inputs_of(phase) if item.positions is not None]
     for item in transposed:
         # Rows can only be counted where each channel has lines of its own, one for each row.
@@ -26,14 +35,16 @@ def rows_together(program: ChipProgram, phase: str) -> int:
         differs_from_row_before = [
             row for row in range(1, item.size) if of_input[row] != of_input[row - 1]
         ]
-        # A row that differs must be the first of its group; channels begin groups of their own.
+        # A row that differs from the row before must be the first of its group; each channel begins
+        # with a new group.
         while any(row % item.rows % (1 << shared) for row in differs_from_row_before):
             shared -= 1
     return shared
 
 
 def _synapses_of_lines(program: ChipProgram, phase: str) -> list[list[Synapse]]:
-    """Return the synapses of every input line of a phase, sorted."""
+    """Return the synapses of every input line of a phase, sorted, so that equal ones can be
+    compared."""
     lines = program.lines_of(phase).values()
     count = sum(of_input.stop - of_input.start for of_input in lines)
     synapses: list[list[Synapse]] = [[] for _ in range(count)]

@@ -1,4 +1,8 @@
-"""The core built with Verilator or Icarus Verilog, once for its sizes, and run on files."""
+"""Build the core with Verilator or Icarus Verilog, and run it on files.
+
+A built simulator depends on the sources and the sizes of the core, and serves all programs that
+fit, so it is kept in the user's cache folder.
+"""
 
 import atexit
 import hashlib
@@ -24,12 +28,12 @@ SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)
 _log = logging.getLogger("locsnn")
 _BINARY = {"verilator": "bench", "icarus": "bench.vvp"}
 PACKAGES = {"vvp": "iverilog"}
-"""Of Debian, where a tool is in a package of another name."""
+"""Debian packages of tools whose package has another name."""
 
 
 @cache
 def sources() -> dict[str, str]:
-    """Return the SystemVerilog files by name, the bench among them."""
+    """Return the SystemVerilog files by name, with the test benches."""
     entries = sorted((files("hw_model") / "rtl").iterdir(), key=lambda entry: entry.name)
     return {entry.name: entry.read_text("utf-8") for entry in entries if entry.name.endswith(".sv")}
 
@@ -37,64 +41,80 @@ def sources() -> dict[str, str]:
 def built(
     simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "bench", **more: int
 ) -> Path:
-    """Return the built simulator, kept in the user's cache folder; a tool that is missing is an ``InputError``.
+    """Return a built simulator from the user's cache folder; build it if it is not there.
 
-    ``more``: parameters of the module ``top`` besides the sizes.
+    Raise an ``InputError`` if a tool is missing. ``texts`` are the SystemVerilog files by name,
+    ``top`` is the module to run, and ``more`` are parameters of it besides the sizes.
     """
     check_known(f"simulator {simulator!r}", "does not exist", simulator, SIMULATORS)
     parameters_by_name = parameters(sizes) | {name.upper(): value for name, value in more.items()}
-    named = hashlib.sha256(
-        repr((simulator, parameters_by_name, top, sorted(texts.items()))).encode()
-    ).hexdigest()[:16]
-    binary = kept(f"rtl-{named}-{_BINARY[simulator]}")
+    # All that a built simulator depends on.
+    content = repr((simulator, parameters_by_name, top, sorted(texts.items()))).encode()
+    key = hashlib.sha256(content).hexdigest()[:16]
+    binary = cache_path(f"rtl-{key}-{_BINARY[simulator]}")
     if not binary.exists():
         _log.info("building the core with %s, once for its sizes: up to a minute", simulator)
-        with tempfile.TemporaryDirectory(dir=binary.parent) as folder:
+        # Next to its place in the cache, so that it can be moved there in one step: another process
+        # that builds the same simulator never finds half of it.
+        with tempfile.TemporaryDirectory(dir=binary.parent) as temporary:
+            folder = Path(temporary)
             for name, text in texts.items():
-                (Path(folder) / name).write_text(text)
-            said(
-                _command(simulator, parameters_by_name, top, sorted(texts)),
-                Path(folder),
-                f"simulator {simulator!r}",
-            )
-            os.replace(Path(folder) / _BINARY[simulator], binary)
+                (folder / name).write_text(text)
+            command = _build_command(simulator, parameters_by_name, top, sorted(texts))
+            run_tool(command, folder, f"simulator {simulator!r}")
+            os.replace(folder / _BINARY[simulator], binary)
     return binary
 
 
-def kept(name: str) -> Path:
-    """Return where what was built is kept: in the user's cache, else in a folder that goes with this process."""
+def cache_path(name: str) -> Path:
+    """Return the path of a file in the user's cache folder.
+
+    Where that cannot be written, and does not hold the file, the path is in a temporary folder that
+    is removed when this process ends.
+    """
     folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "locsnn"
-    # Of who has no home, the "~" stays.
+    # Without a home folder, the "~" stays, and the path is not absolute.
     with suppress(OSError):
         if folder.is_absolute():
             folder.mkdir(parents=True, exist_ok=True)
             if (folder / name).exists() or os.access(folder, os.W_OK):
                 return folder / name
-    return _passing() / name
+    return _temporary_folder() / name
 
 
 @cache
-def _passing() -> Path:
+def _temporary_folder() -> Path:
+    """Return a folder that is removed when this process ends, the same in every call."""
     folder = tempfile.mkdtemp(prefix="locsnn-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 
 
 def run(binary: Path, folder: Path, patience: int) -> None:
-    """Play ``load`` and ``words`` of a folder; what the bench writes lies there, too."""
-    said([*command_of(binary), f"+patience={patience}"], folder, "the open core")
+    """Run a built simulator on the files ``load`` and ``words`` of a folder, where it also writes
+    its files."""
+    run_tool([*command_of(binary), f"+patience={patience}"], folder, "the open core")
 
 
 def command_of(binary: Path) -> list[str]:
-    """Return what starts a built simulator."""
-    return [*(["vvp", "-n"] if binary.suffix == ".vvp" else []), str(binary)]
+    """Return the command that starts a built simulator.
+
+    Verilator builds a program; Icarus Verilog builds a file for its interpreter, vvp.
+    """
+    interpreter = ["vvp", "-n"] if binary.suffix == ".vvp" else []
+    return [*interpreter, str(binary)]
 
 
-def _command(simulator: str, given: Mapping[str, int], top: str, names: list[str]) -> list[str]:
+def _build_command(
+    simulator: str, parameters_by_name: Mapping[str, int], top: str, names: list[str]
+) -> list[str]:
+    """Return the command that builds a simulator of the module ``top`` from files of these names."""
     prefix = f"-P{top}." if simulator == "icarus" else "-G"
-    options = [f"{prefix}{name}={value}" for name, value in given.items()]
+    options = [f"{prefix}{name}={value}" for name, value in parameters_by_name.items()]
     if simulator == "icarus":
         return ["iverilog", "-g2012", "-s", top, "-o", _BINARY[simulator], *options, *names]
+    # Warnings are off, as texts may hold planted faults; tests lint the sources with all warnings.
+    # The C++ is compiled with -O1 only, to build faster.
     plain = "--binary --timing -j 1 -O3 -CFLAGS -O1 -Wno-lint -Wno-fatal --Mdir ."
     return [
         "verilator",
@@ -108,10 +128,11 @@ def _command(simulator: str, given: Mapping[str, int], top: str, names: list[str
     ]
 
 
-def said(command: list[str], folder: Path, where: str) -> str:
-    """Return what a command says; one that is missing or fails is an ``InputError``.
+def run_tool(command: list[str], folder: Path, where: str) -> str:
+    """Run a command in a folder and return its output, or what it wrote to stderr if there is none.
 
-    What pip has installed next to this Python is found, too.
+    Raise an ``InputError`` that names ``where`` if the command is not installed or fails. Tools
+    that pip installed next to this Python are found even if they are not on the path.
     """
     tool = Path(command[0]).name
     path = f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}"

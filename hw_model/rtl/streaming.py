@@ -1,4 +1,7 @@
-"""Recordings streamed to a board that runs the open core, and its answers compared with the simulator's."""
+"""Play recordings to a board that runs the open core, and compare its answers with the simulator's.
+
+This is what ``locsnn rtl stream`` does.
+"""
 
 from contextlib import closing
 from dataclasses import replace
@@ -20,19 +23,26 @@ from hw_model.simulation import simulate
 def stream(
     program: ChipProgram, spikes: Spikes, port: str, baud: int, report: bool
 ) -> dict[str, Any]:
-    """Load a program, play recordings (batch, steps, channels), and return answers and what differs, per recording.
+    """Load a program, play recordings (batch, steps, channels), and return the answers and what
+    differs.
 
-    ``report``: compare every spike, not only classes and counts. A board that does not answer is an ``InputError``.
+    The entries of the result are lists with an item per recording, and their totals. ``report``:
+    compare every spike, not only classes and counts. Raise an ``InputError`` if the board does not
+    answer.
     """
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
+    rows = recordings.shape[1]
     if program.chip.open_core and port.startswith("sim:"):
-        on_core(program, recordings.shape[1], program.chip)
+        # A simulated board could be as large as needed: refuse what the device does not hold.
+        on_core(program, rows, program.chip)
+    # The sizes of a simulated board. Boards have neither steps nor shared places, as only a chip
+    # does.
     plain = replace(program.chip.open_core or SIMULATED, step=0, places=0)
-    sizes = CoreProgram(program, recordings.shape[1], None, plain).simulated(SIMULATED)
+    sizes = CoreProgram(program, rows, None, plain).simulated(SIMULATED)
     with closing(open_port(port, baud, sizes)) as line:
         try:
             board = Board(line)
-            core = CoreProgram(program, recordings.shape[1], None, board.sizes)
+            core = CoreProgram(program, rows, None, board.sizes)
             board.load(core)
             board.report(report)
             answers = [board.play(core, recording) for recording in recordings]
@@ -44,14 +54,15 @@ def stream(
     # Names of the figures that differ, per recording.
     different: list[list[str]] = []
     for i, answer in enumerate(answers):
+        # Without a readout there is no class to compare.
         winner = answer.winner if expected.scores is None else expected.prediction[i]
         is_equal = {"error": answer.error == 0, "class": answer.winner == winner}
         for name, count in zip(ANSWER_COUNTS, answer.counts, strict=True):
             is_equal[name] = count == expected.per_recording[i][name]
         if report:
             spikes_of_recording = {name: array[i] for name, array in expected.spikes.items()}
-            times = spike_numbers(core, recordings[i], spikes_of_recording)
-            is_equal["times of spikes"] = list(answer.spikes) == times
+            expected_spikes = spike_numbers(core, recordings[i], spikes_of_recording)
+            is_equal["times of spikes"] = list(answer.spikes) == expected_spikes
         different.append([name for name, equal in is_equal.items() if not equal])
     return {
         "recordings": len(answers),

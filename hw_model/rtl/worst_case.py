@@ -1,16 +1,19 @@
-"""The most cycles that any input can take on the open core, as long as it keeps a rate of events.
+"""Bound the cycles of the open core for any recording with at most so many events per step.
 
-:mod:`hw_model.rtl.cycles` follows a recording word by word. With F the last cycle in which a word
-was prepared, consumed or accepted, or a spike became the head of the queue, and W the first cycle
-after the walk of the last list, every word moves max(F + 4, W) forward by no more than
+:mod:`hw_model.rtl.cycles` predicts the cycles of a recording word by word. A word is an event, the
+end of a step or the end of a phase; a spike walks its list of synapses. Let F be the last cycle in
+which a word was prepared, consumed or accepted, or a spike became the head of the queue, and W the
+first cycle after the walk of the last list. Then every word moves max(F + 4, W) forward by no more
+than
 
     an event, or a spike from the queue    wait + max(2, its list)
     the event again, for a second phase    2 + max(2, its list)
     the end of a step                      wait + its compartments + 16
     the end of a phase                     wait + 8
 
-where the wait is 1 in the stream and for a spike. A scan of the buffer waits as long as for an empty one,
-and one cycle more for each event. So the sum over all words is a bound, whatever their order.
+where the wait is 1 in the stream and for a spike. A scan of the buffer waits as long as for an
+empty one, and one cycle more for each event. So the sum over all words is a bound, whatever their
+order. The bound of a number of events per step takes the events that cost most.
 """
 
 from functools import lru_cache
@@ -28,25 +31,28 @@ from hw_model.values import FloatArray, Frozen, IntArray
 
 # All are cycles, and follow from what the clock of hw_model/rtl/cycles.py adds.
 _LEAST = 2
-"""Of an event or spike whose list is shorter: requests follow each other two cycles apart."""
+"""The least cycles of an event or spike, however short its list: requests follow each other two
+cycles apart."""
 _WAIT = 1
-"""Of an event in the stream and of a spike from the queue, and what an event adds to a scan."""
+"""The wait of an event in the stream and of a spike from the queue, and what an event adds to a
+scan."""
 _WAIT_AGAIN = 2
-"""Of an event that is asked for a second time, for the second phase."""
+"""The wait of an event that is requested again, for the second phase."""
 _END_OF_STEP = 16
 """2 until the last charge is added, 1 to the first update, 10 more from the last update until its spike is the head of
 the queue, and the 4 of F + 4: 17, one of which is the wait."""
 _END_OF_PHASE = 8
 """Enough for 2 until the last charge is added, and the 4 of F + 4: nothing is updated."""
 _END_OF_STREAM = 1
+"""The word that ends a recording is taken as soon as it is prepared."""
 _AFTER_READOUT = 2
 """From the end of the readout to the answer."""
 
 
 class CoreCosts(Frozen, eq=False):
-    """What recordings can cost, in cycles.
+    """The most that the parts of a recording can cost, in cycles.
 
-    - ``rows``: rows that the core takes
+    - ``rows``: rows (steps of a recording) that the core takes
     - ``row_events`` (channels + 1,): the dearest events of a row as it arrives, by how many there are
     - ``row_end``: the end of a row, and ``row_spikes``: the spikes of its step
     - ``first_spikes``: spikes of the first phase over all its steps
@@ -96,7 +102,10 @@ def worst_case_on_core(program: ChipProgram, rows: int, events_per_step: int) ->
 
 @lru_cache(maxsize=8)
 def core_costs(core: CoreProgram) -> CoreCosts:
-    """Return the costs of recordings of as many rows as a core was made for. Cores are hashed by identity."""
+    """Return the costs of recordings of as many rows as ``core`` was made for.
+
+    They are kept for the last few cores, which are told apart by identity.
+    """
     first, *others = core.phases
     later = _END_OF_STREAM + _END_OF_PHASE + readout_cycles(core) + _AFTER_READOUT
     later_events = np.zeros((core.channels, core.kept))
@@ -120,7 +129,8 @@ def core_costs(core: CoreProgram) -> CoreCosts:
 
 
 def _compartments(core: CoreProgram, index: int) -> int:
-    """Return the places that are updated in a step of a phase."""
+    """Return how many compartments are updated in a step of a phase, the gaps in their numbers
+    included."""
     before = core.ends[index - 1] if index else 0
     return int(core.ends[index]) - int(before)
 
@@ -135,7 +145,8 @@ def _event_cycles(core: CoreProgram) -> FloatArray:
     cycles = (_WAIT + _walk_cycles(core.lengths[: core.channels])).astype(np.float64)
     if not core.later:
         return cycles
-    # The event is a spike of the second phase at once: of the row in which that costs most.
+    # The second phase hears the event at once. Its source depends on the row: take the row that
+    # costs most.
     sources = core.tables["visits"]["source"][: core.channels]
     for channel, source in enumerate(sources.tolist()):
         of_rows = core.lengths[source : source + core.kept]
@@ -154,22 +165,23 @@ def _spiking_lists(core: CoreProgram, phase: CorePhase) -> IntArray:
 
 
 def _spike_cycles(core: CoreProgram, phase: CorePhase) -> int:
-    """Return the cycles of the most spikes of a phase: as refractory times allow."""
+    """Return the cycles of the spikes of a phase, if every compartment spikes as often as its
+    refractory time allows."""
     if not phase.name:
         return 0
     program = core.program
     spiking = can_spike(program, phase.name)
-    refractory = program.by_column(phase.name, lambda each: each.setting("refractory"))[spiking]
+    refractory = program.by_column(phase.name, lambda part: part.setting("refractory"))[spiking]
     spikes = -(-phase.steps // np.maximum(refractory, 1))
     return int((spikes * (_WAIT + _walk_cycles(_spiking_lists(core, phase)))).sum())
 
 
 def _scan_cycles(core: CoreProgram, phase: CorePhase) -> int:
-    """Return the cycles that an empty buffer is waited for."""
-    nothing = np.zeros((core.rows, core.channels), dtype=np.uint8)
+    """Return the cycles of a phase that are spent waiting for words from an empty buffer."""
+    recording = np.zeros((core.rows, core.channels), dtype=np.uint8)
     if phase.align_events is not None:
-        nothing[0] = 1  # the phase begins with the first row, and so plays most steps
-    words = transposed_words(core, phase, nothing)
+        recording[0] = 1  # the phase then begins with the first row, and so plays the most steps
+    words = transposed_words(core, phase, recording)
     return sum(wait for wait, _ in words)
 
 

@@ -16,13 +16,12 @@ MODULES = [
 ]
 OTHER_NUMBERS = {
     "hw_model/description/open_core.py": ["compares v <= 64"],
-    "hw_model/rtl/steps.py": ["computes 1 << bits"],
     "hw_model/streaming/location_phase.py": ["computes history.row_of[e] + 1 + delay"],
     "locsnn_compile/frontends/nir/signals.py": ["computes delay + 1"],
     "locsnn_compile/reference/evaluate.py": ["computes delay + 1", "computes delay + 1"],
 }
-"""What is of another kind, in this order: bits of a register of the open core, a field of its memory
-words, rows in a compiled loop, and delays of networks, which are defined in `Projection`."""
+"""What is of another kind, in this order: bits of a register of the open core, rows in a compiled
+loop, and delays of networks, which are defined in `Projection`."""
 
 
 def test_no_module_outside_the_page_computes_what_the_page_says():

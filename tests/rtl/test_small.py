@@ -213,7 +213,9 @@ def joined() -> hw.ChipProgram:
 
 def test_joins_are_refused_before_anything_is_synthesised(monkeypatch):
     program = joined()
-    monkeypatch.setattr("hw_model.rtl.bitstream.said", lambda *_: pytest.fail("a tool was called"))
+    monkeypatch.setattr(
+        "hw_model.rtl.bitstream.run_tool", lambda *_: pytest.fail("a tool was called")
+    )
     with pytest.raises(hw.TargetError) as caught:
         fit(program, board("icebreaker"), 1)
     assert str(caught.value) == f"program 'joined': {SMALL_IN} 'join' (25 against 0). {HELD}"

