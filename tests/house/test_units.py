@@ -16,7 +16,7 @@ MODULES = [
 ]
 OTHER_NUMBERS = {
     "hw_model/description/open_core.py": ["compares v <= 64"],
-    "hw_model/streaming/location_phase.py": ["computes history.row_of[e] + 1 + delay"],
+    "hw_model/streaming/location_phase.py": ["computes history.event_step[e] + 1 + delay"],
     "locsnn_compile/frontends/nir/signals.py": ["computes delay + 1"],
     "locsnn_compile/reference/evaluate.py": ["computes delay + 1", "computes delay + 1"],
 }
