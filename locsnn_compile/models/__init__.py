@@ -1,1 +1,1 @@
-"""The touch networks in torch, their description without torch, and the checkpoints that hold them."""
+"""The networks that ``locsnn train`` knows: in torch, as descriptions without torch, and as checkpoints in files."""

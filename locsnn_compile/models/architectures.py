@@ -1,4 +1,10 @@
-"""The structures of the networks that ``locsnn train`` knows, as rows of one table."""
+"""The structures of the networks that ``locsnn train`` knows, as rows of one table.
+
+A spiking network has one or more branches, which are chains of layers over the same recording; their class scores are
+added. What the neurons of a branch step through is its axis: a *time* branch steps through time steps, with the
+channels as inputs, and a *location* branch steps through the channels in a fixed order, with the time steps as inputs.
+A *window* branch has neurons that count the events of a channel during some consecutive steps.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,11 +15,12 @@ from typing import Literal
 class Architecture:
     """The structure of a kind of network.
 
-    - ``branches``: its step axes, in population order; none for an artificial network
-    - ``neurons``: spike response (``srm``), leaky integrate-and-fire (``lif``), counting in ``windows``, those of
-      a Xylo (``xylo``), which exist in its integers only, or ``none`` that spike
-    - ``graph``: whether the first layer of a branch is a graph convolution
-    - ``window_branch``: the branch whose neurons count in windows, if there is one; its outputs are potentials
+    - ``branches``: the names of its branches, in the order of their populations; none for an artificial network
+    - ``neurons``: ``srm`` (spike response), ``lif`` (leaky integrate-and-fire), ``windows`` (counting in windows),
+      ``xylo`` (those of the chip Xylo, which exist in its integers only), or ``none`` (an artificial network)
+    - ``graph``: whether the first layer of each branch is a graph convolution
+    - ``window_branch``: the branch whose neurons count in windows, if there is one. Its class scores are the potentials
+      of its output neurons, and not, as in other branches, their numbers of spikes.
     """
 
     branches: tuple[str, ...]
@@ -49,6 +56,6 @@ ARCHITECTURES: dict[str, Architecture] = {
 }
 """Name of a network -> its structure. Sources: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020.
 
-``window-snn`` is our own; ``hybrid-window`` is ``hybrid`` with the windows as a third branch. ``xylo-snn`` is
-what a Xylo has: one recurrent hidden population, and outputs.
+``window-snn`` is our own; ``hybrid-window`` is ``hybrid`` with the windows as a third branch. ``xylo-snn`` is the
+network that a Xylo chip has room for: one recurrent hidden population, and outputs.
 """

@@ -1,8 +1,16 @@
 """The spiking networks of Kang et al. 2022 and TactileSGNet: time branches, location branches, and hybrids of both.
 
-A branch is two fully connected layers, or a graph convolution and three; all networks take x (batch, steps, channels),
-floats 0 or 1, and return their spikes by population name: ``time_*`` (batch, steps, n), ``location_*``
-(batch, locations, n) with locations in walk order. Where a branch counts in windows, its output are potentials.
+A branch is a chain of layers over the whole recording: two fully connected layers, or a graph convolution and three
+fully connected ones. A time branch steps through time, with the channels as inputs; a location branch steps through the
+channels in a fixed order, the *walk*, with the time steps as inputs. A branch of windows counts the events of a channel
+during some consecutive steps. The class scores of all branches are added.
+
+All networks take x (batch, steps, channels), floats 0 or 1, and return their spikes by population name: ``time_*``
+(batch, steps, n), ``location_*`` (batch, locations, n) with locations in the order of the walk. A branch of windows
+returns the potentials of its outputs instead.
+
+*On the chip* means here that a network is trained with the chip's integer arithmetic in its forward pass; its numbers
+are then ``chip``, and weights are rounded to integers called mantissas.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,34 +37,41 @@ from locsnn_compile.models.touch_model import (
 from locsnn_compile.models.xylo_entry import XyloNumbers
 from locsnn_compile.models.xylo_network import XyloSnn
 
+_RECORDINGS_AT_ONCE = 32
+"""How many recordings are averaged at a time, which bounds the memory; chosen by hand."""
+
 
 class WindowNetwork(TouchModel):
-    """``window-snn``, or that branch of a network that has others: fixed hidden neurons, and an output that learns.
+    """``window-snn``, or the window branch of another network: fixed hidden neurons, and an output layer that learns.
 
-    The hidden neurons are those of :class:`~locsnn_compile.models.graph_and_windows.WindowParameters`. They are known
-    before the first epoch, so training is a linear problem: the potential of output k is
+    Every hidden neuron counts the events of one channel in one window of consecutive steps, and spikes if they reach
+    its level; see :class:`~locsnn_compile.models.graph_and_windows.WindowParameters`. Nothing about them is learned, so
+    training is a linear problem: the potential of output k is
 
         v_k = sum over hidden neurons h that spike:  w_kh   +   bias_k
 
-    It is learned as ``w (o - usual) + b``, with ``usual`` the mean of every hidden spike over the recordings that are
-    learned from: hidden spikes share a large mean, which would slow the descent along everything else. The network that
-    is kept has ``bias = b - w usual``. Weights start at 0, so that no seed is in them.
+    It is learned as ``w (o - usual) + b``, with ``o`` the hidden spikes and ``usual`` their mean over the training
+    recordings: hidden spikes share a large mean, which would slow the descent in all other directions. The network that
+    is saved has ``bias = b - w usual``. Weights start at 0, so the result does not depend on a seed.
 
-    With ``chip`` weights and kept biases are rounded to mantissas, and the potentials are the chip's, in float units;
+    With ``chip``, weights and saved biases are rounded to mantissas, and the potentials are the chip's, in float units;
     the gradient is that of the sums which they stand for.
     """
 
     walk: Tensor
+    """Position -> channel, (channels,)."""
     starts: Tensor
+    """The first step of every window, (windows,)."""
     usual: Tensor
+    """The mean of every hidden spike over the training recordings, (hidden,)."""
 
     def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
         super().__init__(description, chip)
-        layout, self.windows = description.input, description.windows
+        self.windows = description.windows
+        # Buffers move to a GPU with the network. Those that follow from the description are not stored.
+        starts = self.windows.starts(description.input.steps)
         self.register_buffer("walk", torch.from_numpy(description.walk.copy()), persistent=False)
-        self.register_buffer(
-            "starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False
-        )
+        self.register_buffer("starts", torch.from_numpy(starts), persistent=False)
         self.names = description.window_names
         classes, hidden = description.weight_shapes[self.names[0]]
         self.output = nn.Parameter(torch.zeros(classes, hidden))
@@ -68,24 +83,29 @@ class WindowNetwork(TouchModel):
         return self.output if name == self.names[0] else self.bias
 
     def begin(self, spikes: ByteArray) -> None:
-        """Take the mean of every hidden spike over recordings (samples, steps, channels); scores stay as they are."""
+        """Set ``usual`` by the training recordings (samples, steps, channels), without a change of the scores."""
         total = torch.zeros(self.usual.shape, dtype=torch.float64, device=self.usual.device)
-        for start in range(0, len(spikes), 32):
-            part = torch.from_numpy(np.array(spikes[start : start + 32])).to(self.usual)
-            total += self.hidden(part).sum(dim=0, dtype=torch.float64)
+        for start in range(0, len(spikes), _RECORDINGS_AT_ONCE):
+            part = spikes[start : start + _RECORDINGS_AT_ONCE]
+            x = torch.from_numpy(np.array(part)).to(self.usual)
+            total += self.hidden(x).sum(dim=0, dtype=torch.float64)
         usual = (total / max(len(spikes), 1)).to(self.usual.dtype)
         with torch.no_grad():
+            # So that w (o - usual) + b stays the same.
             self.bias.add_(self.output @ (usual - self.usual))
         self.usual.copy_(usual)
 
     def hidden(self, x: Tensor) -> Tensor:
         """Return the spikes (batch, hidden) of the hidden neurons for ``x`` (batch, steps, channels)."""
-        events = torch.nn.functional.pad(self.aligned(x, moved=True).cumsum(dim=1), (0, 0, 1, 0))
-        counted = events.index_select(1, self.starts + self.windows.steps) - events.index_select(
-            1, self.starts
-        )
+        events_so_far = self.aligned(x, moved=True).cumsum(dim=1)
+        # A row of zeros in front, so that row t counts the events before step t. The events in a window
+        # are then the difference of two rows.
+        events_before = torch.nn.functional.pad(events_so_far, (0, 0, 1, 0))
+        before_ends = events_before.index_select(1, self.starts + self.windows.steps)
+        events = before_ends - events_before.index_select(1, self.starts)
         levels = torch.tensor(self.windows.levels, dtype=x.dtype, device=x.device)
-        spikes = counted.index_select(2, self.walk).transpose(1, 2).unsqueeze(-1) >= levels
+        # (batch, channels in order of the walk, windows, levels), the order of the hidden neurons.
+        spikes = events.index_select(2, self.walk).transpose(1, 2).unsqueeze(-1) >= levels
         return spikes.to(x.dtype).reshape(len(x), -1)
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
@@ -99,61 +119,67 @@ class WindowNetwork(TouchModel):
         }
 
     def _on_chip(self, hidden: Tensor, chip: ChipNumbers) -> Tensor:
-        """Return the chip's potentials (batch, classes) for hidden spikes, added over the output populations."""
+        """Return the chip's potentials (batch, classes) for hidden spikes, added over the output populations.
+
+        On the chip, a class may have several output neurons, each of which receives from a part of the hidden neurons.
+        """
         weights = chip.populations[self.names[0]]
-        mantissas, neuron = (
-            rounded(self.output, weights),
-            chip.window_output(self.names, self.mantissas()),
-        )
-        drives = [
-            to_host(hidden[:, part] @ mantissas[:, part].T)
-            for part in self.description.output_parts
-        ]
-        each = [
-            potential_of_sum(drive, neuron, weights.exponent, chip.registers) for drive in drives
-        ]
-        total = np.sum(each, axis=0)
+        mantissas = rounded(self.output, weights)
+        neuron = chip.window_output(self.names, self.mantissas())
+        potentials = []
+        for part in self.description.output_parts:
+            drive = to_host(hidden[:, part] @ mantissas[:, part].T)
+            potentials.append(potential_of_sum(drive, neuron, weights.exponent, chip.registers))
+        total = np.sum(potentials, axis=0)
+        scores = to_device(total, hidden).to(hidden.dtype) / weights.scale
+        # A difference of 0, which has the gradient of the float sums that the potentials stand for.
         ideal = torch.nn.functional.linear(hidden - self.usual, weights.unit * mantissas, self.bias)
-        return to_device(total, hidden).to(hidden.dtype) / weights.scale + (ideal - ideal.detach())
+        return scores + (ideal - ideal.detach())
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return the potentials of the output."""
         return {self.description.structure.window_branch: activity[self.names[0]]}
 
     def weights(self) -> dict[str, Float32Array]:
-        """Return copies of the weights by name, the bias as the kept network has it."""
+        """Return copies of the weights by name, the bias as the saved network has it."""
         with torch.no_grad():
             bias = self.bias.double() - self.output.double() @ self.usual.double()
         return super().weights() | {self.names[1]: bias.to(torch.float32).cpu().numpy()}
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
-        """Take weights by name; ``InputError`` where a name or shape does not fit."""
+        """Take weights by name; ``InputError`` if a name is missing or a shape does not fit."""
         super().load_weights(weights)
         with torch.no_grad():
+            # From the bias of a saved network to the one that is learned.
             self.bias.add_(self.output @ self.usual)
 
     @torch.no_grad()
     def mantissas(self) -> dict[str, IntArray]:
-        """Return the mantissas of weights and kept biases, of a network on the chip's integers."""
+        """Return the mantissas of weights and saved biases, of a network on the chip's integers."""
         if self.chip is None:
             return {}
         weights, offsets = (self.chip.populations[name] for name in self.names)
         weight_mantissas = rounded(self.output, weights)
-        kept_biases = self.bias.double() - weights.unit * (
+        # By the rounded weights, because these are what the chip has.
+        saved_biases = self.bias.double() - weights.unit * (
             weight_mantissas.double() @ self.usual.double()
         )
-        both = zip(self.names, (weight_mantissas, rounded(kept_biases, offsets)), strict=True)
-        return {name: to_host(values).astype(np.int64) for name, values in both}
+        bias_mantissas = rounded(saved_biases, offsets)
+        weight_name, bias_name = self.names
+        return {
+            weight_name: to_host(weight_mantissas).astype(np.int64),
+            bias_name: to_host(bias_mantissas).astype(np.int64),
+        }
 
 
 Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
 
 
 class TouchNetwork(TouchModel):
-    """A spiking network by its description; layers are named as the populations and start from ``seed``.
+    """A spiking network by its description; layers have the names of their populations and start from ``seed``.
 
-    With ``chip`` every population runs on the chip's integers, and its weights live on their grid. Next to branches
-    that spike, ``windows`` may count events, and their potentials are scores as well.
+    With ``chip``, every population runs on the chip's integers, and its weights are rounded to their grid. Next to
+    branches that spike there may be ``windows``, a branch of windows, whose potentials are added to the class scores.
     """
 
     def __init__(
@@ -165,9 +191,9 @@ class TouchNetwork(TouchModel):
     ) -> None:
         super().__init__(description, chip)
         generator = torch.Generator().manual_seed(seed)
-        walk = (
-            description.walk if "location" in description.branches else np.zeros(0, dtype=np.int64)
-        )
+        walk = np.zeros(0, dtype=np.int64)
+        if "location" in description.branches:
+            walk = description.walk
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
         self._walks_in_order = np.array_equal(walk, np.arange(description.input.channels))
         self._branches = [
@@ -183,7 +209,7 @@ class TouchNetwork(TouchModel):
         self.windows = WindowNetwork(description, chip) if description.window is not None else None
 
     def _make(self, name: str, branch: str) -> Layer:
-        """Return the layer of a population."""
+        """Return a new layer for a population of a branch."""
         description = self.description
         outputs, inputs = description.weight_shapes[name]
         neuron = description.neuron_of(branch)
@@ -210,7 +236,7 @@ class TouchNetwork(TouchModel):
         return self.layer(name).weight
 
     def begin(self, spikes: ByteArray) -> None:
-        """Take what windows must know of the recordings (samples, steps, channels)."""
+        """Prepare a branch of windows for the training recordings (samples, steps, channels)."""
         if self.windows is not None:
             self.windows.begin(spikes)
 
@@ -219,6 +245,8 @@ class TouchNetwork(TouchModel):
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self._branches:
+            # A time branch keeps every event in its step; only the events before the start are left out.
+            # The other branches read time steps as inputs, so there the start becomes step 0.
             stream = self.aligned(x, moved=branch != "time")
             stream = stream if branch == "time" else self._transposed(stream)
             for name in self.description.populations(branch):
@@ -227,38 +255,38 @@ class TouchNetwork(TouchModel):
         return spikes if self.windows is None else spikes | self.windows(x)
 
     def _transposed(self, x: Tensor) -> Tensor:
-        """Return what the location branch walks over; in channel order nothing is moved in memory."""
-        return (
-            x.transpose(1, 2)
-            if self._walks_in_order
-            else transpose_recording(x, self.get_buffer("walk"))
-        )
+        """Return recordings (batch, steps, channels) as (batch, locations, steps), the input of a location branch."""
+        if self._walks_in_order:
+            return x.transpose(1, 2)  # a view, which moves nothing in memory
+        return transpose_recording(x, self.get_buffer("walk"))
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return spikes a class, (batch, classes), of the output of every branch, or potentials of windows."""
+        """Return the scores (batch, classes) of every branch: output spikes per class, or potentials of windows."""
         scores = {branch: activity[f"{branch}_output"].sum(dim=1) for branch in self._branches}
         return scores if self.windows is None else scores | self.windows.scores(activity)
 
     def total(self, activity: Mapping[str, Tensor]) -> Tensor:
-        """Return class scores (batch, classes) over all branches; on a chip whole multiples of the windows' unit."""
+        """Return class scores (batch, classes), added over all branches."""
         total = super().total(activity)
         if self.chip is None or self.windows is None:
             return total
+        # On the chip, potentials are integers in units of 1 / scale. Rounded to these, scores that are
+        # equal on the chip are equal here, in spite of float32.
         scale = self.chip.populations[self.windows.names[0]].scale
         return (total * scale).round() / scale
 
     def weights(self) -> dict[str, Float32Array]:
-        """Return copies of the weights by name, the bias of windows as the kept network has it."""
+        """Return copies of the weights by name, the bias of windows as the saved network has it."""
         return super().weights() | ({} if self.windows is None else self.windows.weights())
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
-        """Take weights by name; ``InputError`` where a name or shape does not fit."""
+        """Take weights by name; ``InputError`` if a name is missing or a shape does not fit."""
         super().load_weights(weights)
         if self.windows is not None:
             self.windows.load_weights(weights)
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
-        """Return the spikes of every population but the outputs."""
+        """Return the spikes of every population except the outputs."""
         return [spikes for name, spikes in activity.items() if not name.endswith("_output")]
 
     def mantissas(self) -> dict[str, IntArray]:
@@ -272,9 +300,12 @@ class TouchNetwork(TouchModel):
 
 
 def delayed(x: Tensor, delays: Sequence[int]) -> Tensor:
-    """Return x (batch, steps, channels) as it is after each delay, side by side: (batch, steps, delays * channels)."""
+    """Return copies of x (batch, steps, channels), each delayed by some steps, side by side.
+
+    The result is (batch, steps, delays * channels): all channels with the first delay come first.
+    """
     if tuple(delays) == (0,):
-        return x
+        return x  # without a copy
     steps = x.shape[1]
     return torch.cat([nn.functional.pad(x, (0, 0, delay, 0))[:, :steps] for delay in delays], dim=2)
 
@@ -291,10 +322,11 @@ def build_network(
 ) -> TouchModel:
     """Return the network of ``description.architecture`` with initial weights of ``seed``.
 
-    Those of spiking layers are uniform within +-``initial_scale`` / sqrt(inputs of the layer). With ``chip`` it runs on
-    its integers.
+    Weights of spiking layers start uniform within +-``initial_scale`` / sqrt(inputs of the layer). With ``chip``, the
+    network runs on the integers of that chip. Raises ``InputError`` for a network of a Xylo without such integers.
     """
     if description.architecture in ARTIFICIAL:
+        # Torch's layers draw from its global generator, which is restored afterwards.
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             return ARTIFICIAL[description.architecture](description)

@@ -1,4 +1,13 @@
-"""The compiled steps back of the neurons of a Xylo; the gradient is explained in ``models.xylo_network``."""
+"""Backpropagation through time for the neurons of a Xylo, as one compiled loop.
+
+The equations of the neurons and their gradient are explained in ``models.xylo_network``, which calls this loop. In
+their letters, with i the synaptic current, v the potential, s the spikes, and ``charges`` the weighted spikes W x that
+arrive in a step:
+
+    i(t) = a (i(t - 1) + charge(t)),    v(t) = k (v(t - 1) - s(t - 1)) + i(t)
+
+where ``a`` and ``k`` are ``kept_i`` and ``kept_v``, the shares of current and potential that a step keeps.
+"""
 
 import numpy as np
 
@@ -7,13 +16,17 @@ from hw_model.engine.compiled import compiled_with_arrays
 
 @compiled_with_arrays
 def scan_back(of_spikes, slope, kept_i, kept_v, recurrent, one, charges):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled  # noqa: PLR0913 - a compiled loop takes arrays
-    """Fill ``charges`` (batch, steps, n), the gradients of charges, from the last step to the first.
+    """Fill ``charges``, the gradients of the loss by charges, from the last step to the first.
 
-    ``of_spikes`` are gradients of spikes, and ``slope`` is ds / dv, both of that shape. Weights ``recurrent`` (n, n)
-    [out, in], in thresholds, carry spikes of these neurons to the next step; without, they are (0, n). ``one`` is 1 in
-    the float type of the arrays.
+    - ``of_spikes``: gradients by spikes, from the layers that these neurons feed; ``slope``: ds / dv. Both, like
+      ``charges``, are (batch, steps, n).
+    - ``kept_i``, ``kept_v``: (n,)
+    - ``recurrent``: weights (n, n) [out, in], in thresholds, that carry spikes of these neurons to their next step;
+      (0, n) for neurons without such synapses
+    - ``one``: 1 in the float type of the arrays, because a literal would make the loop compute in float64
 
-    ``by_i``, ``by_v`` and ``by_s`` (n,) are the gradients of the current, the voltage and the spikes of a step.
+    ``by_i``, ``by_v`` and ``by_s`` (n,) are the gradients by current, potential and spikes; until a step replaces them,
+    they are those of step t + 1.
     """
     batch, steps, size = of_spikes.shape
     by_i = np.empty(size, of_spikes.dtype)
@@ -26,11 +39,13 @@ def scan_back(of_spikes, slope, kept_i, kept_v, recurrent, one, charges):  # typ
             for n in range(size):
                 by_s[n] = of_spikes[recording, t, n]
             if t < steps - 1:
+                # A spike also acts through the recurrent weights, on the charges of the next step.
                 for target in range(len(recurrent)):
                     charge = charges[recording, t + 1, target]
                     for n in range(size):
                         by_s[n] += charge * recurrent[target, n]
             for n in range(size):
+                # dv(t + 1) / dv(t) = k (1 - ds / dv): a spike takes away one threshold of potential.
                 left_by_spikes = kept_v[n] * (one - slope[recording, t, n])
                 by_v[n] = by_s[n] * slope[recording, t, n] + left_by_spikes * by_v[n]
                 by_i[n] = by_v[n] + kept_i[n] * by_i[n]
