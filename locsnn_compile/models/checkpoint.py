@@ -1,42 +1,50 @@
-"""The trained checkpoint of this project: ``locsnn-checkpoint``, a plain dict in torch's own file format.
+"""The checkpoint of a trained network: the file format ``locsnn-checkpoint``, a plain dict in torch's own file format.
+
+``locsnn train`` writes it, and the compiler reads it by :mod:`locsnn_compile.models.checkpoint_reader`, which never
+runs code of the file. *Version 1* is a network of spike response neurons:
 
     {"format", "version", "name", "architecture", "neuron": {...}, "input": {...}, "hidden", "classes",
      "location_order": None or {"name", "taxels"}, "weights": {population: float32 tensor [out, in]},
      "recordings": None or {"spikes": uint8 (samples, steps, channels), "labels": int64 (samples,) or None},
      "training": {plain numbers and strings}}
 
-That is version 1, a network of spike response neurons. One trained on a chip's arithmetic is version 2: its weights are
-int16 mantissas, and
+*Version 2* is such a network trained on a chip's integer arithmetic: its weights are int16 mantissas, and
 
     "chip": {"target", "strategy", "registers": {width: bits},
              "populations": {population: {"threshold", "decay", "refractory_decay", "refractory",
                                           "own": [[mantissa, exponent, delay], ...],
                                           "exponent", "weight_bits", "scale", "unit"}}}
 
-holds the other integers that the chip is loaded with; ``own`` are synapses of a neuron to itself. One of the
-neurons of a Xylo is version 3 with int16 mantissas, ``time_recurrent`` among its weights, and
+holds the other integers that the chip is loaded with (:mod:`.chip_entry`); ``own`` are synapses of a neuron to itself.
 
-    "chip": {"target", "hidden_threshold", "output_threshold", "populations": {weights: {"shift", "unit"}}}
-
-Any other network is version 3: its ``neuron`` holds the constants of integrate-and-fire neurons, or of windows, or
-nothing, its weights may have any number of axes, there is a ``chip`` where windows were trained on a chip's arithmetic,
-and
+*Version 3* is any other network. Its ``neuron`` holds the constants of integrate-and-fire neurons, or of windows, or
+nothing; its weights may have any number of axes; a network that counts in windows may have a ``chip`` as above; and
 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
-is its graph convolutions. Any version may hold ``"delays": [steps, ...]`` of the synapses from the recording onto
-``time_hidden``, whose weights for each delay then lie side by side, ``"location_delays": [locations, ...]`` of those
-onto ``location_hidden``, ``"location_neuron": {...}``, where the location branch has other constants than ``neuron``,
-``"window": {"steps", "stride", "levels"}`` of a branch that counts in windows next to others, ``"align_events"`` of the
-step at which recordings start, and ``"class_names": [names]``. In ``input`` there may be the ``event_threshold`` that
-bins of single events had to exceed, and there is, where it is not NeuTouch, the ``sensor`` in place of its sizes: see
-:class:`locsnn_compile.data.sensor.SensorLayout`. Several in one
-file are ``locsnn-committee``:
+is its graph convolutions. A network of the neurons of a Xylo has int16 mantissas, ``time_recurrent`` among its weights,
+and (:mod:`.xylo_entry`)
+
+    "chip": {"target", "hidden_threshold", "output_threshold", "populations": {weights: {"shift", "unit"}}}
+
+Any version may hold these entries, which are fields of :class:`~locsnn_compile.models.description.NetworkDescription`:
+
+- ``"delays": [steps, ...]`` of the synapses from the recording onto ``time_hidden``; the weights for each delay then
+  lie side by side
+- ``"location_delays": [locations, ...]``, the same for ``location_hidden``
+- ``"location_neuron": {...}``, if the location branch has other constants than ``neuron``
+- ``"window": {"steps", "stride", "levels"}`` of a branch that counts in windows next to others
+- ``"align_events"``, the number of events in one step at which a recording starts
+- ``"class_names": [names]``
+- in ``input``, the ``event_threshold`` that bins of single events had to exceed
+- in ``input``, if the sensor is not NeuTouch, the ``sensor`` in place of its sizes: see
+  :class:`locsnn_compile.data.sensor.SensorLayout`
+
+Several networks whose class scores are added, a committee, are one file of the format ``locsnn-committee``:
 
     {"format", "version", "members": {"1": {"sha256", "weight", "checkpoint": as in a file of its own}, "2": ...}}
 
-Only the first member that carries recordings keeps them. Written here, read by
-:mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
+Only the first member that carries recordings keeps them.
 """
 
 import math
@@ -63,10 +71,14 @@ FORMAT = "locsnn-checkpoint"
 VERSION = 3
 """The newest version."""
 CHIP_VERSION = 2
-"""That of spike response neurons on a chip's arithmetic."""
+"""The version of spike response neurons on a chip's arithmetic."""
 OPTIONAL = ("delays", "location_delays", "location_neuron", "class_names", "align_events", "window")
-"""What of a description a file has only where it is not as usual, in this order."""
-USUAL = {its.name: its.default for its in fields(NetworkDescription)}
+"""The entries that a file has, in this order, only if they differ from the default of the description's field."""
+USUAL = {
+    description_field.name: description_field.default
+    for description_field in fields(NetworkDescription)
+}
+"""The default of every field of a description, by name."""
 
 #: What a training entry may be.
 Plain = str | int | float | bool | None
@@ -75,10 +87,12 @@ Plain = str | int | float | bool | None
 class Checkpoint(Shown):
     """A trained network as read from a file.
 
-    ``weights``: name -> float32 as in ``weight_shapes``, or int64 mantissas where there is a ``chip``; read-only, in
-    evaluation order; ``recordings``: the ones the checkpoint carries for checks, or None; ``training``: how it came
-    about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic,
-    ``xylo``: of one trained on a Xylo's.
+    - ``weights``: name -> float32 array of the shape in ``weight_shapes``, or int64 mantissas if there is a ``chip`` or
+      ``xylo``; read-only, in evaluation order
+    - ``recordings``: a few recordings that the checkpoint carries for checks of the compiled network, or None
+    - ``training``: how it was trained, as plain values
+    - ``sha256``: of the file
+    - ``chip``: the integers of a network trained on the arithmetic of a chip with cores; ``xylo``: the same of a Xylo
     """
 
     description: NetworkDescription
@@ -90,17 +104,17 @@ class Checkpoint(Shown):
     xylo: XyloNumbers | None = None
 
     def save(self, path: Path | str) -> None:
-        """Write it to a file, whole or not at all; equal ones give equal bytes under one version of torch.
+        """Write it to a file, whole or not at all; equal checkpoints give equal bytes under one version of torch.
 
-        Raises ``InputError`` for weights that do not fit the description, are not finite or not on the grid, and where
-        the folder cannot be written.
+        Raises ``InputError`` for weights that do not fit the description, are not finite, or are not on the grid of the
+        chip's format, and if the folder cannot be written.
         """
         where = f"checkpoint {Path(path).name!r}"
         replace_file(Path(path), torch_bytes(checkpoint_values(self), where), where)
 
     @property
     def tie_class(self) -> int | None:
-        """The class that is predicted where all scores tie; None: it names none, as those of earlier versions."""
+        """The class that is predicted if the scores of all classes are equal; None if the training does not name it."""
         number = self.training.get("tie")
         if not isinstance(number, int) or isinstance(number, bool):
             return None
@@ -108,24 +122,25 @@ class Checkpoint(Shown):
 
     @property
     def event_times(self) -> EventTimes | None:
-        """How the events that it was trained on were timed; None if the training did not say it."""
+        """How the events that it was trained on were timed; None if the training does not say it."""
         start = self.training.get("start_at")
         unit = self.training.get("time_unit")
         is_time = isinstance(start, int | float) and math.isfinite(start)
-        known_start = start if is_time or start == FIRST else None
-        known_unit = str(unit) if unit in TIME_UNITS else None
-        if known_start is None and known_unit is None:
+        # The entries of a file from a stranger may be anything: other values count as not given.
+        valid_start = start if is_time or start == FIRST else None
+        valid_unit = str(unit) if unit in TIME_UNITS else None
+        if valid_start is None and valid_unit is None:
             return None
-        return EventTimes(known_start, known_unit)
+        return EventTimes(valid_start, valid_unit)
 
     @property
     def recorded(self) -> RecordedChannels | None:
-        """The sensor of the recordings that it was trained on, where it got some of its channels, or merged ones."""
+        """The sensor of the training recordings, if the network got only some of its channels, or merged ones."""
         return recorded_in(self.training, self.description.input.channels)
 
     @property
     def float_weights(self) -> dict[str, Float32Array]:
-        """Weights [out, in] in the float network's units."""
+        """The weights [out, in] as float32, for any network."""
         numbers = self.numbers
         if numbers is None:
             return self.weights
@@ -141,38 +156,32 @@ class Checkpoint(Shown):
 
 
 def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
-    """Return what a file holds, weights as arrays; see :meth:`Checkpoint.save`."""
-    description, weights = checkpoint.description, checkpoint.weights
-    chip, recordings = checkpoint.numbers, checkpoint.recordings
-    arrays = {}
-    for name in description.weight_shapes:
-        description.check_shape(name, weights, "Save the weights of a network of this description.")
-        check_weights(
-            f"population {name!r}", weights[name], None if chip is None else chip.populations[name]
-        )
-        arrays[name] = np.array(
-            weights[name], dtype=np.float32 if chip is None else np.int16, order="C"
-        )
-    srm, order = description.structure.neurons == "srm", description.location_taxels
+    """Return the dict that a file holds, with weights as arrays; for errors see :meth:`Checkpoint.save`.
+
+    The order of entries is that of the file: equal checkpoints must give equal bytes.
+    """
+    description = checkpoint.description
+    chip = checkpoint.numbers
+    has_srm = description.structure.neurons == "srm"
     plain = asdict(description)
     if description.structure.neurons == "windows":
-        plain |= {"neuron": plain["window"], "window": None}  # where there are no others
+        # A network that only counts in windows stores these as its neuron.
+        plain |= {"neuron": plain["window"], "window": None}
+    version = VERSION
+    if has_srm:
+        version = 1 if chip is None else CHIP_VERSION
     values = {
         "format": FORMAT,
-        "version": VERSION if not srm else CHIP_VERSION if chip is not None else 1,
+        "version": version,
         "name": description.name,
         "architecture": description.architecture,
         "neuron": plain["neuron"] or {},
         "input": _input_entry(description.input),
-        "location_order": None
-        if order is None
-        else {"name": description.location_order, "taxels": list(order)},
+        "location_order": _order_entry(description),
         "hidden": description.hidden,
         "classes": description.classes,
-        "weights": arrays,
-        "recordings": None
-        if recordings is None
-        else {"spikes": recordings.spikes, "labels": recordings.labels},
+        "weights": _weight_arrays(checkpoint),
+        "recordings": _recordings_entry(checkpoint.recordings),
         "training": dict(checkpoint.training),
     }
     if chip is not None:
@@ -180,16 +189,49 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     for name in OPTIONAL:
         if plain[name] != USUAL[name]:
             values[name] = list(plain[name]) if isinstance(plain[name], tuple) else plain[name]
-    if not srm:
+    if not has_srm:
         graph = plain["graph"]
-        values["graph"] = graph and graph | {
-            "taxel_edges": [list(edge) for edge in graph["taxel_edges"]]
-        }
+        if graph is not None:
+            graph = graph | {"taxel_edges": [list(edge) for edge in graph["taxel_edges"]]}
+        values["graph"] = graph
     return values
 
 
+def _weight_arrays(checkpoint: Checkpoint) -> dict[str, AnyArray]:
+    """Return the weights in the types of a file; ``InputError`` for weights that do not fit or are out of range."""
+    description = checkpoint.description
+    chip = checkpoint.numbers
+    kind = np.float32 if chip is None else np.int16
+    arrays = {}
+    for name in description.weight_shapes:
+        fix = "Save the weights of a network of this description."
+        description.check_shape(name, checkpoint.weights, fix)
+        weights = checkpoint.weights[name]
+        numbers = None if chip is None else chip.populations[name]
+        check_weights(f"population {name!r}", weights, numbers)
+        arrays[name] = np.array(weights, dtype=kind, order="C")
+    return arrays
+
+
+def _order_entry(description: NetworkDescription) -> dict[str, Any] | None:
+    """Return the entry of the location order; None for a network without a location branch."""
+    if description.location_taxels is None:
+        return None
+    return {"name": description.location_order, "taxels": list(description.location_taxels)}
+
+
+def _recordings_entry(recordings: Recordings | None) -> dict[str, Any] | None:
+    """Return the entry of the recordings that a checkpoint carries."""
+    if recordings is None:
+        return None
+    return {"spikes": recordings.spikes, "labels": recordings.labels}
+
+
 class Pack(Shown):
-    """Checkpoints whose class scores are added, each by its weight; ``sha256`` of the file."""
+    """The file of a committee: checkpoints whose class scores are added, each times its weight.
+
+    ``sha256`` is that of the file.
+    """
 
     members: tuple[Checkpoint, ...]
     weights: tuple[float, ...]
@@ -200,18 +242,20 @@ class Pack(Shown):
 
     def save(self, path: Path | str) -> None:
         """Write it to a file, whole or not at all."""
+        # Members of one committee usually carry the same recordings: once is enough.
         carrying = next((member for member in self.members if member.recordings is not None), None)
         members = {}
         for number, (member, weight) in enumerate(
             zip(self.members, self.weights, strict=True), start=1
         ):
-            values = checkpoint_values(
-                member if member is carrying else replace(member, recordings=None)
-            )
+            if member is not carrying:
+                stored_member = replace(member, recordings=None)
+            else:
+                stored_member = member
             members[str(number)] = {
                 "sha256": member.sha256,
                 "weight": float(weight),
-                "checkpoint": values,
+                "checkpoint": checkpoint_values(stored_member),
             }
         where = f"committee {Path(path).name!r}"
         content = torch_bytes(
@@ -225,12 +269,15 @@ def check_weights(
 ) -> None:
     """Raise ``InputError`` naming the first weight that is not finite, or the first mantissa that is not on the grid.
 
-    Weights are mantissas where there are ``numbers``, on the grid of their weight format.
+    With ``numbers``, the integers of a chip, weights are mantissas, and the grid is that of their format.
     """
     if numbers is None:
-        kind, fault, bad = "weight", "finite", ~np.isfinite(weights)
+        kind = "weight"
+        fault = "finite"
+        bad = ~np.isfinite(weights)
     else:
-        kind, fault = "mantissa", f"on the grid of {numbers.weight_bits} bits"
+        kind = "mantissa"
+        fault = f"on the grid of {numbers.weight_bits} bits"
         bad = numbers.off_grid(weights)
     places = np.argwhere(bad)
     if len(places):
@@ -242,19 +289,14 @@ def check_weights(
 
 
 def _input_entry(layout: InputLayout) -> dict[str, Any]:
-    """Return the entry; of NeuTouch, and without a threshold, it is as it was before there were others."""
+    """Return the entry ``input``. NeuTouch is stored by its sizes, and any other sensor as its layout."""
     sensor = layout.sensor
     entry: dict[str, Any] = {"steps": layout.steps, "step_seconds": layout.step_seconds}
     if sensor == neutouch(sensor.surfaces):
-        entry = (
-            {"fingertips": sensor.surfaces}
-            | entry
-            | {"taxels": sensor.taxels, "polarities": sensor.polarities}
-        )
+        sizes = {"taxels": sensor.taxels, "polarities": sensor.polarities}
+        entry = {"fingertips": sensor.surfaces} | entry | sizes
     else:
         entry["sensor"] = sensor.document()
-    return (
-        entry
-        if layout.event_threshold is None
-        else entry | {"event_threshold": layout.event_threshold}
-    )
+    if layout.event_threshold is not None:
+        entry["event_threshold"] = layout.event_threshold
+    return entry

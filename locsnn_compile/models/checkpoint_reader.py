@@ -1,7 +1,7 @@
 """Read a ``locsnn-checkpoint``: every entry is checked, and nothing in the file is ever run.
 
-A pickle that would call code is refused. Sizes are checked before they are used. Every fault is one ``InputError`` that
-names the entry.
+The format is described in :mod:`locsnn_compile.models.checkpoint`. A pickle that would call code is refused. Sizes are
+checked before they are used. Every fault is one ``InputError`` that names the entry.
 """
 
 import hashlib
@@ -40,9 +40,12 @@ _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("neuron", "input", "weights", "training"), (dict,)),
     **dict.fromkeys(("location_order", "recordings"), (dict, type(None))),
 }
+"""The entries of every checkpoint -> their types."""
 _LATER = (object, bool)
-"""The type of an entry that is checked when it is read."""
+"""Any type, for entries that are checked when they are read. ``bool`` is named because the check takes a bool for
+an int only if it is listed."""
 _MEMBER: dict[str, tuple[type, ...]] = {"sha256": (str,), "weight": (float,), "checkpoint": (dict,)}
+"""The entries of a member of a committee -> their types."""
 
 
 def read_checkpoint(path: Path | str) -> Checkpoint:
@@ -52,9 +55,9 @@ def read_checkpoint(path: Path | str) -> Checkpoint:
 
 
 def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint | Pack:
-    """Return the checkpoint at ``path``, or the pack of several; ``InputError`` for anything else.
+    """Return the checkpoint at ``path``, or the committee of several; ``InputError`` for anything else.
 
-    ``state_dict`` is the way out for a bare state dict.
+    ``state_dict`` is the fix that the error suggests for a bare state dict of torch.
     """
     values, where, sha256 = read_plain(Path(path), state_dict)
     if not isinstance(values, dict) or values.get("format") != Pack.FORMAT:
@@ -68,6 +71,7 @@ def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoin
     for number, entry in values["members"].items():
         place = f"{where}, member {str(number)[:20]!r}"
         check_keys(place, "", entry, _MEMBER)
+        # It may be empty, if the member never was a file of its own.
         if not re.fullmatch("[0-9a-f]{64}|", entry["sha256"]):
             raise file_fault(place, "its sha256 is not one")
         members.append(
@@ -80,7 +84,7 @@ def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoin
 
 
 def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:
-    """Return what a file holds, how messages name it, and its sha256."""
+    """Return (what a file holds, its name in errors, its sha256); ``state_dict`` as in :func:`read_models`."""
     where = f"checkpoint {path.name!r}"
     data = read_bytes(path, where)
     values = load_plain(data, where, fix=WRITE_AGAIN)
@@ -92,7 +96,7 @@ def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:
 
 
 def _is_state_dict(values: object) -> bool:
-    """Tell whether a value is a dict of tensors, or a dict that holds one, without a format."""
+    """Return whether a value is a dict without a format that holds tensors, at any depth."""
     if not isinstance(values, dict) or "format" in values:
         return False
     return any(
@@ -121,7 +125,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
 
 
 def _checked_version(values: dict[Any, Any], where: str) -> int:
-    """Return the version of a checkpoint whose entries are those of its version; refuse newer and unknown ones."""
+    """Return the version of a checkpoint; refuse unknown ones, and entries that are not those of the version."""
     version: Any = values.get("version")
     against = f"version {version} against {VERSION}"
     is_whole = type(version) is int
@@ -132,6 +136,7 @@ def _checked_version(values: dict[Any, Any], where: str) -> int:
             measured=against,
             fix="Update locsnn-compile.",
         )
+    # The entries that a version has in addition to those of version 1.
     later_keys: dict[object, tuple[str, ...]] = {CHIP_VERSION: ("chip",), VERSION: ("graph",)}
     if "chip" in values:
         later_keys[VERSION] = ("graph", "chip")
@@ -145,7 +150,7 @@ def _checked_version(values: dict[Any, Any], where: str) -> int:
 
 
 def _description(values: dict[Any, Any], where: str, version: int) -> NetworkDescription:
-    """Return what a checkpoint says of its network; versions before the last one have spike response neurons alone."""
+    """Return the description of the network; versions 1 and 2 have spike response neurons, and version 3 has others."""
     has_srm = version != VERSION
     order = values["location_order"]
     if order is not None:
@@ -161,13 +166,14 @@ def _description(values: dict[Any, Any], where: str, version: int) -> NetworkDes
             parameters = fields.pop(name)
             parts[name] = _neuron(where, parameters, srm=has_srm) if name in values else None
         if isinstance(parts["neuron"], WindowParameters):
-            # A network of windows alone has them in place of a neuron.
+            # A network that only counts in windows has stored these as its neuron.
             if "window" not in values:
                 del fields["window"]
             parts |= {"neuron": None, "window": parts["neuron"]}
         reader = RecordReader(where, WRITE_AGAIN, lacks=False)
         description = reader.record(NetworkDescription, fields, **parts)
     except InputError as error:
+        # Errors of the description's own checks do not know the file.
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
     if (description.structure.neurons == "srm") != has_srm:
@@ -178,7 +184,7 @@ def _description(values: dict[Any, Any], where: str, version: int) -> NetworkDes
 def _integers(
     values: dict[Any, Any], where: str, description: NetworkDescription
 ) -> tuple[ChipNumbers | None, XyloNumbers | None]:
-    """Return the integers of a network that was trained on them: those of a chip of cores, or of a Xylo."""
+    """Return (integers of a chip with cores, integers of a Xylo), of which at most one is not None."""
     if "chip" in values and not description.structure.learns_integers:
         raise file_fault(where, f"no {description.architecture!r} is trained on a chip's integers")
     if description.structure.neurons == "xylo":
@@ -192,13 +198,17 @@ def _integers(
 
 
 def _seen(values: object) -> str:
+    """Return what a file holds in place of a checkpoint, for the error."""
     if not isinstance(values, dict):
         return f"a {type(values).__name__}"
     return f"format {values['format']!r}"[:80] if "format" in values else "a dict without a format"
 
 
 def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type, ...]]) -> None:
-    """Refuse entries that are unknown, missing, or of another kind."""
+    """Refuse a dict ``values`` with entries that are unknown, missing, or of another type than ``known`` says.
+
+    ``key`` is where the dict lies in the file, for errors; empty for the file itself.
+    """
     reader = RecordReader(where, WRITE_AGAIN)
     for name, value in reader.entries(values, key, dict.fromkeys(known, True)).items():
         check_value(
@@ -207,33 +217,43 @@ def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type
 
 
 def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
-    """Return the input layout; files have sizes for NeuTouch, and the layout of any other sensor."""
+    """Return the input layout. Files have the sizes of NeuTouch, or the layout of any other sensor."""
     sizes = ("taxels", "polarities", "fingertips")
     of_sensor: dict[str, tuple[type, ...]] = dict.fromkeys(sizes, (int,))
     if "sensor" in entry:
         of_sensor = {"sensor": (dict,)}
-    lacks = {"event_threshold", "sensor"} - set(entry)
-    kinds = {name: kind for name, kind in field_kinds(InputLayout).items() if name not in lacks}
+    # These two fields of InputLayout may be missing; a sensor that is missing is in the sizes.
+    missing = {"event_threshold", "sensor"} - set(entry)
+    kinds = {name: kind for name, kind in field_kinds(InputLayout).items() if name not in missing}
     check_keys(where, "input", entry, kinds | of_sensor)
     if "sensor" in entry:
         sensor = parse_layout(entry["sensor"], "input 'sensor'")
     else:
-        sensor = SensorLayout("channels", *(entry[name] for name in sizes))
+        sensor = SensorLayout(
+            "channels",
+            taxels=entry["taxels"],
+            polarities=entry["polarities"],
+            surfaces=entry["fingertips"],
+        )
         if (sensor.taxels, sensor.polarities) == (TAXELS, POLARITIES):
             sensor = neutouch(sensor.surfaces)
-    others = {name: value for name, value in entry.items() if name not in of_sensor}
-    return InputLayout(sensor, **others)
+    other_fields = {name: value for name, value in entry.items() if name not in of_sensor}
+    return InputLayout(sensor, **other_fields)
 
 
 def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameters | None:
-    """Return the constants of neurons of any kind, or of windows; None if there are none."""
+    """Return the constants of neurons of any kind, or of windows; None if there are none.
+
+    ``srm``: whether the version of the file has spike response neurons. In other versions, the names of the constants
+    show the kind.
+    """
     if entry == {} and not srm:
         return None
-    windows = isinstance(entry, dict) and "levels" in entry and not srm
+    names = entry if isinstance(entry, dict) else {}
     kind: type[Neuron | WindowParameters] = NeuronParameters if srm else LifParameters
-    if windows:
+    if "levels" in names and not srm:
         kind = WindowParameters
-    elif isinstance(entry, dict) and "dash_mem" in entry:
+    elif "dash_mem" in names:
         kind = XyloParameters
     return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
 
@@ -244,13 +264,18 @@ def _weights(
     description: NetworkDescription,
     chip: ChipNumbers | XyloNumbers | None,
 ) -> dict[str, AnyArray]:
-    """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
+    """Return the weights by name, read-only: float32, or with ``chip`` int64 mantissas on its grid.
+
+    Raises ``InputError`` for weights of other names, shapes or types, and for values out of range.
+    """
     shapes = description.weight_shapes
     kind = "float32" if chip is None else "int16"
     check_keys(where, "weights", entry, dict.fromkeys(shapes, (Tensor,)))
     weights: dict[str, AnyArray] = {}
     for name, shape in shapes.items():
-        place, tensor = f"{where}, population {name!r}", entry[name]
+        place = f"{where}, population {name!r}"
+        tensor = entry[name]
+        # Before the array is made: a tensor may claim any shape, with few stored values.
         check_same(
             tensor.shape, shape, place, "its weights have another shape (out, in)", fix=WRITE_AGAIN
         )
@@ -272,16 +297,22 @@ def _recordings(
     source: str,
     origin: Origin,
 ) -> Recordings | None:
+    """Return the recordings that the checkpoint carries; None if there are none.
+
+    ``source`` and ``origin`` are those of :class:`Recordings`. Raises ``InputError`` for recordings of another shape or
+    type.
+    """
     if entry is None:
         return None
     check_keys(where, "recordings", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
-    spikes, labels, layout = entry["spikes"], entry["labels"], description.input
-    place, kinds = f"{where}, recordings", (spikes.dtype, None if labels is None else labels.dtype)
-    what, wanted = (
-        "their steps and channels are not those of the input",
-        (layout.steps, layout.channels),
-    )
-    check_same(spikes.shape[1:], wanted, place, what, fix=WRITE_AGAIN)
+    spikes = entry["spikes"]
+    labels = entry["labels"]
+    layout = description.input
+    place = f"{where}, recordings"
+    kinds = (spikes.dtype, None if labels is None else labels.dtype)
+    expected_shape = (layout.steps, layout.channels)
+    what = "their steps and channels are not those of the input"
+    check_same(spikes.shape[1:], expected_shape, place, what, fix=WRITE_AGAIN)
     dense = spikes.dense and (labels is None or labels.dense)
     if not dense or kinds not in (("torch.uint8", "torch.int64"), ("torch.uint8", None)):
         raise file_fault(
@@ -295,15 +326,17 @@ def _recordings(
 
 
 def _origin(training: Mapping[str, Plain]) -> Origin:
-    """Return where the recordings in a checkpoint come from: without a test part, from the train part."""
-    return (
-        "trained on"
-        if "test_recordings" in training and training["test_recordings"] is None
-        else "carried"
-    )
+    """Return where the recordings in a checkpoint come from.
+
+    A checkpoint carries recordings of the test part. If the training says that there was none, they are training
+    recordings, and no accuracy may be claimed on them.
+    """
+    has_no_test_part = "test_recordings" in training and training["test_recordings"] is None
+    return "trained on" if has_no_test_part else "carried"
 
 
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:
+    """Return the entry ``training``; ``InputError`` unless its values are plain."""
     for key, value in entry.items():
         if not isinstance(key, str) or not isinstance(value, str | int | float | bool | None):
             what = f"entry 'training.{str(key)[:60]}' is not a plain value"

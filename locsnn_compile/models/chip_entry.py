@@ -1,7 +1,10 @@
-"""What a network trained on the chip's arithmetic is made of: registers and synapse formats, no float but its scale.
+"""The integers of a network that was trained on the arithmetic of a chip with cores, such as Loihi.
 
-And the ``chip`` entry of a checkpoint that holds these integers: read with every value checked against what the chip's
-registers and formats hold; written in the same order. Nothing here imports torch, so that the compiler reads them too.
+Such a network is trained with the chip's integer steps in its forward pass, so registers, decays, thresholds and the
+formats of weights are fixed before training. They are :class:`ChipNumbers`, and a checkpoint stores them as its entry
+``chip``, which is checked, value by value, against what the chip's registers and formats hold. The only floats are the
+scales that relate integers to the potentials and weights of the float network. Nothing here imports torch, so that the
+compiler reads them too. :mod:`.xylo_entry` is the same for the chip Xylo.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -21,13 +24,17 @@ from locsnn_compile.settings import TRAINABLE
 MANTISSA_MAX = 255
 """Largest weight mantissa of 8 bits."""
 DELAY_MAX = 65_534
-"""Longest delay, in steps, and"""
+"""Longest delay, in steps, that any chip file may state (:class:`hw_model.description.chip.Registers`)."""
 REFRACTORY_MAX = 65_535
-"""longest refractory count that any chip file may state (:class:`hw_model.description.chip.Registers`)."""
+"""Longest refractory count that any chip file may state."""
 THRESHOLD_MAX = (1 << 24) - 1
-"""Largest threshold mantissa: 64 times it, 2^30 units, is more than the widest registers that are trained on hold."""
+"""Largest threshold mantissa. A threshold is 64 times its mantissa, here 2^30 units, and the widest registers
+that networks are trained on (:data:`TRAINED_BITS`) do not hold as much.
+"""
 TRAINED_BITS = (9, 29)
-"""Least and most bits of registers that networks are trained on: no sum on the way needs more than 32 bits."""
+"""Fewest and most bits of registers that networks are trained on: within these, no intermediate sum needs more
+than 32 bits, in which training computes.
+"""
 WRITE_AGAIN = "Write it again with 'locsnn train'."
 
 
@@ -54,19 +61,27 @@ OwnMantissa = Annotated[int, between(-MANTISSA_MAX, MANTISSA_MAX)]
 OwnSynapse = tuple[OwnMantissa, Exponent, Annotated[int, between(0, DELAY_MAX)]]
 """Mantissa, exponent and delay of a synapse of a neuron to itself."""
 MOST_OWN_SYNAPSES = {"dendrite": 1, "delay-line": 512, "reset": 0}
-"""Strategy -> most synapses of a neuron to itself; a delay line has two at most for each of 256 delays."""
+"""Strategy -> most synapses of a neuron to itself; a delay line has at most two for each of 256 delays.
+
+A strategy is a way to build the refractory response of a spike response neuron from compartments: by a compartment of
+its own that is inhibited after a spike (``dendrite``), by delayed inhibitory synapses of the neuron to itself
+(``delay-line``), or by the chip's own reset (``reset``).
+"""
 
 
 class ChipPopulation(Frozen):
     """A population on the chip, whose neurons all have the same integers, and the synapses onto it.
 
-    - ``threshold``: a mantissa; ``decay``: that of current and voltage. The next three are as if they did nothing where
-      the strategy does not have them: ``refractory_decay`` of a refractory dendrite, the ``refractory`` count of the
-      chip's own reset, and ``own``, the synapses of a neuron to itself.
-    - ``exponent`` and ``weight_bits``: format of the incoming weights, positive and negative ones apart.
-    - ``scale``: register units of a potential of 1 in the float network; ``unit``: the float weight of a mantissa of 1.
+    - ``threshold``: its mantissa; ``decay``: that of current and voltage
+    - ``refractory_decay``: the decay of the compartment that is inhibited after a spike; ``refractory``: the refractory
+      steps of the chip's own reset; ``own``: the synapses of a neuron to itself. If the strategy does not use one of
+      these, it has a value without effect.
+    - ``exponent`` and ``weight_bits``: the format of the incoming weights. Positive and negative weights are separate
+      synapses, so the bits are all magnitude.
+    - ``scale``: register units of a potential of 1 in the float network; ``unit``: the float weight of a mantissa of 1
 
-    The biases of windows are one more: see :meth:`~locsnn_compile.network.chip_neurons.ChipCuba.with_biases`.
+    The biases of a network that counts in windows are stored as a population as well: see
+    :meth:`~locsnn_compile.network.chip_neurons.ChipCuba.with_biases`.
     """
 
     threshold: Annotated[int, between(0, THRESHOLD_MAX)]
@@ -85,7 +100,7 @@ class ChipPopulation(Frozen):
         return weight_grid(self.weight_bits, "excitatory")
 
     def off_grid(self, mantissas: AnyArray) -> BoolArray:
-        """Tell which mantissas the format does not hold."""
+        """Return for each mantissa whether the format does not hold it."""
         return self.grid.off_grid(np.abs(mantissas))
 
     @property
@@ -99,7 +114,7 @@ class ChipPopulation(Frozen):
         return ChipCuba.of(size, **filters, refractory=self.refractory)
 
     def neurons(self, strategy: str, size: int) -> ChipNeuron:
-        """Return ``size`` neurons laid out by a strategy."""
+        """Return ``size`` neurons as the compartments of a strategy."""
         if strategy == "reset":
             return self.resetting(size)
         has_refractory_dendrite = strategy == "dendrite"
@@ -120,7 +135,12 @@ class ChipPopulation(Frozen):
 
 
 class ChipNumbers(Frozen):
-    """The chip whose arithmetic a network follows, the strategy that lays it out, and the network's populations."""
+    """All integers of a network on a chip.
+
+    - ``target``: the name of the chip; ``registers``: the widths of its registers
+    - ``strategy``: how spike response neurons become compartments, see :data:`MOST_OWN_SYNAPSES`
+    - ``populations``: the integers of each population, by name
+    """
 
     target: Annotated[
         str, Must(lambda name: name.isprintable() and len(name) <= 200, "that is a plain name")
@@ -130,20 +150,23 @@ class ChipNumbers(Frozen):
     populations: Mapping[str, ChipPopulation]
 
     def window_output(self, names: Sequence[str], mantissas: Mapping[str, IntArray]) -> ChipCuba:
-        """Return the output neurons of windows, with their biases; ``names`` of weights and biases."""
+        """Return the output neurons of a branch of windows, with their biases.
+
+        ``names`` are the names of its weights and of its biases among the ``mantissas``.
+        """
         weights, offsets = (self.populations[name] for name in names)
         biases = mantissas[names[1]]
         return weights.resetting(len(biases)).with_biases(biases, offsets.exponent)
 
     def floats(self, mantissas: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-        """Return mantissas by population name in the float network's units."""
+        """Return the float weights of mantissas, by population name."""
         return {
             name: mantissa * self.populations[name].unit for name, mantissa in mantissas.items()
         }
 
 
 def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
-    """Return the entry of a network's numbers."""
+    """Return the entry ``chip`` of a checkpoint, as plain values."""
     entry = asdict(chip)
     for population in entry["populations"].values():
         population["own"] = [list(synapse) for synapse in population["own"]]
@@ -153,11 +176,12 @@ def chip_entry(chip: ChipNumbers) -> dict[str, Any]:
 def parse_chip_entry(
     where: str, entry: object, shapes: Mapping[str, tuple[int, ...]], windows: Collection[str]
 ) -> ChipNumbers:
-    """Return the numbers that an entry holds for populations of weights ``shapes`` (out, in).
+    """Return the numbers in the entry ``chip`` of a checkpoint.
 
-    Neurons of ``windows`` are single compartments, whatever the strategy. Raises ``InputError`` for what no chip could
-    be given.
+    ``shapes`` are the shapes (out, in) of the network's weights by population. Neurons of the populations ``windows``
+    have the chip's own reset, whatever the strategy. Raises ``InputError`` for values that no chip can hold.
     """
+    # Checkpoints are written whole: an entry may lack no field, not even one with a default.
     reader = RecordReader(where, WRITE_AGAIN, lacks=False)
     chip = reader.record(ChipNumbers, entry, "chip")
     reader.entries(chip.populations, "chip.populations", dict.fromkeys(shapes, True))

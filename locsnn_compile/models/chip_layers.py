@@ -1,16 +1,18 @@
 """Layers whose forward pass is the chip's integer arithmetic, and whose gradient is that of the float neuron.
 
-Forward: latent float weights are rounded to mantissas, their sums over spikes are exact, and a compiled scan takes the
-chip's steps, of whatever strategy. Backward: rounding passes the gradient straight through (Bengio et al. 2013), and
-the steps count as linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the
-integer potential.
+They are for training a network on the arithmetic of the chip that will run it, so that nothing changes when it is
+compiled. Weights that learn are floats, called latent; what the chip gets are the integers that they round to, called
+mantissas.
 
-The scan takes charges (batch, steps, n), int32 in units of :mod:`hw_model.arithmetic.loihi`, whose step
-:mod:`hw_model.engine.alone` takes; what the spikes of step t send on acts at step t + 1. ``keep`` is the share of u and
-of v that a step keeps, in 4096ths, and ``ends`` are :func:`register_ends`. It fills ``potential`` (int32), v at the
-threshold before any reset, ``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all (batch, steps, n), and
-adds to ``events`` (3,) how often all compartments of the population met each of
-:data:`hw_model.arithmetic.loihi.EVENTS`.
+Forward: latent weights are rounded to mantissas, their sums over spikes are exact, and a compiled loop, a *scan*, takes
+the chip's steps. Spike response neurons may be built from compartments in different ways, called strategies
+(:data:`.chip_entry.MOST_OWN_SYNAPSES`); the scan knows all of them. Backward: rounding passes the gradient straight
+through (Bengio et al. 2013), and the steps count as linear filters of the chip's decays, behind SLAYER's surrogate
+(Shrestha and Orchard 2018) at the integer potential.
+
+Arithmetic of the scan, as in :mod:`hw_model.arithmetic.loihi`, whose step :mod:`hw_model.engine.alone` takes: the
+*charge* q, the sum of weights that reach a compartment in a step, is added to its current u, which is added to its
+voltage v. What the spikes of step t send acts at step t + 1.
 """
 
 from typing import Any
@@ -34,7 +36,10 @@ from locsnn_compile.models.touch_model import DenseLayer, applied, constants, to
 from locsnn_compile.network.chip_neurons import ChipCuba
 
 Ends = tuple[np.int32, np.int32, np.int32]
-"""Of registers: the largest v, and how many values on either side of 0 hold q, in units, and u."""
+"""The ends of registers, in units of the chip: (the largest v, half the range of q, half the range of u).
+
+A voltage beyond its end is clipped; a charge or a current wraps around.
+"""
 
 
 def register_ends(registers: RegisterWidths) -> Ends:
@@ -50,15 +55,29 @@ def register_ends(registers: RegisterWidths) -> Ends:
 def scan(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     charge, keep, threshold, pull, refractory, taps, ends, potential, spikes, live, events
 ):
-    """Take all steps of a population, with whatever follows from its own spikes; what is None is not compiled.
+    """Take all steps of a population, including what its own spikes cause. Arguments that are None cost nothing.
 
+    Inputs:
+
+    - ``charge``: (batch, steps, n), int32, the weights that arrive from other populations, sent in each step
+    - ``keep``: the share of u and of v that a step keeps, in 4096ths; ``threshold``: of v
     - ``refractory``: the refractory steps of the chip's own reset; None for the other strategies
-    - ``pull``: of a refractory dendrite, what a step keeps, and the charge that a spike of its neuron sends it. A soma
-      that keeps nothing adds both dendrites. None for the other strategies
-    - ``taps`` (2, k), int32: delays, and charges in units, with which a neuron's spikes come back to it
+    - ``pull``: of a dendrite that is inhibited by the neuron's own spikes, (the share that a step keeps, the charge
+      that a spike sends it). A soma without memory adds its voltage to that of the dendrite for the inputs. None for
+      the other strategies
+    - ``taps`` (2, k), int32: delays and charges of the k synapses of a neuron to itself
+    - ``ends``: those of :func:`register_ends`
+
+    Outputs, to be filled:
+
+    - ``potential``: (batch, steps, n), int32, v as it is compared with the threshold, before any reset
+    - ``spikes``, ``live``: (batch, steps, n), uint8; ``live`` is 0 in a refractory step
+    - ``events``: (3,), to which is added how often all compartments met each of
+      :data:`hw_model.arithmetic.loihi.EVENTS` (charge wraps, current wraps, voltage clips)
     """
     batch, steps, n = charge.shape
     longest_delay = taps[0].max() if taps.shape[1] > 0 else 0
+    # The charges due in each step. There is room for those that own spikes send beyond the last step.
     due = np.zeros((steps + 1 + longest_delay, n), np.int32)
     u = np.zeros(n, np.int32)
     v = np.zeros(n, np.int32)
@@ -75,6 +94,7 @@ def scan(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop tak
     for b in range(batch):
         for state in (u, v, pull_u, pull_v, fired, blocked):
             state[:] = 0
+        # What is sent in a step is due in the next. Row 0 is never written, so nothing is due in step 0.
         due[1 : steps + 1] = charge[b]
         due[steps + 1 :] = 0
         for t in range(steps):
@@ -126,7 +146,7 @@ def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
     most_steps = numbers.grid.high // step
     mantissas = torch.round(weight.detach() / (numbers.unit * step))
     mantissas.clamp_(-most_steps, most_steps).mul_(step)
-    # Twice the same number: 0, with the gradient of the weight.
+    # The difference is 0, and has the gradient of the latent weight.
     scaled = weight / numbers.unit
     return mantissas + (scaled - scaled.detach())
 
@@ -134,7 +154,7 @@ def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
 def potential_of_sum(
     drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths
 ) -> IntArray:
-    """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
+    """Return the potentials (batch, n) of neurons at rest after one step, given sums of mantissas (batch, n)."""
     voltage_max = registers.voltage_max
     parameters = Parameters(
         keep_u=loihi.keep_of(neuron.decay_u),
@@ -178,6 +198,8 @@ class _Steps(torch.autograd.Function):
         slope = to_host(surrogate.mul_(neuron.scale_rho / width))
         v_carries_on = None
         if layer.chip.strategy == "reset":
+            # In a refractory step no input can cause a spike; and v reaches the next step neither from
+            # such a step nor after a spike.
             slope *= ctx.live
             v_carries_on = ctx.live & (1 - ctx.spikes)
         decay = loihi_inverse.share_kept(numbers.decay)
@@ -188,10 +210,10 @@ class _Steps(torch.autograd.Function):
 
 
 class ChipLayer(DenseLayer[NeuronParameters]):
-    """A fully connected population as the chip runs it, recurring over the middle axis of its input.
+    """A fully connected population as the chip runs it, which steps through the middle axis of its input.
 
-    Input (batch, steps, inputs), floats 0 or 1; output (batch, steps, outputs). ``weight`` [out, in] is latent: what
-    counts is :meth:`mantissas`. ``events``: charge wraps, current wraps and voltage clips so far.
+    Input (batch, steps, inputs), floats 0 or 1; output (batch, steps, outputs). ``weight`` [out, in] is latent: the
+    chip gets its :meth:`mantissas`. ``events``: numbers of charge wraps, current wraps and voltage clips so far.
     """
 
     def __init__(
@@ -221,10 +243,10 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         return applied(_Steps, drive, self)
 
     def steps(self, drive: AnyArray) -> tuple[ByteArray, Int32Array, ByteArray]:
-        """Return spikes, potentials and live marks, (batch, steps, n), of sums of mantissas of that shape."""
+        """Return (spikes, potential, live) of :func:`scan`, given sums of mantissas (batch, steps, n)."""
         numbers = self.numbers
         sums = drive.astype(np.int32, order="C")
-        # Weights of few bits are multiples of a power of two: a negative exponent loses none.
+        # Mantissas of few bits are multiples of a power of two, so shifting right loses no bit.
         if numbers.exponent >= 0:
             charge = np.left_shift(sums, numbers.exponent)
         else:
@@ -236,6 +258,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         pull = None
         if self.chip.strategy == "dendrite":
             keep_of_pull = np.int32(loihi.keep_of(numbers.refractory_decay))
+            # The own synapse of this strategy goes to the dendrite, and not to the neuron itself.
             pull = (keep_of_pull, taps[1].sum(dtype=np.int32))
             taps = taps[:, :0]
         refractory = np.int32(numbers.refractory) if self.chip.strategy == "reset" else None
@@ -257,7 +280,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         return spikes, potential, live
 
     def _taps(self) -> Int32Array:
-        """Return delays, and charges in units, of the synapses of a neuron to itself, (2, synapses)."""
+        """Return the delays and the charges, in units of the chip, of a neuron's synapses to itself, (2, synapses)."""
         own_synapses = np.array(self.numbers.own, dtype=np.int64).reshape(-1, 3)
         mantissa, exponent, delay = own_synapses.T
         charges = loihi.whole_units(loihi.charge_of(mantissa, exponent))

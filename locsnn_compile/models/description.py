@@ -1,6 +1,8 @@
-"""A trained network in plain values: its input, its neurons and its structure.
+"""The description of a network without its weights: its input, its neurons and its structure, in plain values.
 
-Nothing here imports torch, so that the compiler can read descriptions without it.
+Training builds the network in torch from it, a checkpoint stores it, and the compiler reads it; nothing here imports
+torch, so that the compiler does not need it. :class:`NetworkDescription` is the whole; the other classes are its parts.
+For branches, windows and walks, see :mod:`.architectures` and :mod:`.graph_and_windows`.
 """
 
 from collections.abc import Mapping
@@ -11,7 +13,7 @@ import numpy as np
 
 from hw_model.arithmetic import xylo
 from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between, check_value
-from hw_model.values import AnyArray, Frozen, IntArray, picked
+from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MOST_STEPS, clean_class_names
@@ -28,7 +30,7 @@ from locsnn_compile.models.graph_and_windows import (
     require_rising,
 )
 
-#: Largest layer accepted anywhere: a few times what any published tactile network has.
+#: Largest number of neurons of a layer: a few times what any published tactile network has.
 MAX_UNITS = 4_096
 #: Most events of a bin that a threshold may ask for.
 MAX_THRESHOLD = 20_000_000
@@ -39,7 +41,7 @@ MAX_DELAY = 65_534
 class InputLayout(Checked):
     """The shape of one recording: ``steps`` time steps of the channels of a ``sensor``.
 
-    ``step_seconds`` is None if the length of a step is not known.
+    ``step_seconds`` is None if the length of a step is unknown.
     """
 
     sensor: SensorLayout
@@ -57,11 +59,13 @@ class InputLayout(Checked):
 
 
 class NeuronParameters(Checked):
-    """The constants of one spike response neuron; time constants in steps of its own axis.
+    """The constants of a spike response neuron; time constants are in steps of its axis (time or locations).
+
+    An input spike k steps ago contributes its weight times eps(k) to the potential u, an own spike nu(k):
 
     eps(k) = (k / tau_sr) exp(1 - k / tau_sr);
     nu(k) = -scale_ref * theta * (k / tau_ref) exp(1 - k / tau_ref); a spike where u >= theta.
-    ``tau_rho`` and ``scale_rho`` shape the surrogate gradient only. Defaults: Kang et al. 2022.
+    ``tau_rho`` and ``scale_rho`` shape the surrogate gradient of training only. Defaults: Kang et al. 2022.
     """
 
     theta: Annotated[float, POSITIVE] = 10.0
@@ -75,7 +79,7 @@ class NeuronParameters(Checked):
 
 
 class LifParameters(Checked):
-    """The constants of one leaky integrate-and-fire neuron, over time (TLIF) or over locations (LLIF).
+    """The constants of a leaky integrate-and-fire neuron, over time (TLIF) or over locations (LLIF).
 
     u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window``, in units of u, is
     half the width of the rectangle that stands for the derivative of a spike in training. Defaults: Gu et
@@ -90,22 +94,27 @@ class LifParameters(Checked):
 
     @property
     def keep(self) -> float:
-        """The share of u that a step keeps: ``decay``, rounded in the same way as 1 minus the share that is lost."""
+        """The share of u that a step keeps: ``decay``, but with the rounding of 1 minus the share that is lost.
+
+        The compiler stores the share that is lost, so that both compute with the same float.
+        """
         return 1.0 - (1.0 - self.decay)
 
 
 class HiddenDashes(Frozen, eq=False):
-    """The dashes of hidden neurons of a Xylo, (n,) each."""
+    """The dashes of hidden neurons of a Xylo, (n,) each: of the current (``syn``) and of the potential (``mem``)."""
 
     syn: IntArray
     mem: IntArray
 
 
 class XyloParameters(Checked):
-    """The constants of the neurons of a Xylo: a step takes a share of 2^-dash from a current or a potential.
+    """The constants of the neurons of a Xylo.
 
-    Hidden neurons have every pair of ``dash_syn`` and ``dash_mem`` in turn, and outputs the last of both. ``window``,
-    in thresholds, shapes the surrogate gradient only.
+    A *dash* is a decay as a bit shift: a step takes a share of 2^-dash from a current or a potential. Hidden neurons
+    get all pairs of a ``dash_syn`` (of the synaptic current) and a ``dash_mem`` (of the membrane potential) in turn, so
+    that they have different time constants; outputs have the last of each. ``window``, in thresholds, shapes the
+    surrogate gradient only.
     """
 
     dash_syn: tuple[int, ...] = (2,)
@@ -123,7 +132,7 @@ class XyloParameters(Checked):
             require_rising(f"neuron {name!r}", getattr(self, name), least, xylo.DASH_MAX, what, fix)
 
     def hidden_dashes(self, size: int) -> HiddenDashes:
-        """Return the dashes of so many hidden neurons."""
+        """Return the dashes of ``size`` hidden neurons."""
         pairs = list(product(self.dash_syn, self.dash_mem))
         syn, mem = np.array([pairs[number % len(pairs)] for number in range(size)]).T
         return HiddenDashes(syn, mem)
@@ -146,16 +155,21 @@ Neuron = NeuronParameters | LifParameters | XyloParameters
 class NetworkDescription(Frozen):
     """A network without its weights.
 
-    - ``neuron``: its constants; None stands for the published ones, if the architecture has neurons
-    - ``graph``: None for no graph
-    - ``location_order`` is the name of the walk, and ``location_taxels`` the walk itself, as 1-based taxel numbers of
-      one fingertip; both are None for a network without a location branch
+    - ``architecture``: a name in :data:`.architectures.ARCHITECTURES`; ``name``: the network's own name
+    - ``input``: the shape of recordings; ``classes``: number of classes; ``hidden``: neurons of a hidden layer
+    - ``neuron``: the constants of its neurons; None stands for the published ones, if the architecture has neurons
+    - ``graph``: its graph convolutions; None if it has none
+    - ``location_order``: the name of the walk, which is the order in which a location branch visits the taxels, the
+      touch-sensitive points of the sensor; ``location_taxels``: the walk itself, as 1-based taxel numbers of one
+      fingertip. Both are None for a network without a location branch.
     - ``delays``: every channel has one synapse of each of these delays, in steps, onto each neuron of ``time_hidden``;
       ``location_delays``: the same from every time step onto ``location_hidden``, in locations
-    - ``location_neuron``: the neuron of the location branch, if it is another one
+    - ``location_neuron``: the constants of the location branch, if they differ from ``neuron``
     - ``class_names``: None if the classes have no names
+    - ``window``: the windows of the branch that counts in windows, if there is one
+    - ``align_events``: the number of events in one step at which a recording starts; None: it starts at its first step
 
-    Weights have the shapes of ``weight_shapes``.
+    The shapes of its weights are :attr:`weight_shapes`.
     """
 
     architecture: str
@@ -172,9 +186,7 @@ class NetworkDescription(Frozen):
     location_neuron: Neuron | None = None
     location_delays: tuple[int, ...] = (0,)
     window: WindowParameters | None = None
-    """The windows of the branch that counts in windows, if there is one."""
     align_events: int | None = None
-    """Events in one step at which a recording starts; None: it starts at its first step."""
 
     def __post_init__(self) -> None:
         check_known(
@@ -211,22 +223,24 @@ class NetworkDescription(Frozen):
             check_location_taxels(self.location_taxels, self.input.sensor.taxels)
 
     def _check_parts(self) -> None:
-        """Refuse a neuron, a graph or windows that do not belong to the architecture."""
+        """Refuse a neuron, a graph or windows that do not belong to the architecture; fill in default constants."""
         kind = _NEURONS.get(self.structure.neurons)
         windows = WindowParameters if self.structure.window_branch else None
+        # The class is frozen, but not yet shared with anybody.
         if self.neuron is None and kind is not None:
             object.__setattr__(self, "neuron", kind())
         if self.window is None and windows is not None:
             object.__setattr__(self, "window", windows())
-        location = "location" in self.branches and self.location_neuron is not None
-        for what, got, wanted in (
+        has_location_neuron = "location" in self.branches and self.location_neuron is not None
+        for what, value, expected in (
             ("neuron", self.neuron, kind),
-            ("location neuron", self.location_neuron, kind if location else None),
+            ("location neuron", self.location_neuron, kind if has_location_neuron else None),
             ("graph", self.graph, GraphParameters if self.structure.graph else None),
             ("window", self.window, windows),
         ):
-            if type(got) is not (wanted or type(None)):
-                measured = f"{type(got).__name__} against {(wanted or type(None)).__name__}"
+            expected_type = expected or type(None)
+            if type(value) is not expected_type:
+                measured = f"{type(value).__name__} against {expected_type.__name__}"
                 raise self._refused(
                     f"its {what} is of another kind",
                     measured=measured,
@@ -256,7 +270,7 @@ class NetworkDescription(Frozen):
                 "whole numbers of steps",
                 "Give, for example, 0 20 40 60.",
             )
-            # Windows hear all steps at once, and a Xylo has no delays.
+            # Neurons that count in windows receive from all steps at once, and a Xylo has no delays.
             dense = (
                 branch in self.branches
                 and not self.structure.graph
@@ -267,7 +281,7 @@ class NetworkDescription(Frozen):
                 raise self._refused(what, fix="Leave the delays out.")
 
     def _refused(self, what: str, *, measured: str = "", fix: str) -> InputError:
-        """Return the error for something that does not go with the architecture."""
+        """Return the error for a field that does not go with the architecture."""
         return InputError(f"architecture {self.architecture!r}", what, measured=measured, fix=fix)
 
     @property
@@ -286,19 +300,21 @@ class NetworkDescription(Frozen):
         return self.structure.branches
 
     def neuron_of(self, name: str) -> Neuron | None:
-        """Return the neuron of a branch, or of a population by its name."""
-        return (self.location_neuron if name.startswith("location") else None) or self.neuron
+        """Return the constants of the neurons of a branch or of a population, by its name."""
+        if name.startswith("location") and self.location_neuron is not None:
+            return self.location_neuron
+        return self.neuron
 
     def delays_onto(self, population: str) -> tuple[int, ...]:
         """Return the delays of the synapses onto a population, in steps of its axis."""
-        return {"time_hidden": self.delays, "location_hidden": self.location_delays}.get(
-            population, (0,)
-        )
+        delays = {"time_hidden": self.delays, "location_hidden": self.location_delays}
+        return delays.get(population, (0,))
 
     def srm(self, name: str) -> NeuronParameters:
         """Return :meth:`neuron_of` for a network of spike response neurons; ``InputError`` for other networks."""
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
+            # Whoever asks wants to train on a chip's integers, which networks of windows can do as well.
             others = (name for name, a in ARCHITECTURES.items() if a.neurons in ("srm", "windows"))
             raise self._refused(
                 "it has no spike response neurons", fix=f"Use one of: {', '.join(others)}."
@@ -325,7 +341,7 @@ class NetworkDescription(Frozen):
 
     @property
     def _hidden_of_taxel(self) -> list[int]:
-        """The number of hidden neurons of the windows that hear each taxel of the walk."""
+        """For each taxel of the walk, on all surfaces, the number of hidden neurons that count its events."""
         sensor = self.input.sensor
         return [sensor.polarities * self.windows.of_channel(self.input.steps)] * (
             sensor.surfaces * sensor.taxels
@@ -333,13 +349,14 @@ class NetworkDescription(Frozen):
 
     @property
     def output_parts(self) -> list[slice]:
-        """The hidden neurons of the windows that each of their output populations hears."""
+        """The slices of hidden neurons of windows from which each output population receives."""
         return output_parts(self._hidden_of_taxel)
 
     def populations(self, branch: str) -> tuple[str, ...]:
         """Return the names of a branch's populations, in evaluation order; the last one is the output.
 
-        A branch of windows has as many outputs as it takes to hear all its hidden neurons; their potentials are added.
+        A branch of windows has as many output populations as it takes to receive from all of its hidden neurons; their
+        potentials are added.
         """
         if branch == self.structure.window_branch:
             return f"{branch}_hidden", *(
@@ -366,8 +383,13 @@ class NetworkDescription(Frozen):
         the shapes of its parameters by name.
         """
         if not self.structure.spiking:
-            said = picked(self.input, "sensor", "steps") | picked(self, "classes", "hidden")
-            return ann_shapes(self.architecture, **said)
+            return ann_shapes(
+                self.architecture,
+                sensor=self.input.sensor,
+                steps=self.input.steps,
+                classes=self.classes,
+                hidden=self.hidden,
+            )
         shapes: dict[str, tuple[int, ...]] = {}
         sizes: tuple[tuple[int, ...], ...]
         for branch in self.branches:
@@ -386,18 +408,22 @@ class NetworkDescription(Frozen):
                 nodes, inputs, features = self.graph.size(
                     branch, self.input.sensor, self.input.steps
                 )
-                of_graph = (features, (self.graph.hops + 1) * inputs), (hidden, nodes * features)
-                sizes = *of_graph, (2 * hidden, hidden), (self.classes, 2 * hidden)
+                # As in TactileSGNet, the second hidden layer has twice as many neurons as the first.
+                sizes = (
+                    (features, (self.graph.hops + 1) * inputs),
+                    (hidden, nodes * features),
+                    (2 * hidden, hidden),
+                    (self.classes, 2 * hidden),
+                )
             shapes |= zip(names, sizes, strict=True)
         return shapes
 
     def check_shape(self, name: str, weights: Mapping[str, AnyArray], fix: str) -> None:
         """Raise ``InputError`` if ``weights`` lacks a name, or has another shape for it; ``fix`` says what to do."""
-        shape = self.weight_shapes[name]
-        got = tuple(weights[name].shape) if name in weights else "none"
-        check_same(
-            got, shape, f"population {name!r}", "its weights do not fit the network", fix=fix
-        )
+        expected_shape = self.weight_shapes[name]
+        shape = tuple(weights[name].shape) if name in weights else "none"
+        what = "its weights do not fit the network"
+        check_same(shape, expected_shape, f"population {name!r}", what, fix=fix)
 
 
 def require_count(where: str, value: int, limit: int) -> None:
@@ -410,3 +436,4 @@ _NEURONS: dict[str, type[Neuron]] = {
     "lif": LifParameters,
     "xylo": XyloParameters,
 }
+"""``Architecture.neurons`` -> the class of their constants; windows and artificial networks have none."""

@@ -1,9 +1,15 @@
-"""Count the operations of any artificial network in torch, module by module, as the published figures were counted.
+"""Count the operations of any artificial network in torch, module by module.
 
-A product with a weight counts as a multiplication and an addition. Biases of linear layers and convolutions,
-comparisons, and functions of one number are not counted. For each of its gates and hidden units, a recurrent cell adds
-contributions of the input, the state and two biases. Products of gates and their sums are counted as they are. So
-GRU(I -> H) has 2 * 3 * (I * H + H * H) + 13 * H operations per step.
+The counts are for comparisons with spiking networks, and follow the rules of the published figures (Kang et al. 2022):
+
+- A product with a weight counts as a multiplication and an addition (a *mac*).
+- Biases of linear layers and convolutions, comparisons, and functions of one number are not counted.
+- For each of its gates and hidden units, a recurrent cell adds the contributions of the input, the state and two
+  biases, which are three additions.
+- Products of gates and their sums are counted as they are.
+
+So GRU(I -> H) has 2 * 3 * (I * H + H * H) + 13 * H operations per step: 13 = 3 gates * 3 additions + 3 products + 1
+sum, per hidden unit.
 """
 
 from collections.abc import Callable
@@ -38,6 +44,7 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
         module.register_forward_hook(partial(_add, counts, counter))
         for module, counter in counters.items()
     ]
+    # In evaluation mode, so that layers such as dropout do nothing; the network is left as it was.
     training = network.training
     try:
         network.eval()
@@ -55,7 +62,10 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
 
 
 def _is_counted(name: str, module: nn.Module) -> bool:
-    """Tell whether a module is counted itself, rather than through its inner modules."""
+    """Return whether a module is counted itself, rather than through its inner modules.
+
+    Raises ``InputError`` for a module that has inner modules and weights of its own, which nothing would count.
+    """
     if next(module.children(), None) is None:
         return True
     if next(module.parameters(recurse=False), None) is not None:
@@ -64,6 +74,7 @@ def _is_counted(name: str, module: nn.Module) -> bool:
 
 
 def _counter(name: str, module: nn.Module) -> Counter:
+    """Return the counter of a kind of module; ``InputError`` if there is none. LSTMs with projections have none."""
     if type(module) not in _COUNTERS or getattr(module, "proj_size", 0) > 0:
         raise _unknown(name, module)
     return _COUNTERS[type(module)]
@@ -82,7 +93,10 @@ def _add(
     inputs: tuple[Tensor, ...],
     output: Any,
 ) -> None:
-    counts.append(counter(module, inputs[0], output if isinstance(output, Tensor) else output[0]))
+    """Append the counts of one call of a module; called by torch after it."""
+    # Recurrent modules return (output, last state).
+    first_output = output if isinstance(output, Tensor) else output[0]
+    counts.append(counter(module, inputs[0], first_output))
 
 
 def _products(
@@ -93,7 +107,8 @@ def _products(
     return AnnCounts(macs, macs, macs)
 
 
-def _heard_by_pixel(module: nn.Conv1d | nn.Conv2d | nn.Conv3d) -> int:
+def _weights_of_pixel(module: nn.Conv1d | nn.Conv2d | nn.Conv3d) -> int:
+    """Return how many weights one output of a convolution multiplies."""
     return module.in_channels // module.groups * prod(module.kernel_size)
 
 
@@ -103,8 +118,10 @@ def _recurrent(
     """Count a recurrent cell with these numbers of gates, element-wise products and sums per step and hidden unit."""
     directions = 2 if module.bidirectional else 1
     hidden = module.hidden_size
+    # How often a layer's cell is computed: once per step, recording and direction.
     cells = directions * module_input.numel() // module.input_size
-    macs = units = 0
+    macs = 0
+    units = 0
     for layer in range(module.num_layers):
         inputs = module.input_size if layer == 0 else directions * hidden
         macs += cells * gates * (inputs * hidden + hidden * hidden)
@@ -114,20 +131,25 @@ def _recurrent(
 
 
 _FREE: tuple[type[nn.Module], ...] = (
-    *(nn.ReLU, nn.Sigmoid, nn.Tanh, nn.Identity, nn.Flatten, nn.Unflatten),
-    *(
-        nn.Dropout,
-        nn.Dropout1d,
-        nn.Dropout2d,
-        nn.Dropout3d,
-        nn.MaxPool1d,
-        nn.MaxPool2d,
-        nn.MaxPool3d,
-    ),
+    nn.ReLU,
+    nn.Sigmoid,
+    nn.Tanh,
+    nn.Identity,
+    nn.Flatten,
+    nn.Unflatten,
+    nn.Dropout,
+    nn.Dropout1d,
+    nn.Dropout2d,
+    nn.Dropout3d,
+    nn.MaxPool1d,
+    nn.MaxPool2d,
+    nn.MaxPool3d,
 )
+"""Modules without counted operations: functions of one number, comparisons, and reordering."""
 _COUNTERS: dict[type[nn.Module], Counter] = {
     nn.Linear: partial(_products, lambda linear: linear.in_features),
-    **dict.fromkeys((nn.Conv1d, nn.Conv2d, nn.Conv3d), partial(_products, _heard_by_pixel)),
+    **dict.fromkeys((nn.Conv1d, nn.Conv2d, nn.Conv3d), partial(_products, _weights_of_pixel)),
+    # Gates, element-wise products and sums per step and hidden unit, from torch's equations of each cell.
     nn.RNN: partial(_recurrent, 1, 0, 0),
     nn.GRU: partial(_recurrent, 3, 3, 1),
     nn.LSTM: partial(_recurrent, 4, 3, 1),

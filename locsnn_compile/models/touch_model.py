@@ -1,7 +1,11 @@
-"""What every network that learns from touch recordings, and every layer of one, has in common.
+"""What all networks that learn from touch recordings, and all of their layers, have in common.
 
-Each step of a spiking layer depends on the previous one, so the steps run as compiled scans on the processor, whatever
-device the matrix products run on. Inputs and outputs of the scans are copied there and back.
+:class:`TouchModel` is the interface through which training, measuring and saving use a network. :class:`DenseLayer` is
+the base of fully connected layers.
+
+Each step of a spiking layer depends on the previous one, so the steps run as compiled loops, called scans, on the CPU,
+whatever device the matrix products run on. :func:`to_host` and :func:`to_device` copy the inputs and outputs of scans
+there and back.
 """
 
 import math
@@ -27,7 +31,7 @@ Neuron = TypeVar("Neuron", NeuronParameters, LifParameters)
 
 
 class DenseLayer(nn.Module, Generic[Neuron]):
-    """A fully connected layer of neurons of one kind, recurring over the middle axis of its input.
+    """A fully connected layer of neurons of one kind, which step through the middle axis of their input.
 
     Input (batch, steps, inputs), output (batch, steps, outputs); ``weight`` [out, in], no bias, starts at 0: see
     :func:`draw_weights`.
@@ -46,13 +50,13 @@ def draw_weights(weight: nn.Parameter, initial_scale: float, generator: torch.Ge
 
 
 def applied(function: type[torch.autograd.Function], *arguments: Any) -> Tensor:
-    """Return the result of a function that has a gradient of its own."""
+    """Return the result of a torch function that defines its own gradient; ``apply`` has no types."""
     result: Tensor = function.apply(*arguments)  # type: ignore[no-untyped-call]
     return result
 
 
 def constants(kind: np.dtype[Any], *values: float) -> tuple[Any, ...]:
-    """Return numbers in the type of the arrays of a scan: literals would make its loops compute in float64."""
+    """Return numbers in the float type of the arrays of a scan, as literals would make its loops compute in float64."""
     return tuple(kind.type(value) for value in values)
 
 
@@ -68,11 +72,11 @@ def to_device(array: AnyArray, like: Tensor) -> Tensor:
 
 
 class TouchModel(nn.Module):
-    """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers, and ``xylo``
-    those of one on a Xylo's.
+    """A network that can be trained, by its description.
 
-    ``names``: its weights, or those of a branch of it. ``tie_class``: the class that is predicted where the scores of
-    all classes are equal; None: none is.
+    - ``chip``: the integers of a chip, if the network is trained on its arithmetic; ``xylo``: the same for a Xylo
+    - ``names``: the names of its weights
+    - ``tie_class``: the class that is predicted if the scores of all classes are equal; None: no class is
     """
 
     def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
@@ -81,21 +85,25 @@ class TouchModel(nn.Module):
         self.xylo: XyloNumbers | None = None
         self.names: Sequence[str] = tuple(description.weight_shapes)
         self.tie_class: int | None = None
+        # By name of weights, 1 for weights that pruning has kept and 0 for others.
         self._kept: dict[str, Tensor] = {}
 
     def weight(self, name: str) -> nn.Parameter:
-        """Return the weights of a name in ``description.weight_shapes``; here they are parameters of that name."""
+        """Return the weights of a name in ``description.weight_shapes``; by default the parameter of that name."""
         return self.get_parameter(name)
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return class scores (batch, classes) of every branch, given the result of ``forward``: here, just that."""
+        """Return the class scores (batch, classes) of every branch, given the result of ``forward``.
+
+        By default, that result is the class scores.
+        """
         return dict(activity)
 
     def begin(self, spikes: ByteArray) -> None:
-        """Note what must be known about the recordings (samples, steps, channels) before learning from them."""
+        """Prepare for training on recordings (samples, steps, channels); by default, there is nothing to do."""
 
     def rate_shares(self) -> dict[str, float]:
-        """Return, by name, the share of the learning rate at which weights learn that learn at another than all."""
+        """Return factors of the learning rate by name of weights; weights that are not in it have factor 1."""
         return {}
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
@@ -103,34 +111,38 @@ class TouchModel(nn.Module):
         return []
 
     def total(self, activity: Mapping[str, Tensor]) -> Tensor:
-        """Return class scores (batch, classes) over all branches, of what ``forward`` returned."""
+        """Return class scores (batch, classes), added over all branches, given the result of ``forward``."""
         return torch.stack(list(self.scores(activity).values())).sum(dim=0)
 
     def counts(self, x: Tensor) -> Tensor:
-        """Return class scores (batch, classes) over all branches; the largest one is the prediction."""
+        """Return class scores (batch, classes) of recordings ``x``, added over all branches.
+
+        The class with the largest score is the prediction.
+        """
         return self.total(self(x))
 
     def aligned(self, x: Tensor, *, moved: bool) -> Tensor:
-        """Return recordings (batch, steps, channels) from the step at which they start; see ``from_first_touch``."""
+        """Return recordings (batch, steps, channels) without the events before their first touch.
+
+        Unchanged if the description does not ask for this (``align_events``). ``moved``: whether the first touch
+        becomes step 0; see :func:`locsnn_compile.network.first_touch.from_first_touch`.
+        """
         events = self.description.align_events
         return x if events is None else from_first_touch(x, events, moved=moved)
 
     def check_shape(self, x: Tensor) -> None:
         """Refuse recordings that are not (batch, steps, channels) of the network's input."""
-        layout, fix = (
-            self.description.input,
-            "Give recordings of the network's sensor and duration.",
-        )
-        wanted, what = (
-            (layout.steps, layout.channels),
-            "their steps and channels are not the network's",
-        )
-        check_same(tuple(x.shape[1:]), wanted, "recordings", what, fix=fix)
+        layout = self.description.input
+        expected = (layout.steps, layout.channels)
+        what = "their steps and channels are not the network's"
+        fix = "Give recordings of the network's sensor and duration."
+        check_same(tuple(x.shape[1:]), expected, "recordings", what, fix=fix)
 
     def prune(self, share: float) -> None:
         """Set the smallest weights of each population, a ``share`` of 0..1, to 0; :meth:`hold` keeps them at 0."""
         for name in self.names:
             weight = self.weight(name).detach()
+            # Stable, so that equal networks are pruned equally: many weights may have one magnitude.
             order = weight.abs().flatten().argsort(stable=True)
             kept = torch.ones(weight.numel(), dtype=torch.bool, device=weight.device)
             kept[order[: int(share * len(order))]] = False
@@ -138,9 +150,11 @@ class TouchModel(nn.Module):
         self.hold()
 
     def hold(self) -> None:
-        """Bring weights back to where they must be after a step: into the range of a chip's format, pruned ones to 0.
+        """Bring weights back into their limits after a step of the optimizer.
 
-        Beyond the range no gradient would be of use. Biases, of one axis, may leave it.
+        Weights of a network on a chip's integers stay within the range of its format, because beyond it rounding would
+        clip them, and small steps would change nothing. Biases, which have one axis, may leave it. Pruned weights
+        become 0 again.
         """
         with torch.no_grad():
             for name, largest in self.largest_weights().items():
@@ -150,12 +164,15 @@ class TouchModel(nn.Module):
                 self.weight(name).mul_(kept)
 
     def largest_weights(self) -> dict[str, float]:
-        """Return the largest weight that the chip's format holds, by name; empty for a network in float."""
+        """Return the largest weight that the chip's format holds, by name; empty for a network in floats."""
         formats = {} if self.chip is None else self.chip.populations
         return {name: numbers.largest for name, numbers in formats.items()}
 
     def snap(self) -> None:
-        """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
+        """Set the latent float weights of a network on a chip's integers to the values that they round to.
+
+        Another version of torch, or another device, then cannot round them differently.
+        """
         if self.chip is not None:
             self.load_weights(self.chip.floats(self.mantissas()))
 
@@ -171,7 +188,7 @@ class TouchModel(nn.Module):
         }
 
     def stored_weights(self) -> Mapping[str, AnyArray]:
-        """Return what a checkpoint keeps: mantissas of a network on the chip's integers, else weights."""
+        """Return what a checkpoint stores: mantissas of a network on a chip's integers, else float weights."""
         return self.weights() if self.chip is None and self.xylo is None else self.mantissas()
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:

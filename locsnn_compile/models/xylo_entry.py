@@ -1,8 +1,9 @@
-"""The integers of a network that was trained on the arithmetic of a Xylo.
+"""The integers of a network that was trained on the arithmetic of the chip Xylo.
 
-They are the ``chip`` entry of its checkpoint. Mantissas of weights are integers of the chip; the
-float network counts the same weights in thresholds. Nothing here imports torch, so that the
-compiler reads it too.
+They are the entry ``chip`` of its checkpoint, as :mod:`.chip_entry` is for chips with cores. Weights
+are stored as mantissas, the 8-bit integers of the chip. The float network counts the same weights in
+thresholds: a weight of 1 alone makes a neuron spike. Nothing here imports torch, so that the compiler
+reads it too.
 """
 
 from collections.abc import Mapping
@@ -20,7 +21,7 @@ Threshold = Annotated[int, between(1, xylo.STATE_MAX)]
 
 
 class XyloSynapses(Frozen):
-    """Weights of a group of synapses.
+    """The format of a group of synapses: those from inputs, those among hidden neurons, or those onto outputs.
 
     A mantissa of 1 adds ``1 << shift`` to the synaptic current, and is ``unit`` thresholds in the
     float network.
@@ -37,14 +38,15 @@ class XyloSynapses(Frozen):
         return xylo.WEIGHT_MAX * self.unit
 
     def off_grid(self, mantissas: AnyArray) -> BoolArray:
-        """Tell which mantissas do not fit 8 bits."""
+        """Return for each mantissa whether it does not fit 8 bits."""
         return np.asarray((mantissas < xylo.WEIGHT_MIN) | (mantissas > xylo.WEIGHT_MAX))
 
 
 class XyloNumbers(Frozen):
     """The Xylo that a network was trained for, its thresholds, and its groups of synapses.
 
-    Thresholds are in units of the potential. ``populations`` are by the name of their weights.
+    Thresholds are in units of the potential. ``populations`` has a group of synapses for each name of
+    weights.
     """
 
     target: Annotated[
@@ -55,7 +57,7 @@ class XyloNumbers(Frozen):
     populations: Mapping[str, XyloSynapses]
 
     def floats(self, mantissas: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-        """Return the weights in thresholds, by name, of these mantissas."""
+        """Return the float weights of mantissas, in thresholds, by name."""
         return {
             name: mantissa * self.populations[name].unit for name, mantissa in mantissas.items()
         }

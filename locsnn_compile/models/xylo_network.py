@@ -1,17 +1,21 @@
-"""A network whose forward pass is played by the engine of a Xylo, and whose gradient is that of leaky neurons.
+"""A network whose forward pass is the simulator of the chip Xylo, and whose gradient is that of leaky neurons.
 
-Forward: latent weights are rounded to 8 bits, and :mod:`hw_model.xylo.fast` plays every recording, so that
-every spike and every register is the chip's. Backward, with charges in thresholds, ``a = 1 - 2^-dash_syn`` and
-``k = 1 - 2^-dash_mem``:
+It is trained on the chip's own arithmetic, so that nothing changes when it is compiled. Weights that learn are floats,
+called latent; the chip gets the 8-bit integers, called mantissas, to which they are rounded.
+
+Forward: :mod:`hw_model.xylo.fast` simulates every recording, so that every spike and every register is the chip's.
+Backward, the neurons count as these, with i the synaptic current, v the potential, s the spikes, weights and potentials
+in thresholds, and, with the decays as bit shifts (dashes), ``a = 1 - 2^-dash_syn`` and ``k = 1 - 2^-dash_mem``:
 
     i(t) = a (i(t - 1) + W_in x(t) + W_rec s(t - 1))
     v(t) = k (v(t - 1) - s(t - 1)) + i(t)
     ds(t) / dv(t) = exp(-(1 - v(t)) / window) below the threshold, and 1 above it
 
-Rounding passes the gradient straight through (Bengio et al. 2013). Above the threshold a neuron sends a spike for each
-threshold of potential, so a slope of 1 is that of the staircase. What a spike takes from the potential is not there in
-later steps, and the gradient says so too: a charge makes so many spikes, once. Were it taken as constant, a charge
-would seem to make spikes in all the steps that a potential lasts, dozens of times too many.
+Rounding passes the gradient straight through (Bengio et al. 2013). A neuron sends one spike per threshold of potential,
+several in a step, so above the threshold spikes are a staircase over v whose mean slope is 1. The gradient also follows
+the potential that a spike takes away, the term -s(t - 1): a charge W x can only cause a certain number of spikes, once.
+If that term were treated as a constant, a charge would seem to cause spikes in all steps in which the potential lasts,
+dozens of times too many.
 """
 
 from collections.abc import Mapping
@@ -39,23 +43,29 @@ from locsnn_compile.models.xylo_scan import scan_back
 INTO_HIDDEN, AMONG_HIDDEN, ONTO_OUTPUTS = "time_hidden", "time_recurrent", "time_output"
 """The names of the three groups of synapses."""
 RECURRENT_SHARE = 0.1
-"""Weights among hidden neurons start at this share of the others, so that activity does not feed itself."""
+"""The scale of initial weights among hidden neurons, relative to that of other weights: small, so that activity does
+not sustain itself."""
 RECURRENT_RATE = 0.05
-"""They also learn at this share of the rate, for the same reason. Each step of the optimizer moves all weights by as
-much; there are as many onto a hidden neuron as hidden neurons, and a spike comes back through them."""
+"""The learning rate of weights among hidden neurons, relative to that of others: small for the same reason. A step of
+the optimizer moves all weights by about the same amount, and the activity of each hidden neuron comes back to it
+through as many of these weights as there are hidden neurons."""
 
 
 def rounded(weight: Tensor, synapses: XyloSynapses) -> Tensor:
-    """Return mantissas of weights in thresholds, as floats; d mantissa / d weight = 1 / unit."""
+    """Return the mantissas, as floats, of weights in thresholds; d mantissa / d weight = 1 / unit."""
     scaled = weight / synapses.unit
     mantissas = torch.round(scaled.detach()).clamp_(-xylo.WEIGHT_MAX, xylo.WEIGHT_MAX)
+    # The difference is 0, and has the gradient of the latent weight.
     return mantissas + (scaled - scaled.detach())
 
 
 def network_of_integers(
     neuron: XyloParameters, numbers: XyloNumbers, mantissas: dict[str, IntArray]
 ) -> XyloNetwork:
-    """Return the network of weights [out, in] by name."""
+    """Return the network that the simulator plays, given the mantissas [out, in] by name of weights.
+
+    The chip has two synapses per neuron, of which this network uses one: hence the last axis of one entry.
+    """
     hidden_size = len(mantissas[INTO_HIDDEN])
     outputs_size = len(mantissas[ONTO_OUTPUTS])
     synapses = numbers.populations
@@ -81,7 +91,11 @@ def network_of_integers(
 
 
 class _Played(NamedTuple):
-    """What a batch does: spikes (batch, steps, n), and potentials in thresholds before any reset."""
+    """The activity of a batch on the chip, each array (batch, steps, n).
+
+    ``rows`` are the input spikes as the chip takes them, ``hidden`` and ``outputs`` the spikes of its neurons, and
+    potentials are in thresholds, before any reset.
+    """
 
     rows: Tensor
     hidden: Tensor
@@ -103,7 +117,8 @@ class _Steps(torch.autograd.Function):
             ONTO_OUTPUTS: _integers(onto),
         }
         played = model.play(x, mantissas)
-        # An attribute of ctx that is a result would hold itself, and never be given back.
+        # Results must be saved in this way: as attributes of ctx they would refer to themselves, and
+        # their memory would never be freed.
         ctx.save_for_backward(among, onto, *played)
         ctx.model = model
         return played.hidden, played.outputs
@@ -118,7 +133,7 @@ class _Steps(torch.autograd.Function):
         kept = model.shares_kept(of_hidden)
         output_slope = model.slope(played.output_potential)
         output_charges = _back_through(of_outputs, output_slope, kept.output_i, kept.output_v)
-        # Spikes of a step act in the next one.
+        # Hidden spikes also act through the outputs, in the next step.
         of_spikes = of_hidden.clone()
         of_spikes[:, :-1] += output_charges[:, 1:] @ (onto * units[ONTO_OUTPUTS])
         hidden_charges = _back_through(
@@ -151,12 +166,18 @@ def _back_through(
     """
     size = of_spikes.shape[2]
     weights = of_spikes.new_zeros((0, size)) if recurrent is None else recurrent
-    charges = torch.empty_like(of_spikes, memory_format=torch.contiguous_format)
-    found = to_host(charges)
-    (one,) = constants(found.dtype, 1.0)
-    kept = (kept_i.expand(size), kept_v.expand(size))
-    scan_back(*map(to_host, (of_spikes, slope, *kept, weights)), one, found)
-    return to_device(found, of_spikes)
+    charges = to_host(torch.empty_like(of_spikes, memory_format=torch.contiguous_format))
+    (one,) = constants(charges.dtype, 1.0)
+    scan_back(
+        to_host(of_spikes),
+        to_host(slope),
+        to_host(kept_i.expand(size)),
+        to_host(kept_v.expand(size)),
+        to_host(weights),
+        one,
+        charges,
+    )
+    return to_device(charges, of_spikes)
 
 
 def _of_weights(charges: Tensor, spikes: Tensor) -> Tensor:
@@ -165,11 +186,12 @@ def _of_weights(charges: Tensor, spikes: Tensor) -> Tensor:
 
 
 def _integers(mantissas: Tensor) -> IntArray:
+    """Return mantissas, which are floats in torch, as int64."""
     return to_host(mantissas).astype(np.int64)
 
 
 class _Kept(NamedTuple):
-    """What a step keeps of currents and potentials, (n,)."""
+    """The shares of currents (``_i``) and potentials (``_v``) that a step keeps, (n,) or (1,)."""
 
     hidden_i: Tensor
     hidden_v: Tensor
@@ -178,7 +200,7 @@ class _Kept(NamedTuple):
 
 
 class XyloSnn(TouchModel):
-    """``xylo-snn``: inputs, hidden neurons that hear each other, and outputs, on the integers of a Xylo.
+    """``xylo-snn``: inputs, recurrent hidden neurons, and outputs, on the integers of a Xylo.
 
     Spikes of hidden neurons are counts, up to 31 in a step. Weights [out, in] are latent, in thresholds.
     """
@@ -199,7 +221,7 @@ class XyloSnn(TouchModel):
 
     @property
     def units(self) -> dict[str, float]:
-        """The thresholds that a mantissa of 1 is, by weight name."""
+        """The weight, in thresholds, of a mantissa of 1, by weight name."""
         return {name: synapses.unit for name, synapses in self.numbers.populations.items()}
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
@@ -212,7 +234,7 @@ class XyloSnn(TouchModel):
         return {INTO_HIDDEN: hidden, ONTO_OUTPUTS: outputs}
 
     def play(self, x: Tensor, mantissas: dict[str, IntArray]) -> _Played:
-        """Return what recordings do on the chip with these weights."""
+        """Return the activity on the chip for recordings ``x`` and these weights."""
         network = network_of_integers(self.neuron, self.numbers, mantissas)
         rows = [rows_of(recording) for recording in to_host(x).astype(np.int64)]
         results = play_all(network, rows)
@@ -231,12 +253,13 @@ class XyloSnn(TouchModel):
         )
 
     def slope(self, potential: Tensor) -> Tensor:
-        """Return the surrogate gradient of spikes by a potential in thresholds."""
+        """Return the surrogate gradient ds / dv at a potential in thresholds."""
+        # Above the threshold the distance is 0, so the result is 1.
         below = (1.0 - potential).clamp_(min=0.0)
         return below.div_(-self.neuron.window).exp_()
 
     def shares_kept(self, like: Tensor) -> _Kept:
-        """Return what a step keeps, in the type of a tensor."""
+        """Return the shares that a step keeps, in the float type and on the device of a tensor."""
         dashes = self.neuron.hidden_dashes(self.description.hidden)
 
         def kept(dash: IntArray | int) -> Tensor:
@@ -250,11 +273,11 @@ class XyloSnn(TouchModel):
         )
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return spikes a class, (batch, classes)."""
+        """Return output spikes per class, (batch, classes)."""
         return {"time": activity[ONTO_OUTPUTS].sum(dim=1)}
 
     def rate_shares(self) -> dict[str, float]:
-        """Return the share at which weights among hidden neurons learn."""
+        """Return the factor of the learning rate of weights among hidden neurons."""
         return {AMONG_HIDDEN: RECURRENT_RATE}
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
@@ -266,7 +289,7 @@ class XyloSnn(TouchModel):
         return {name: synapses.largest for name, synapses in self.numbers.populations.items()}
 
     def snap(self) -> None:
-        """Put latent weights where they round to, so that no later rounding can differ."""
+        """Set latent weights to the values that they round to; see :meth:`TouchModel.snap`."""
         self.load_weights(self.numbers.floats(self.mantissas()))
 
     @torch.no_grad()
