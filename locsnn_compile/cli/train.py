@@ -261,7 +261,7 @@ def _summary(
                 f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)
             ]
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
-        lines += _confusion_lines(confusion, test.class_names)
+        lines += confusion_lines(confusion, test.class_names)
         remarks += tie_remarks(confusion)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     if measured.comparison is not None:
@@ -273,7 +273,7 @@ def _summary(
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 
-def _confusion_lines(confusion: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
+def confusion_lines(confusion: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
     """Return the confusion matrix as lines, with class names if there is room; nothing for more than SHOWN_CLASSES.
 
     A row is a label, a column a prediction, and the last column counts recordings in which all

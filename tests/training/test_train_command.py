@@ -405,13 +405,13 @@ def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
 def test_confusions_are_called_by_their_classes(
     names: tuple[str, ...] | None, lines: list[str]
 ) -> None:
-    assert command._confusion(np.array([[12, 0, 0], [3, 4, 0]]), names) == lines
+    assert command.confusion_lines(np.array([[12, 0, 0], [3, 4, 0]]), names) == lines
 
 
 def test_the_confusions_of_many_classes_are_not_printed() -> None:
-    assert command._confusion(np.eye(21, 22, dtype=np.int64)) == []
-    assert len(command._confusion(np.eye(20, 21, dtype=np.int64))) == 21
-    assert command._confusion(np.array([[12, 0, 0], [1, 4, 0]])) == [
+    assert command.confusion_lines(np.eye(21, 22, dtype=np.int64)) == []
+    assert len(command.confusion_lines(np.eye(20, 21, dtype=np.int64))) == 21
+    assert command.confusion_lines(np.array([[12, 0, 0], [1, 4, 0]])) == [
         "label \\ predicted   0   1",
         "                0  12   0",
         "                1   1   4",
@@ -419,7 +419,7 @@ def test_the_confusions_of_many_classes_are_not_printed() -> None:
 
 
 def test_recordings_whose_classes_tie_have_a_column_of_confusions() -> None:
-    assert command._confusion(np.array([[12, 0, 0], [1, 4, 20]])) == [
+    assert command.confusion_lines(np.array([[12, 0, 0], [1, 4, 20]])) == [
         "label \\ predicted    0    1  tie",
         "                0   12    0    0",
         "                1    1    4   20",
