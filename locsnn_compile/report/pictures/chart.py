@@ -1,4 +1,12 @@
-"""Charts as SVG files, also of curves: panels side by side, for light, dark and paper, readable without colour."""
+"""Draw charts as SVG files: one or more panels (pairs of axes) side by side, with a title above them.
+
+``draw`` makes a chart of curves; ``scatter.py`` uses the rest of this module for charts of marks. A chart follows the
+reader's light or dark scheme and prints in black, and it can be read without colour: curves have different dashes.
+
+The picture from top to bottom, in pixels: title and subtitle (``_TOP``), panels (``HEIGHT``) with the texts of
+their horizontal axis below, then the legend. Inside a panel, (0, 0) is its upper left corner and y grows downwards. All
+sizes are chosen by hand.
+"""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -10,37 +18,57 @@ from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.axis import Axis, linear_axis, log_axis
 
 WIDTH = 340
+"""Width of a panel in pixels."""
 HEIGHT = 240
-"""Pixels of a panel."""
+"""Height of a panel in pixels."""
 RIGHT = 18
-"""Pixels to the right of the last panel."""
+"""Pixels to the right of the last panel, for half of its last label."""
 _GAP = 72
-"""Pixels to the left of a panel, for its labels."""
+"""Pixels to the left of each panel, for the labels of its vertical axis."""
 _TOP = 70
-"""Pixels above all panels."""
+"""Pixels above the panels, for the title, the subtitle and the titles of panels."""
 BOTTOM = _TOP + HEIGHT
 """Pixels from the top of the picture to the lower edge of its panels."""
+_MARGIN = 16
+"""Pixels from the left edge of the picture to the title and the subtitle."""
+_TITLE_Y = 22
+"""Pixels from the top of the picture to the baseline of the title."""
+_SUBTITLE_Y = 39
+"""Pixels from the top of the picture to the baseline of the subtitle."""
+_TICK = 4
+"""Length of a tick in pixels."""
+_TICK_TEXT_Y = 17
+"""Pixels from the lower edge of a panel to the baseline of the texts of ticks."""
+_AXIS_LABEL_Y = 34
+"""Pixels from the lower edge of a panel to the baseline of the name of its horizontal axis."""
+_HALF_LETTER = 4
+"""Pixels from the middle of a letter to its baseline, to centre a text of 11 pixels on a line."""
 _LEGEND = 56
-"""Pixels from the lower edge of the panels to the legend."""
+"""Pixels from the lower edge of the panels to the baseline of the first line of the legend."""
 _LINE = 16
-"""Pixels of a line of the legend."""
+"""Height of a line of the legend in pixels."""
 _SAMPLE = 26
-"""Pixels of a curve's sample in the legend."""
+"""Length of a curve's sample in the legend in pixels."""
 Point = tuple[float, float]
+"""x and y, of a figure or in pixels."""
 Anchor = Literal["start", "middle", "end"]
-"""Which end of a text stands at its place."""
+"""Which end of a text stands at its x, as SVG's ``text-anchor``."""
 
 
 def sheet(width: int, height: int, title: str, style: str, inside: str) -> bytes:
-    """Return a picture as a file, with its title, shown and as metadata; ``style`` is a file of further rules."""
+    """Return an SVG file with a title, shown above and as metadata.
+
+    ``style`` names the CSS file of this folder that the picture needs in addition to ``sheet.css``; ``inside`` is
+    SVG markup.
+    """
     rules = filled(__package__, "sheet.css") + filled(__package__, style)
-    name = escaped(title)
+    title_markup = escaped(title)
     markup = f"""\
-<svg viewBox="0 0 {width} {height}" role="img"><title>{name}</title>
+<svg viewBox="0 0 {width} {height}" role="img"><title>{title_markup}</title>
 <style>
 {rules}</style>
 <rect class="paper" width="{width}" height="{height}"/>
-<text class="title" x="16.0" y="22.0" text-anchor="start">{name}</text>
+<text class="title" x="{_MARGIN:.1f}" y="{_TITLE_Y:.1f}" text-anchor="start">{title_markup}</text>
 {inside}</svg>"""
     return xml_file(markup, xmlns="http://www.w3.org/2000/svg")
 
@@ -48,57 +76,68 @@ def sheet(width: int, height: int, title: str, style: str, inside: str) -> bytes
 def chart(
     title: str, subtitle: str, style: str, panels: Sequence[str], below: int, legend: str = ""
 ) -> bytes:
-    """Return a chart of drawn panels, with ``below`` pixels under them."""
-    placed = "".join(
-        f'<g transform="translate({i * (WIDTH + _GAP) + _GAP} {_TOP})">{panel}</g>'
+    """Return a chart as an SVG file: panels side by side, with ``below`` pixels under them for ``legend``.
+
+    ``panels`` and ``legend`` are SVG markup: panels around their own upper left corner, the legend around that of
+    the picture.
+    """
+    column_width = _GAP + WIDTH
+    placed_panels = "".join(
+        f'<g transform="translate({i * column_width + _GAP} {_TOP})">{panel}</g>'
         for i, panel in enumerate(panels)
     )
-    inside = f"{soft_text(16, 39, 'start', subtitle)}{placed}{legend}"
-    return sheet(len(panels) * (WIDTH + _GAP) + RIGHT, BOTTOM + below, title, style, inside)
+    inside = f"{soft_text(_MARGIN, _SUBTITLE_Y, 'start', subtitle)}{placed_panels}{legend}"
+    width = len(panels) * column_width + RIGHT
+    return sheet(width, BOTTOM + below, title, style, inside)
 
 
 def axes(title: str, x_label: str, x: Axis, y: Axis) -> str:
-    """Draw the axes of a panel."""
+    """Draw the axes of a panel, with the title of the panel above."""
     rows = "".join(_axis_row(HEIGHT * (1 - place), label) for place, label in y.places)
     columns = "".join(_axis_column(WIDTH * place, label) for place, label in x.places)
+    title_y = -10  # above the panel
     return f"""\
-{soft_text(0, -10, "start", title)}
+{soft_text(0, title_y, "start", title)}
 {rows}{columns}{polyline("frame", [(0, HEIGHT), (WIDTH, HEIGHT)])}
-{soft_text(WIDTH / 2, HEIGHT + 34, "middle", x_label)}
+{soft_text(WIDTH / 2, HEIGHT + _AXIS_LABEL_Y, "middle", x_label)}
 """
 
 
 def _axis_row(y: float, label: str) -> str:
     """Draw a line across a panel, with its label to the left."""
-    return polyline("grid", [(0, y), (WIDTH, y)]) + soft_text(-7, y + 4, "end", label)
+    line = polyline("grid", [(0, y), (WIDTH, y)])
+    label_x = -7  # to the left of the panel
+    return line + soft_text(label_x, y + _HALF_LETTER, "end", label)
 
 
 def _axis_column(x: float, label: str) -> str:
     """Draw a tick at the lower edge of a panel, with its label below."""
-    tick = polyline("frame", [(x, HEIGHT), (x, HEIGHT + 4)])
-    return tick + soft_text(x, HEIGHT + 17, "middle", label)
+    tick = polyline("frame", [(x, HEIGHT), (x, HEIGHT + _TICK)])
+    return tick + soft_text(x, HEIGHT + _TICK_TEXT_Y, "middle", label)
 
 
 def soft_text(x: float, y: float, anchor: Anchor, text: str) -> str:
-    """Write a text in the colour of what explains a picture."""
+    """Write a text in the soft colour, that of labels and legends."""
     return (
         f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escaped(text)}</text>'
     )
 
 
 def polyline(kind: str, corners: Sequence[Point]) -> str:
-    """Draw a line through corners in the style of its class."""
+    """Draw a line through corners; ``kind`` is its class in the style sheets."""
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
     return f'<polyline class="{kind}" points="{points}"/>'
 
 
 def places(x: Axis, y: Axis, points: Sequence[Point]) -> list[Point]:
-    """Return points in pixels of their panel."""
-    return [(WIDTH * x.place(at_x), HEIGHT * (1 - y.place(at_y))) for at_x, at_y in points]
+    """Return points, given as values of the two axes, in pixels of their panel."""
+    return [
+        (WIDTH * x.place(x_value), HEIGHT * (1 - y.place(y_value))) for x_value, y_value in points
+    ]
 
 
 class Panel(Frozen):
-    """Curves over common axes, each linear or logarithmic; a logarithmic axis leaves out values up to 0."""
+    """Curves over common axes, each linear or logarithmic; a logarithmic axis leaves out values of 0 and below."""
 
     title: str
     x_label: str
@@ -108,20 +147,23 @@ class Panel(Frozen):
 
 
 def draw(title: str, panels: Sequence[Panel]) -> bytes:
-    """Return the picture as a file; equal input gives equal bytes."""
+    """Return a chart of curves as an SVG file; equal input gives equal bytes."""
+    # Each panel has a legend of its own, with a line per curve.
     below = _LEGEND + _LINE * max(len(panel.curves) for panel in panels)
     return chart(title, "", "curves.css", [_panel(panel) for panel in panels], below)
 
 
 def _panel(panel: Panel) -> str:
-    shown = [_points_on_axes(curve, panel) for curve in panel.curves]
-    x_axis = _axis_of([x for points in shown for x, _ in points], log=panel.x_log)
-    y_axis = _axis_of([y for points in shown for _, y in points], log=panel.y_log)
-    curves = "".join(
-        _curve(number, curve.label, places(x_axis, y_axis, points))
-        for number, (curve, points) in enumerate(zip(panel.curves, shown, strict=True))
-    )
-    return axes(panel.title, panel.x_label, x_axis, y_axis) + curves
+    """Draw a panel: its axes, its curves and their legend."""
+    points_by_curve = [_points_on_axes(curve, panel) for curve in panel.curves]
+    all_points = [point for points in points_by_curve for point in points]
+    x_axis = _axis_of([x for x, _ in all_points], log=panel.x_log)
+    y_axis = _axis_of([y for _, y in all_points], log=panel.y_log)
+    drawn = axes(panel.title, panel.x_label, x_axis, y_axis)
+    for number, curve in enumerate(panel.curves):
+        pixels = places(x_axis, y_axis, points_by_curve[number])
+        drawn += _curve(number, curve.label, pixels)
+    return drawn
 
 
 def _points_on_axes(curve: Curve, panel: Panel) -> list[Point]:
@@ -140,19 +182,24 @@ def _axis_of(values: Sequence[float], *, log: bool) -> Axis:
 
 
 def _curve(number: int, label: str, points: Sequence[Point]) -> str:
-    """Draw a curve and its dots, and below its panel a sample of it with its label."""
-    legend_y = HEIGHT + _LEGEND + number * _LINE
+    """Draw a curve and its dots, and in the legend below its panel a sample of it with its label.
+
+    ``number`` is that of the curve in its panel; it selects the style and the line of the legend.
+    """
+    label_y = HEIGHT + _LEGEND + number * _LINE
+    sample_y = label_y - _HALF_LETTER
     kind = f"curve c{number}"
     line = polyline(kind, points) if len(points) > 1 else ""
-    sample = polyline(kind, [(0, legend_y - 4), (_SAMPLE, legend_y - 4)])
+    sample = polyline(kind, [(0, sample_y), (_SAMPLE, sample_y)])
     dots = "".join(
         f'<circle class="dot d{number}" cx="{x:.1f}" cy="{y:.1f}" r="2.2"/>' for x, y in points
     )
-    return f"{line}{sample}{dots}{soft_text(_SAMPLE + 8, legend_y, 'start', label)}"
+    label_x = _SAMPLE + 8  # a gap between sample and label
+    return f"{line}{sample}{dots}{soft_text(label_x, label_y, 'start', label)}"
 
 
 def _figure(value: float) -> str:
-    """Return a number of a tick: very large and very small ones as a power of ten."""
+    """Return the text of a tick: very large and very small numbers as a power of ten."""
     if value == 0 or 1e-3 <= abs(value) < 1e7:
         return f"{value:,.10g}"
     mantissa, exponent = f"{value:.0e}".split("e")

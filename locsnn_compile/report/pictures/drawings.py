@@ -1,10 +1,11 @@
-"""Drawings of the page as inline SVG: bars, plots, rasters and meshes.
+"""Draw the pictures of report.html as inline SVG: bars, spans, plots, rasters and meshes.
 
-Horizontal lengths are percentages, so a drawing fills its width; vertical lengths are pixels. Drawings can be read
-without colour: parts differ in pattern, dash, place or shape, and each drawing has a description in words.
+Horizontal lengths are percentages, so a drawing fills the width of the page, whatever that is; vertical lengths are
+pixels, all chosen by hand. Drawings can be read without colour: parts differ in pattern, dash, place or shape, and each
+drawing has a description in words for screen readers.
 
-A spike on both sides is a stroke as high as its row. A spike only in the reference is a thick stroke in the upper half
-of its row, and one only on the chip in the lower half, so place and width tell the sides apart.
+In a raster, a spike on both sides is a stroke as high as its row. A spike only in the reference is a thick stroke in
+the upper half of its row, and one only on the chip in the lower half, so place and width tell the sides apart.
 """
 
 from html import escape
@@ -16,30 +17,50 @@ from locsnn_compile.report.format import plain
 AXIS_HEIGHT = 38
 """Pixels of the horizontal axis below a picture: its ticks, their texts and its label."""
 _PATTERNS = 6
-"""Patterns that parts are filled with, in turn; :func:`patterns` defines them."""
-_FIRST, _LAST = 1.0, 99.0
-"""Places in percent where the axis of a span begins, at zero, and ends."""
-_SPAN_AXIS, _TICK_HEIGHT = 29, 21
-"""Pixels from the top of a span to its axis, and of the ticks of an axis with their texts."""
-_PLOT_TOP, _PLOT_HEIGHT = 16, 150
-"""Pixels above the curves, and of the curves."""
+"""Number of patterns that parts are filled with, in turn; :func:`patterns` defines them."""
+_BAR_HEIGHT = 10
+"""Height of a bar in a table, in pixels."""
+_STACK_HEIGHT = 28
+"""Height of a bar that is cut into shares, in pixels."""
+_SPAN_START = 1.0
+"""Where the axis of a span begins, at zero, in percent of its width; the rest is room for half a mark."""
+_SPAN_END = 99.0
+"""Where the axis of a span ends, in percent of its width."""
+_SPAN_AXIS = 29
+"""Pixels from the top of a span to its axis."""
+_SPAN_MARKS = 14
+"""Pixels from the top of a span to the middle of its marks."""
+_TICK_HEIGHT = 21
+"""Height of the ticks of an axis with their texts, in pixels."""
+_PLOT_TOP = 16
+"""Pixels above the curves of a plot, for the label of the highest line."""
+_PLOT_HEIGHT = 150
+"""Height of the curves of a plot, in pixels."""
 _RASTER_TOP = 14
-"""Pixels above the rows, for the flag."""
-_KINDS = {"equal": (1, 6), "reference": (0, 4), "chip": (4, 4), "event": (1, 6)}
-"""Start of a stroke in its row of 8 units, and its length."""
+"""Pixels above the rows of a raster, for the flag."""
 _ROW = 8
+"""Units of a row of a raster, which is stretched to its pixels."""
+_STROKES = {"equal": (1, 6), "reference": (0, 4), "chip": (4, 4), "event": (1, 6)}
+"""Where a stroke of each kind begins in its row, and its length, in units of the row."""
 _PICTURE_HEIGHT = 300
-"""Pixels that the rows of a picture share; with more than 300 rows it is higher, because a row has a pixel at least."""
+"""Pixels that the rows of a raster share; with more than 300 rows it is higher, because a row has a pixel at least."""
 _HIGHEST_ROW = 8
-"""Most pixels of a row, of which 2 are the gap below it."""
+"""Most pixels of a row of a raster."""
 _LOWEST_ROW = 1
-"""Fewest pixels of a row."""
-_CORE, _GAP = 26, 5
-"""Vertical pixels of a core, and between tiles."""
+"""Fewest pixels of a row of a raster."""
+_CORE_HEIGHT = 26
+"""Height of a core of a mesh, in pixels."""
+_TILE_GAP = 5
+"""Pixels between a tile of a mesh and the next below."""
+_TILE_GAP_SHARE = 0.08
+"""Room between two tiles side by side, as a share of the width of a tile."""
+_MARK_HEIGHT = 14
+"""Height of a mark in a legend, in pixels."""
 
 
 def patterns() -> str:
-    """Return the definitions that the other drawings refer to, needed once per page."""
+    """Return the definitions of the patterns ``p0``, ``p1``, ... that other drawings refer to, needed once per page."""
+    # Full, rising stripes, dots, lying stripes, a lattice, standing stripes.
     fills = (
         '<rect width="8" height="8" class="ink"/>',
         '<rect width="8" height="8" class="tint"/>'
@@ -51,34 +72,37 @@ def patterns() -> str:
         '<path d="M-2 -2L10 10M-2 10L10 -2" class="line"/>',
         '<rect width="8" height="8" class="paper"/><path d="M2 0V8M6 0V8" class="line"/>',
     )
-    defined = "".join(
+    definitions = "".join(
         f'<pattern id="p{i}" width="8" height="8" patternUnits="userSpaceOnUse">{fill}</pattern>'
         for i, fill in enumerate(fills)
     )
     return (
         '<svg class="defs" width="0" height="0" aria-hidden="true" focusable="false">'
-        f"<defs>{defined}</defs></svg>"
+        f"<defs>{definitions}</defs></svg>"
     )
 
 
 def bar(cell: Bar) -> str:
-    """Return a track filled up to the cell's share, or by what it lacks."""
+    """Return a bar, filled up to the cell's share or, with ``full_at``, by what the share lacks of 1."""
     filling = Bar(cell.drawn, cell.label, cell.pattern)
     kind = "bar" if cell.full_at is None else "bar lack"
-    return _track(kind, 10, cell.label, _part(0.0, filling, 10))
+    return _track(kind, _BAR_HEIGHT, cell.label, _part(0.0, filling, _BAR_HEIGHT))
 
 
 def stack(drawn: Stack) -> str:
     """Return one bar cut into its shares, each with its own pattern."""
-    starts = accumulate((part.share or 0.0 for part in drawn.shares), initial=0.0)
+    shares = [part.share or 0.0 for part in drawn.shares]
+    starts = [0.0, *accumulate(shares)]
+    # The last start is the end of the last part, so there is one more than parts.
     parts = "".join(
-        _part(start, part, 28) for start, part in zip(starts, drawn.shares, strict=False)
+        _part(start, part, _STACK_HEIGHT) for start, part in zip(starts, drawn.shares, strict=False)
     )
-    label = f"{drawn.label}: {'; '.join(part.label for part in drawn.shares) or 'nothing'}"
-    return _track("stack", 28, label, parts)
+    part_labels = "; ".join(part.label for part in drawn.shares) or "nothing"
+    return _track("stack", _STACK_HEIGHT, f"{drawn.label}: {part_labels}", parts)
 
 
 def _track(kind: str, height: int, label: str, parts: str) -> str:
+    """Return an empty bar with parts on it; ``label`` is for screen readers."""
     return (
         f'<svg class="{kind}" width="100%" height="{height}" role="img"'
         f' aria-label="{_text(label)}">'
@@ -87,10 +111,11 @@ def _track(kind: str, height: int, label: str, parts: str) -> str:
 
 
 def _part(start: float, part: Bar, height: int) -> str:
-    """Return a share of a track, filled with a pattern; nothing for no share or a share of 0."""
+    """Return a part of a bar from ``start`` (0..1) on, filled with its pattern; nothing without a share above 0."""
     if not part.share:
         return ""
     x = _percent(100 * start)
+    # A share may exceed 1 where more is used than there is.
     width = _percent(100 * min(part.share, 1.0))
     pattern = part.pattern % _PATTERNS
     return f'<rect class="part" x="{x}" width="{width}" height="{height}" fill="url(#p{pattern})"/>'
@@ -98,32 +123,41 @@ def _part(start: float, part: Bar, height: int) -> str:
 
 def span(drawn: Span) -> str:
     """Return an axis from 0, with a band from least to most, a stroke at the median, and a dot at the mean."""
-    places = (_span_place(drawn.axis.place(value)) for value in drawn.values)
-    least, median, mean, most = (_percent(place) for place in places)
+    places = [_span_percent(drawn.axis.place(value)) for value in drawn.values]
+    least, median, mean, most = map(_percent, places)
     ticks = "".join(
-        _axis_tick(_span_place(place) / 100, text, _SPAN_AXIS) for place, text in drawn.axis.places
+        _axis_tick(_span_percent(place) / 100, text, _SPAN_AXIS)
+        for place, text in drawn.axis.places
     )
     facts = ", ".join(f"{fact.label} {fact.value}" for fact in drawn.facts)
     label = _text(f"{drawn.title}: {facts}; drawn from 0")
     return (
         f'<svg class="span" width="100%" height="{_SPAN_AXIS + _TICK_HEIGHT}" role="img"'
         f' aria-label="{label}">'
-        f'<line class="axis" x1="1%" x2="99%" y1="{_SPAN_AXIS}" y2="{_SPAN_AXIS}"/>{ticks}'
-        f'<line class="band" x1="{least}" x2="{most}" y1="14" y2="14"/>'
-        f'<line class="end" x1="{least}" x2="{least}" y1="7" y2="21"/>'
-        f'<line class="end" x1="{most}" x2="{most}" y1="7" y2="21"/>'
-        f'<line class="median" x1="{median}" x2="{median}" y1="1" y2="27"/>'
-        f'<circle class="mean" cx="{mean}" cy="14" r="5.5"/></svg>'
+        f'<line class="axis" x1="{_SPAN_START:g}%" x2="{_SPAN_END:g}%"'
+        f' y1="{_SPAN_AXIS}" y2="{_SPAN_AXIS}"/>{ticks}'
+        f'<line class="band" x1="{least}" x2="{most}" y1="{_SPAN_MARKS}" y2="{_SPAN_MARKS}"/>'
+        f"{_span_line('end', least, 7)}"
+        f"{_span_line('end', most, 7)}"
+        f"{_span_line('median', median, 13)}"
+        f'<circle class="mean" cx="{mean}" cy="{_SPAN_MARKS}" r="5.5"/></svg>'
     )
 
 
-def _span_place(share: float) -> float:
-    """Return where a share of the axis of a span lies, in percent of its width."""
-    return _FIRST + (_LAST - _FIRST) * share
+def _span_line(kind: str, x: str, half_height: int) -> str:
+    """Return an upright line through the marks of a span; ``half_height`` is in pixels."""
+    top = _SPAN_MARKS - half_height
+    bottom = _SPAN_MARKS + half_height
+    return f'<line class="{kind}" x1="{x}" x2="{x}" y1="{top}" y2="{bottom}"/>'
+
+
+def _span_percent(share: float) -> float:
+    """Return where a share (0..1) of the axis of a span lies, in percent of the width of the drawing."""
+    return _SPAN_START + (_SPAN_END - _SPAN_START) * share
 
 
 def span_mark(kind: str) -> str:
-    """Return the sign of ``least``, ``median``, ``mean`` or ``most`` in a ``span``, to stand next to its name."""
+    """Return the mark of ``least``, ``median``, ``mean`` or ``most`` in a span, for its legend."""
     if kind == "mean":
         return _mark(14, '<circle class="mean" cx="7" cy="7" r="4.5"/>')
     if kind == "median":
@@ -132,13 +166,14 @@ def span_mark(kind: str) -> str:
 
 
 def curve_mark(index: int) -> str:
-    """Return a sample of a curve, to stand next to its label."""
+    """Return a sample of a curve, for the legend of its plot; ``index`` is its number in the plot."""
     return _mark(26, f'<line class="curve c{index}" x1="0" x2="26" y1="7" y2="7"/>')
 
 
 def stroke_mark(kind: str) -> str:
-    """Return a stroke in its row, to stand next to its label."""
-    start, length = _KINDS[kind]
+    """Return a stroke in its row, for the legend of a raster."""
+    start, length = _STROKES[kind]
+    # The row lies 3 pixels below the top of the mark, between two thin lines.
     return _mark(
         14,
         '<path class="grid" d="M0 2.5h14M0 11.5h14"/>'
@@ -147,8 +182,10 @@ def stroke_mark(kind: str) -> str:
 
 
 def _mark(width: int, inside: str) -> str:
+    """Return a small drawing of ``width`` pixels for a legend."""
     return (
-        f'<svg class="mark" width="{width}" height="14" aria-hidden="true" focusable="false">'
+        f'<svg class="mark" width="{width}" height="{_MARK_HEIGHT}"'
+        ' aria-hidden="true" focusable="false">'
         f"{inside}</svg>"
     )
 
@@ -156,10 +193,11 @@ def _mark(width: int, inside: str) -> str:
 def plot(drawn: Plot) -> str:
     """Return curves over a grid, each with its own dash; labels of the vertical axis stand above its lines.
 
-    Curves are drawn in a square of 100 by 100 that is stretched to its place, but their strokes are not stretched.
+    Curves are drawn in a square of 100 by 100 units that is stretched to the width of the page. Percentages, as in the
+    other drawings, are not possible in a polyline. The strokes are not stretched.
     """
     bottom = _PLOT_TOP + _PLOT_HEIGHT
-    ticks = [(_PLOT_TOP + (1.0 - at) * _PLOT_HEIGHT, label) for at, label in drawn.y.places]
+    ticks = [(_PLOT_TOP + (1.0 - place) * _PLOT_HEIGHT, label) for place, label in drawn.y.places]
     grid = "".join(
         f'<line class="grid" x1="0%" x2="100%" y1="{y:.1f}" y2="{y:.1f}"/>' for y, _ in ticks
     )
@@ -182,7 +220,7 @@ def plot(drawn: Plot) -> str:
 
 
 def _curve(index: int, points: list[tuple[float, float]]) -> str:
-    """Return a line through points, 0..1 from the lower left corner; nothing without points."""
+    """Return a line through points, given as shares (0..1) from the lower left corner; nothing without points."""
     if not points:
         return ""
     path = " ".join(f"{100 * x:.4g},{100 * (1 - y):.4g}" for x, y in points)
@@ -190,12 +228,16 @@ def _curve(index: int, points: list[tuple[float, float]]) -> str:
 
 
 def _marked_line(x: float, top: int, bottom: int) -> str:
-    """Return a dashed upright line at a place in percent."""
+    """Return a dashed upright line at ``x`` percent of the width."""
     return f'<line class="marked" x1="{_percent(x)}" x2="{_percent(x)}" y1="{top}" y2="{bottom}"/>'
 
 
 def raster(drawn: Raster) -> str:
-    """Return the strokes over their axis, with a dashed line and a ring at the flag."""
+    """Return spikes as strokes over their axis, with a dashed line and a ring at the flag.
+
+    Strokes are drawn in units, a column wide and :data:`_ROW` high each, and stretched to their place. A stroke
+    stands at the whole number of its column, so the units begin at -0.5.
+    """
     row_height = _row_height(drawn.rows)
     height = round(row_height * drawn.rows)
     bottom = _RASTER_TOP + height
@@ -212,14 +254,14 @@ def raster(drawn: Raster) -> str:
 
 
 def _row_height(rows: int) -> float:
-    """Return the pixels of each of ``rows`` rows."""
-    shared = _PICTURE_HEIGHT / max(1, rows)
-    return min(max(shared, float(_LOWEST_ROW)), float(_HIGHEST_ROW))
+    """Return the height of a row in pixels, in a raster of ``rows`` rows."""
+    share_of_picture = _PICTURE_HEIGHT / max(1, rows)
+    return min(max(share_of_picture, float(_LOWEST_ROW)), float(_HIGHEST_ROW))
 
 
 def _strokes(strokes: Strokes) -> str:
-    """Return all strokes of a kind as one path; nothing without strokes."""
-    start, length = _KINDS[strokes.kind]
+    """Return all strokes of a kind as one path, which keeps the page small; nothing without strokes."""
+    start, length = _STROKES[strokes.kind]
     path = "".join(f"M{column} {_ROW * row + start}v{length}" for column, row in strokes.points)
     if not path:
         return ""
@@ -234,6 +276,7 @@ def _flag(drawn: Raster, row_height: float, bottom: int) -> str:
     place = (column + 0.5) / drawn.columns
     x = _percent(100 * place)
     y = _RASTER_TOP + (row + 0.5) * row_height
+    # The label stands on the side of the line where there is more room.
     anchor, shift = ("start", 6) if place < 0.5 else ("end", -6)
     return (
         f"{_marked_line(100 * place, 4, bottom)}"
@@ -244,42 +287,49 @@ def _flag(drawn: Raster, row_height: float, bottom: int) -> str:
 
 
 def _axis(bottom: int, drawn: Plot | Raster) -> str:
-    """Return the ticks of a horizontal axis with their texts, and the label below them."""
+    """Return the ticks of a horizontal axis with their texts, and the name of the axis below them."""
     ticks = "".join(_axis_tick(place, label, bottom) for place, label in drawn.x.places)
+    name_y = bottom + 33
     return (
-        f'{ticks}<text class="tick" text-anchor="middle" x="50%" y="{bottom + 33}">'
+        f'{ticks}<text class="tick" text-anchor="middle" x="50%" y="{name_y}">'
         f"{_text(drawn.x_label)}</text>"
     )
 
 
 def _axis_tick(place: float, label: str, bottom: int) -> str:
-    """Return a tick at a place of 0..1; at both ends its text stays within the picture."""
+    """Return a tick at ``place`` (0..1) of the width, with its text below; ``bottom`` is the axis's y in pixels."""
     x = _percent(100 * place)
+    # A text within 3 % of an end would stick out of the picture if it were centred.
     anchor = "middle"
     if place < 0.03:
         anchor = "start"
     elif place > 0.97:
         anchor = "end"
+    tick_end = bottom + 4
+    text_y = bottom + 17
     return (
-        f'<line class="axis" x1="{x}" x2="{x}" y1="{bottom}" y2="{bottom + 4}"/>'
-        f'<text class="tick" text-anchor="{anchor}" x="{x}" y="{bottom + 17}">{_text(label)}</text>'
+        f'<line class="axis" x1="{x}" x2="{x}" y1="{bottom}" y2="{tick_end}"/>'
+        f'<text class="tick" text-anchor="{anchor}" x="{x}" y="{text_y}">{_text(label)}</text>'
     )
 
 
 def mesh(drawn: Mesh) -> str:
-    """Return tiles with their cores; the number in a core is its use in percent."""
+    """Return tiles with their cores; the number in a core is its use in percent.
+
+    Lengths across are in percent of the width, and lengths down in pixels.
+    """
     tile_width = 100 / drawn.columns
-    gap = tile_width * 0.08
+    gap = tile_width * _TILE_GAP_SHARE
     core_width = (tile_width - gap) / drawn.tile_columns
-    cores_height = _CORE * drawn.tile_rows
-    tile_height = cores_height + _GAP
+    cores_height = _CORE_HEIGHT * drawn.tile_rows
+    tile_height = cores_height + _TILE_GAP
     tiles = "".join(
         _rectangle(
             "tile",
-            column * tile_width + gap / 2,
-            row * tile_height,
-            tile_width - gap,
-            cores_height,
+            left=column * tile_width + gap / 2,
+            top=row * tile_height,
+            width=tile_width - gap,
+            height=cores_height,
         )
         for row, column in product(range(drawn.rows), range(drawn.columns))
     )
@@ -288,7 +338,7 @@ def mesh(drawn: Mesh) -> str:
         tile_column, column_in_tile = divmod(core.column, drawn.tile_columns)
         tile_row, row_in_tile = divmod(core.row, drawn.tile_rows)
         left = tile_column * tile_width + gap / 2 + column_in_tile * core_width
-        top = tile_row * tile_height + row_in_tile * _CORE
+        top = tile_row * tile_height + row_in_tile * _CORE_HEIGHT
         cores += _core(core, left, top, core_width)
     return (
         f'<svg class="mesh" width="100%" height="{drawn.rows * tile_height}" role="img">'
@@ -299,17 +349,20 @@ def mesh(drawn: Mesh) -> str:
 
 def _core(core: MeshCore, left: float, top: float, width: float) -> str:
     """Return a core, filled from below to its share, with its text."""
-    filled = max(2.0, core.share * _CORE)
+    # At least 2 pixels, so that a core in use never looks free.
+    filled_height = max(2.0, core.share * _CORE_HEIGHT)
+    fill_top = top + _CORE_HEIGHT - filled_height
+    text_y = top + 17
     return (
-        f"{_rectangle('core', left, top, width, _CORE)}"
-        f"{_rectangle('fill', left, top + _CORE - filled, width, filled)}"
+        f"{_rectangle('core', left, top, width, _CORE_HEIGHT)}"
+        f"{_rectangle('fill', left, fill_top, width, filled_height)}"
         f'<text class="value" text-anchor="middle" x="{_percent(left + width / 2)}"'
-        f' y="{top + 17:g}">{_text(core.text)}</text>'
+        f' y="{text_y:g}">{_text(core.text)}</text>'
     )
 
 
 def _rectangle(kind: str, left: float, top: float, width: float, height: float) -> str:
-    """Return a rectangle: across in percent, down in pixels."""
+    """Return a rectangle of a style class; ``left`` and ``width`` in percent, ``top`` and ``height`` in pixels."""
     return (
         f'<rect class="{kind}" x="{_percent(left)}" y="{top:g}"'
         f' width="{_percent(width)}" height="{height:g}"/>'
@@ -317,7 +370,7 @@ def _rectangle(kind: str, left: float, top: float, width: float, height: float) 
 
 
 def _percent(value: float) -> str:
-    """Return a horizontal place or length."""
+    """Return a horizontal place or length in percent as SVG writes it."""
     return f"{value:.2f}%"
 
 

@@ -1,4 +1,8 @@
-"""Rasters of one recording as text and as SVG, with time to the right and channels downwards."""
+"""Draw the events of one recording as a raster, in text and as SVG, with time to the right and channels downwards.
+
+``locsnn events`` shows them. A large recording is drawn more coarsely: a block of several steps and channels
+becomes one character or mark.
+"""
 
 import math
 
@@ -8,15 +12,15 @@ from hw_model.values import ByteArray, FloatArray
 from locsnn_compile.report.pictures.chart import sheet, soft_text
 
 SHADES = " ░▒▓█"
-# Larger recordings are drawn more coarsely.
+"""Characters for blocks without events, and with more and more of them."""
 TEXT_COLUMNS = 64
 TEXT_ROWS = 20
-"""Most characters of a line, and most lines of a text."""
+"""Most characters of a line, and most lines of a text, chosen by hand to fit a terminal."""
 PICTURE_COLUMNS = 1000
 PICTURE_ROWS = 500
-"""Most marks of a picture from left to right, and from top to bottom."""
+"""Most marks of a picture from left to right, and from top to bottom, chosen by hand: finer ones cannot be seen."""
 
-# Pixels: of the plot, and around it.
+# Sizes in pixels: of the plot, and of the margins around it, which hold the texts.
 _PLOT_WIDTH = 720
 _PLOT_HEIGHT = 320
 _LEFT = 56
@@ -29,11 +33,13 @@ def text_raster(spikes: ByteArray) -> list[str]:
     """Return the lines of a raster of one recording (steps, channels).
 
     A character covers several steps and channels. It is blank without events, and darker the larger the share of bins
-    with an event, relative to the darkest character.
+    with an event, relative to the darkest character. A bin is one channel in one step.
     """
     shares = _coarse(spikes, TEXT_COLUMNS, TEXT_ROWS)
-    darkest = float(shares.max()) or 1.0  # of a recording without events
-    levels = np.ceil(shares / darkest * (len(SHADES) - 1)).astype(int)
+    # In a recording without events, the largest share is 0.
+    largest = float(shares.max()) or 1.0
+    # Rounded up, so that a single event is not blank.
+    levels = np.ceil(shares / largest * (len(SHADES) - 1)).astype(int)
     return ["".join(SHADES[level] for level in row) for row in levels]
 
 
@@ -69,12 +75,16 @@ def _path_of_events(spikes: ByteArray) -> str:
 
 
 def _coarse(spikes: ByteArray, most_columns: int, most_rows: int) -> FloatArray:
-    """Return, for blocks (rows, columns) of channels and steps, the share of bins with an event."""
+    """Return the share of bins with an event in each block of channels and steps, (rows, columns).
+
+    ``spikes`` are (steps, channels); there are at most as many rows and columns as asked for.
+    """
     steps, channels = spikes.shape
     steps_per_block = math.ceil(steps / most_columns)
     channels_per_block = math.ceil(channels / most_rows)
     columns = math.ceil(steps / steps_per_block)
     rows = math.ceil(channels / channels_per_block)
+    # Padded with silence, so that the last blocks are as large as the others.
     padded = np.zeros((columns * steps_per_block, rows * channels_per_block))
     padded[:steps, :channels] = spikes
     blocks = padded.reshape(columns, steps_per_block, rows, channels_per_block)

@@ -1,7 +1,8 @@
-"""Charts of marks.
+"""Draw scatter charts of settings as SVG files, such as energy against accuracy; ``locsnn explore`` writes them.
 
-Kinds have different shapes, marks on the front are filled, the recommended one has a ring, and a stair joins the marks
-that no other beats in the two figures of a panel.
+Each mark is a setting. Its shape tells its kind, such as the strategy. It is filled if the setting is on the front: no
+other setting is better in all figures that are compared, which may be more than the two of a panel. The recommended
+setting has a ring. A stair joins the marks that no other beats in the two figures of a panel alone; less is better.
 """
 
 import math
@@ -19,8 +20,9 @@ _SHAPES = """\
 <polygon id="shape2" points="0,-5.5 5.5,4.5 -5.5,4.5"/>
 <polygon id="shape3" points="0,-5.5 5.5,0 0,5.5 -5.5,0"/></defs>
 """
-"""The shapes of marks: a circle, a square, a triangle and a diamond."""
+"""The shapes of marks: a circle, a square, a triangle and a diamond, of about equal area."""
 _SHAPE_COUNT = 4
+"""Number of shapes; further kinds take the first ones again."""
 _LEGEND = 68
 """Pixels from the lower edge of the panels to the middle of the legend."""
 _BELOW = 88
@@ -30,16 +32,22 @@ _RADIUS = 4.5
 _RING = 9
 """Radius of the ring around the recommended mark, in pixels."""
 _LETTER = 6.2
-"""Approximate width of a letter of a label in pixels, to keep labels apart."""
+"""Approximate width of a letter of a label in pixels, at 11 pixels of height, to keep labels apart."""
 _LINE = 12
-"""Height of a line of a label in pixels."""
+"""Height of a label in pixels."""
 
 Box = tuple[float, float, float, float]
-"""Left, top, right and bottom."""
+"""Left, top, right and bottom of a rectangle, in pixels of a panel."""
 
 
 class Mark(Frozen):
-    """One setting: both figures, its ``kind``, the label next to it, and the words shown when pointing at it."""
+    """One setting as a mark.
+
+    - ``x``, ``y``: its two figures
+    - ``kind``: the number of its kind, which gives its shape
+    - ``label``: stands next to it where there is room; ``words`` are shown when pointing at it
+    - ``front``: whether no other setting is better in all figures; ``taken``: whether it is recommended
+    """
 
     x: float
     y: float
@@ -61,7 +69,7 @@ class Panel(Frozen):
 
 
 def draw(title: str, subtitle: str, kinds: Sequence[str], panels: Sequence[Panel]) -> bytes:
-    """Return the picture as a file; equal input gives equal bytes."""
+    """Return a chart as an SVG file; equal input gives equal bytes. ``kinds`` are the names of kinds, by number."""
     legend = _legend(kinds, chart.BOTTOM + _LEGEND)
     return chart.chart(
         title, subtitle, "marks.css", [_panel(panel) for panel in panels], _BELOW, legend
@@ -69,6 +77,7 @@ def draw(title: str, subtitle: str, kinds: Sequence[str], panels: Sequence[Panel
 
 
 def _panel(panel: Panel) -> str:
+    """Draw a panel: its axes, the stair, and above it the marks with their labels."""
     x_axis = linear_axis([mark.x for mark in panel.marks], panel.x_text)
     y_axis = linear_axis([mark.y for mark in panel.marks], panel.y_text)
     places = chart.places(x_axis, y_axis, [(mark.x, mark.y) for mark in panel.marks])
@@ -80,22 +89,30 @@ def _panel(panel: Panel) -> str:
 
 
 def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
-    """Draw the marks, those on the front last, and label those where there is room."""
+    """Draw the marks, and label those on the front where there is room.
+
+    Marks on the front are drawn last, and the recommended one after all others, so that nothing hides them.
+    Labels are placed in the opposite order, because the first labels find most room.
+    """
     order = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front))
     drawn = "".join(_mark(marks[i], *places[i]) for i in order)
-    sizes = [_RING if mark.taken else _RADIUS for mark in marks]
-    occupied = [
-        (x - size, y - size, x + size, y + size) for (x, y), size in zip(places, sizes, strict=True)
-    ]
+    occupied = [_box_of_mark(mark, *place) for mark, place in zip(marks, places, strict=True)]
     for i in reversed(order):
         if not (marks[i].front or marks[i].taken):
             continue
         for anchor, box in _label_places(*places[i], marks[i].label):
-            if not any(_overlap(box, other) for other in occupied):
+            is_free = not any(_overlap(box, other) for other in occupied)
+            if is_free:
                 drawn += _label(marks[i].label, anchor, box)
                 occupied.append(box)
                 break
     return drawn
+
+
+def _box_of_mark(mark: Mark, x: float, y: float) -> Box:
+    """Return the rectangle that a mark covers, with its ring if it has one."""
+    size = _RING if mark.taken else _RADIUS
+    return x - size, y - size, x + size, y + size
 
 
 def _mark(mark: Mark, x: float, y: float) -> str:
@@ -107,6 +124,7 @@ def _mark(mark: Mark, x: float, y: float) -> str:
 
 
 def _label(label: str, anchor: chart.Anchor, box: Box) -> str:
+    """Write a label into its box; its baseline lies 3 pixels above the lower edge, for letters such as g."""
     left, _, right, bottom = box
     x = right if anchor == "end" else left
     return (
@@ -118,40 +136,49 @@ def _label(label: str, anchor: chart.Anchor, box: Box) -> str:
 def _label_places(x: float, y: float, label: str) -> list[tuple[chart.Anchor, Box]]:
     """Return possible places of a label within the panel, the best first: right, left, above and below."""
     width = _LETTER * len(label)
-    away = _RING + 2
-    middle = y - _LINE / 2
-    above = y - away - _LINE
-    below = y + away
+    # Two pixels beyond a ring, also where a mark has none, so that all labels stand alike.
+    distance = _RING + 2
+    beside_top = y - _LINE / 2
+    above_top = y - distance - _LINE
+    below_top = y + distance
     corners: list[tuple[chart.Anchor, chart.Point]] = [
-        ("start", (x + away, middle)),
-        ("end", (x - away - width, middle)),
-        ("start", (x + 2, above)),
-        ("end", (x - 2 - width, above)),
-        ("start", (x + 2, below)),
-        ("end", (x - 2 - width, below)),
+        ("start", (x + distance, beside_top)),
+        ("end", (x - distance - width, beside_top)),
+        ("start", (x + 2, above_top)),
+        ("end", (x - 2 - width, above_top)),
+        ("start", (x + 2, below_top)),
+        ("end", (x - 2 - width, below_top)),
     ]
     boxes = [(anchor, (left, top, left + width, top + _LINE)) for anchor, (left, top) in corners]
     return [(anchor, box) for anchor, box in boxes if _within_panel(box)]
 
 
 def _within_panel(box: Box) -> bool:
+    """Whether a label lies within the panel or in the free margins to its right and above."""
     left, _, right, bottom = box
     return left >= 0 and right <= chart.WIDTH + chart.RIGHT and bottom <= chart.HEIGHT
 
 
 def _stair(places: Sequence[chart.Point]) -> str:
-    """Join the places without another to their lower left (pixels grow downwards, so lower figures have larger y)."""
+    """Join the marks that no other beats in both figures: those without another mark to their lower left.
+
+    From left to right, such a mark lies lower than all marks before it. Pixels grow downwards, so lower marks have
+    a larger y.
+    """
     corners: list[chart.Point] = []
-    lowest = -math.inf
+    lowest_y = -math.inf
+    # Of marks with the same x, the lowest comes first, so that it hides the others.
     for x, y in sorted(set(places), key=lambda place: (place[0], -place[1])):
-        if y > lowest:
-            corners += [(x, lowest), (x, y)] if corners else [(x, y)]
-            lowest = y
+        if y > lowest_y:
+            if corners:
+                corners.append((x, lowest_y))
+            corners.append((x, y))
+            lowest_y = y
     return chart.polyline("stair", corners) if len(corners) > 1 else ""
 
 
 def _legend(kinds: Sequence[str], y: float) -> str:
-    """Define the shapes of marks, and draw a sample of all that panels show, with its name."""
+    """Define the shapes of marks, and draw a sample of everything that panels show, with its name, in one line."""
     samples: list[tuple[str, Callable[[float, float], str]]] = [
         *((name, partial(_shape, kind, style="mark")) for kind, name in enumerate(kinds)),
         ("on the front", partial(_shape, 0, style="mark front")),
@@ -162,6 +189,7 @@ def _legend(kinds: Sequence[str], y: float) -> str:
         ),
     ]
     drawn = _SHAPES
+    # Each sample is drawn around (x, y); its name follows 12 pixels to the right, then a gap.
     x = 20.0
     for name, sample in samples:
         drawn += sample(x, y) + chart.soft_text(x + 12, y + 4, "start", name)

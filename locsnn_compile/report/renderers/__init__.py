@@ -1,1 +1,1 @@
-"""The report as a page, as Markdown, on the terminal, and as tables."""
+"""Give a report its form: an HTML page, Markdown, text on the terminal, or CSV tables."""

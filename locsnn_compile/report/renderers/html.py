@@ -1,4 +1,8 @@
-"""report.html: one page with the verdict first, and without scripts, fonts or requests."""
+"""Write report.html: one page with the verdicts first, and without scripts, fonts or requests.
+
+Every kind of content has a function that returns its markup. All strings of a report come from outside, such as names
+in a model file; :func:`text` and :func:`prose` escape them. ``style.css`` has the classes.
+"""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -11,15 +15,21 @@ from locsnn_compile.report.pictures import drawings
 from locsnn_compile.report.words import ASSUMED, SIGNS
 
 _MANY_COLUMNS = 7
-"""A table with more columns is set smaller."""
+"""A table with more columns is set in smaller letters; chosen by hand."""
 _FEW_COLUMNS = 4
-"""A table with no more columns fits a phone."""
-_LONGEST, _LONGEST_NAME, _LONGEST_NUMBER = 2000, 240, 28
-"""Characters at most: of a text, of a name that heads a row, and of a cell that is never wrapped."""
+"""A table with no more columns fits a phone; chosen by hand."""
+_LONGEST = 2000
+"""Most characters of a text; longer ones are cut, so that a hostile file cannot fill the page."""
+_LONGEST_NAME = 240
+"""Most characters of a name that heads a row."""
+_LONGEST_NUMBER = 28
+"""Most characters of a cell that is never wrapped; longer cells hold texts."""
 _OPTION = re.compile(r"(?<!\S)--[a-z-]+")
+"""An option of the command line in a sentence."""
 _DRAWN = '<span class="hidden">drawn</span>'
+"""The heading of a column of bars, for screen readers alone."""
 MAX_ROWS = 200
-"""A table with more rows is cut: networks may have any number of populations, and programs of cores."""
+"""Most rows of a table on the page: networks may have any number of populations, and programs of cores."""
 
 
 def render_html(report: content.Report) -> str:
@@ -40,7 +50,7 @@ def render_html(report: content.Report) -> str:
 
 
 def render_summary(report: content.Report) -> str:
-    """Return the verdicts as a table for a notebook, without a style of its own."""
+    """Return the verdicts as a table for a Jupyter notebook, without a style of its own."""
     rows = "".join(_verdict_row(verdict) for verdict in report.verdicts)
     return (
         f"<p><strong>{text(report.title)}</strong><br>{text(report.subtitle)}</p>"
@@ -63,11 +73,12 @@ def text(value: str) -> str:
 
 def prose(value: str) -> str:
     """Return a string that is safe in text, in which lines break neither before a unit nor within an option."""
-    return _OPTION.sub(r"<code>\g<0></code>", BEFORE_UNIT.sub("&nbsp;", text(value)))
+    with_units_joined = BEFORE_UNIT.sub("&nbsp;", text(value))
+    return _OPTION.sub(r"<code>\g<0></code>", with_units_joined)
 
 
 def verdicts_html(report: content.Report) -> str:
-    """Return what stands first: a row for each verdict, and the assumptions."""
+    """Return the top of the page: a row for each verdict, and the assumptions."""
     verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     return (
         '<section aria-labelledby="verdict"><h2 class="hidden" id="verdict">Verdict</h2>'
@@ -97,6 +108,7 @@ def _verdict(verdict: content.Verdict) -> str:
 
 
 def _facts_behind(verdict: content.Verdict) -> str:
+    """Return the facts of a verdict, folded under their labels; nothing without facts."""
     if not verdict.facts:
         return ""
     labels = ", ".join(text(fact.label) for fact in verdict.facts)
@@ -121,7 +133,7 @@ def link_html(section: content.Section) -> str:
 
 
 def section_html(section: content.Section) -> str:
-    """Return a section in this form."""
+    """Return a section as HTML."""
     if section.folded:
         return _folded_section(section)
     key = text(section.key)
@@ -135,7 +147,7 @@ def section_html(section: content.Section) -> str:
 
 
 def _folded_section(section: content.Section) -> str:
-    """Return a section that its heading opens; its lead says before what there is to see."""
+    """Return a section of which only the heading is shown until a reader opens it."""
     key = text(section.key)
     blocks = "".join(_block(block) for block in section.blocks)
     return (
@@ -171,7 +183,7 @@ def _block(block: content.Block) -> str:  # noqa: C901 - a case for each kind of
             description = f'<p class="said">{text(block.description)}</p>'
             return _figure(block.title, drawings.mesh(block) + description)
         case content.Folded():
-            inside = "".join(_block(each) for each in block.blocks)
+            inside = "".join(_block(inner) for inner in block.blocks)
             return (
                 f'<details class="more"><summary>{text(block.title)}</summary>'
                 f'<div class="blocks">{inside}</div></details>'
@@ -193,12 +205,13 @@ def _figure(title: str, inside: str) -> str:
 
 
 def _span_legend(span: content.Span) -> str:
-    ends = "".join(
+    """Return the least, median, mean and most in figures, each with the mark that it has in the drawing."""
+    entries = "".join(
         f"<div><dt>{drawings.span_mark(fact.label)}{text(fact.label)}</dt>"
         f"<dd>{text(fact.value)}</dd></div>"
         for fact in span.facts
     )
-    return f'<dl class="stats">{ends}</dl>'
+    return f'<dl class="stats">{entries}</dl>'
 
 
 def _plot_legend(plot: content.Plot) -> str:
@@ -220,55 +233,64 @@ def _legend(entries: Iterable[tuple[str, str]]) -> str:
 
 
 def _table(table: content.Table) -> str:
-    """Return a table; one of many rows is folded, and cut to :data:`MAX_ROWS` and the last row."""
+    """Return a table; a table of many rows is folded, and cut to :data:`MAX_ROWS` and the last row.
+
+    The last row stays because it may be the total.
+    """
     row_count = len(table.rows)
-    shown: Sequence[int] = range(row_count)
+    rows_shown: Sequence[int] = range(row_count)
     cut = ""
     if row_count > MAX_ROWS + 1:
-        shown = [*range(MAX_ROWS), row_count - 1]
-        cut = f", {len(shown)} of them shown here, all in report.json"
-    drawn = _table_of_rows(table, shown)
+        rows_shown = [*range(MAX_ROWS), row_count - 1]
+        cut = f", {len(rows_shown)} of them shown here, all in report.json"
+    markup = _table_of_rows(table, rows_shown)
     if row_count <= content.MANY_ROWS and not table.folded:
-        return drawn
+        return markup
     return (
         '<details class="long">'
         f"<summary>{text(table.caption)} ({row_count} rows{cut})</summary>"
-        f"{drawn}</details>"
+        f"{markup}</details>"
     )
 
 
-def _table_of_rows(table: content.Table, shown: Sequence[int]) -> str:
-    """Return a table that scrolls within its box if it is wider, by keyboard as well if it may be that wide."""
+def _table_of_rows(table: content.Table, rows_shown: Sequence[int]) -> str:
+    """Return some rows of a table, by their indices, in a box that scrolls if the table is wider."""
     kinds = _column_kinds(table)
-    named = zip(table.columns, kinds, strict=True)
-    heads = "".join(_column_head(name, kind) for name, kind in named)
+    heads = "".join(
+        _column_head(name, kind) for name, kind in zip(table.columns, kinds, strict=True)
+    )
     last = len(table.rows) - 1
-    rows = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
+    rows = ""
+    for i in rows_shown:
+        rows += _table_row(kinds, table.rows[i], is_total=table.total and i == last)
     look = "plain" if all(table.columns) else "barred"
     if len(table.columns) > _MANY_COLUMNS:
         look += " wide"
-    reached = ""
+    focus = ""
     if len(table.columns) > _FEW_COLUMNS:
-        reached = f' tabindex="0" role="region" aria-label="{text(table.caption)}"'
+        # Can be focused, so that it can be scrolled by keyboard as well.
+        focus = f' tabindex="0" role="region" aria-label="{text(table.caption)}"'
     return (
-        f'<div class="scroll"{reached}><table class="{look}">'
+        f'<div class="scroll"{focus}><table class="{look}">'
         f"<caption><span>{text(table.caption)}</span></caption>"
         f"<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
 
 def _column_head(name: str, kind: str) -> str:
+    """Return the heading of a column; ``kind`` is its attribute, as :func:`_column_kinds` gives it."""
     head = text(name).replace(" %", "&nbsp;%") or _DRAWN
     return f'<th scope="col"{kind}>{head}</th>'
 
 
 def _column_kinds(table: content.Table) -> list[str]:
-    """Return the class of each column: drawn, of texts, which wrap, or of numbers, which do not."""
+    """Return the class attribute of each column: drawn, of texts, which wrap, or none for numbers, which do not."""
     kinds = []
     for i, name in enumerate(table.columns):
         cells = (row[i] for row in table.rows[:MAX_ROWS])
-        texts = any(isinstance(cell, str) and len(cell) > _LONGEST_NUMBER for cell in cells)
-        if texts and i:
+        has_texts = any(isinstance(cell, str) and len(cell) > _LONGEST_NUMBER for cell in cells)
+        # The first column names the rows, and has a style of its own.
+        if has_texts and i > 0:
             kinds.append(' class="words"')
         elif name:
             kinds.append("")
@@ -277,17 +299,18 @@ def _column_kinds(table: content.Table) -> list[str]:
     return kinds
 
 
-def _table_row(kinds: list[str], row: tuple[content.Cell, ...], total: bool) -> str:
-    name, *cells = row
-    head = name.label if isinstance(name, content.Bar) else name
-    drawn = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
-    line = ' class="total"' if total else ""
-    return f'<tr{line}><th scope="row">{_breakable(head)}</th>{drawn}</tr>'
+def _table_row(kinds: list[str], row: tuple[content.Cell, ...], *, is_total: bool) -> str:
+    """Return a row, whose first cell is its heading; ``kinds`` are the attributes of the columns."""
+    first, *others = row
+    heading = first.label if isinstance(first, content.Bar) else first
+    cells = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], others, strict=True))
+    attribute = ' class="total"' if is_total else ""
+    return f'<tr{attribute}><th scope="row">{_breakable(heading)}</th>{cells}</tr>'
 
 
 def _cell(kind: str, cell: content.Cell) -> str:
-    drawn = drawings.bar(cell) if isinstance(cell, content.Bar) else text(cell)
-    return f"<td{kind}>{drawn}</td>"
+    inside = drawings.bar(cell) if isinstance(cell, content.Bar) else text(cell)
+    return f"<td{kind}>{inside}</td>"
 
 
 def _breakable(name: str) -> str:

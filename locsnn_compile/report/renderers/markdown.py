@@ -1,4 +1,4 @@
-"""report.md: the report as text that code hosts show as a page; only report.html has drawings."""
+"""Write report.md: the report as Markdown, which code hosts show as a page; only report.html has drawings."""
 
 import re
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from locsnn_compile.report.format import plain
 from locsnn_compile.report.words import ASSUMED
 
 _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
-"""Characters that Markdown may read as markup anywhere in a line; an underscore inside a word is text."""
+"""Characters that Markdown may read as markup anywhere in a line; an underscore between letters is text."""
 
 
 def render_markdown(report: content.Report) -> str:
@@ -27,11 +27,12 @@ def render_markdown(report: content.Report) -> str:
 def text(value: str) -> str:
     """Return a string that Markdown, the HTML in it and its tables show unchanged."""
     escaped = _SPECIAL.sub(lambda special: f"\\{special.group()}", plain(value))
+    # The ampersand first, as the other replacements add some.
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def verdicts_markdown(report: content.Report) -> str:
-    """Return what stands first: a paragraph and its facts for each verdict."""
+    """Return the top of the page: a paragraph and its facts for each verdict."""
     return "".join(_verdict(verdict) for verdict in report.verdicts)
 
 
@@ -58,7 +59,7 @@ def _notice(notice: content.Notice) -> str:
 
 
 def section_markdown(section: content.Section) -> str:
-    """Return a section in this form."""
+    """Return a section as Markdown."""
     blocks = "".join(_block(block) for block in section.blocks)
     return f"""\
 ## {text(section.title)}
@@ -69,7 +70,7 @@ def section_markdown(section: content.Section) -> str:
 
 
 def _block(block: content.Block) -> str:
-    """Return a block as text; of a drawing what is said of it, or nothing where a table has the same figures."""
+    """Return a block as text: for a drawing its description, or nothing where a table has the same figures."""
     match block:
         case str():
             return f"{text(block)}\n\n"
@@ -98,10 +99,11 @@ def _items(sentences: Sequence[str]) -> str:
 
 
 def _table(table: content.Table) -> str:
-    """Return the table without its drawn columns, below its caption."""
-    # Columns without a name are drawn, and so left out.
+    """Return a table without its columns of bars, under its caption."""
+    # Columns of bars have no name.
     shown_columns = [i for i, name in enumerate(table.columns) if name]
-    alignments = ["---", *("---:" for _ in shown_columns[1:])]
+    # Names to the left, numbers to the right.
+    alignments = ["---", *["---:"] * (len(shown_columns) - 1)]
     lines = [
         line([text(table.columns[i]) for i in shown_columns]),
         line(alignments),
@@ -112,7 +114,7 @@ def _table(table: content.Table) -> str:
 
 
 def _cell(cell: content.Cell) -> str:
-    """Return a cell as text; a bar is replaced by what stands beside it."""
+    """Return a cell as text; a bar is replaced by its label."""
     if isinstance(cell, content.Bar):
         return text(cell.label)
     return text(cell)

@@ -1,7 +1,8 @@
-"""The summary on the terminal: the verdicts, and a bar for every population."""
+"""Print the summary of a report on the terminal: the verdicts with their facts, and a bar for every population."""
 
 import re
 import textwrap
+from collections.abc import Sequence
 from itertools import groupby
 from string import digits
 
@@ -20,15 +21,18 @@ _STYLES = {
     "modelled": "bold",
 }
 _BAR = 24
-"""Characters of a full bar, where there is room."""
+"""Characters of a full bar, where the terminal is wide enough."""
 _AFTER_BAR = 9
-"""Characters kept for what stands to the right of a bar."""
+"""Characters to the right of a bar, for a blank and a share such as ``99.99 %``."""
 _LONGEST = 60
-"""Characters of a name; the rest is cut, but only here."""
-_LABEL, _WIDEST_LABEL = 18, 24
-"""Characters of a label and of the space after it: at least, and at most."""
+"""Most characters of a name on the terminal; files have it in full."""
+_NARROWEST_LABEL = 18
+"""Fewest characters of the column of labels, with the space after them."""
+_WIDEST_LABEL = 24
+"""Most characters of the column of labels, with the space after them."""
 _SHOWN_POPULATIONS = 8
-_HELD = "\u00a0"
+"""Most populations with a line of their own, chosen by hand; the report has all."""
+_NO_BREAK_SPACE = "\u00a0"
 """Replaces the blank between a number and its unit while lines are wrapped, to keep the two together."""
 _BLANKS_AT_ENDS = re.compile(" +$", re.MULTILINE)
 _ASCII = str.maketrans(
@@ -45,6 +49,7 @@ _ASCII = str.maketrans(
         "→": "->",
     }
 )
+"""Replacements for a terminal whose encoding is ASCII."""
 
 
 def render_terminal(report: Report, console: Console) -> None:
@@ -52,12 +57,13 @@ def render_terminal(report: Report, console: Console) -> None:
 
     The text is plain if the console is not a terminal, and ASCII if its encoding has nothing else.
     """
+    # Two names with " on " between them.
     _line(console, _short(report.title, 2 * _LONGEST + 4), style="bold")
     _line(console, _short(report.subtitle, 2 * _LONGEST), style="dim")
-    longest = max(
+    longest_label = max(
         (len(fact.label) for verdict in report.verdicts for fact in verdict.facts), default=0
     )
-    width = min(max(_LABEL, longest + 1), _WIDEST_LABEL)
+    width = min(max(_NARROWEST_LABEL, longest_label + 1), _WIDEST_LABEL)
     for verdict in report.verdicts:
         console.print()
         _verdict(console, verdict, width)
@@ -74,6 +80,7 @@ def render_terminal(report: Report, console: Console) -> None:
 
 
 def _verdict(console: Console, verdict: Verdict, width: int) -> None:
+    """Print a verdict and its facts; ``width`` is that of the column of labels."""
     lead = f"{SIGNS[verdict.status]} {verdict.question} {verdict.answer}."
     _line(console, f"{lead} {verdict.sentence}", style=_STYLES[verdict.status], styled=len(lead))
     for fact in verdict.facts:
@@ -81,45 +88,47 @@ def _verdict(console: Console, verdict: Verdict, width: int) -> None:
 
 
 def _populations(console: Console, report: Report, width: int) -> None:
-    """Print the first columns of the table of agreement by population, if the report has one, without its last row.
+    """Print the first columns of the table of agreement by population, if the report has one.
 
-    Populations without spikes whose names differ in a last number are one line.
+    Its last row, the sum, is left out. Populations without spikes whose names differ only in a last number share
+    a line.
     """
-    blocks = (
-        block
-        for section in report.sections
-        if section.key == "agreement"
-        for block in section.blocks
-    )
-    rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
-    lines = [list(alike) for _, alike in groupby(rows, _same_line)]
-    length = min(max(console.width - 2 - width - _AFTER_BAR, 2), _BAR)
-    for alike in lines[:_SHOWN_POPULATIONS]:
-        name, bar, equal, *_ = alike[0]
-        drawn = (
-            f"{_drawn(bar.share, length)} "
-            if isinstance(bar, Bar) and bar.share is not None
-            else ""
-        )
-        many = f"{len(alike)} populations, " if len(alike) > 1 else ""
-        label = f"{str(name).rstrip(digits)}*" if many else str(name)
-        _row(console, _ending(label, width - 1), f"{many}{drawn}{equal}", width)
-    left = sum(map(len, lines[_SHOWN_POPULATIONS:]))
-    if left:
-        _row(console, "...", f"and {plural(left, 'more population')} in the report", width)
+    rows = _rows_by_population(report)
+    lines = [list(rows_of_line) for _, rows_of_line in groupby(rows, _line_key)]
+    bar_length = min(max(console.width - 2 - width - _AFTER_BAR, 2), _BAR)
+    for rows_of_line in lines[:_SHOWN_POPULATIONS]:
+        name, bar, equal, *_ = rows_of_line[0]
+        label = str(name)
+        value = str(equal)
+        if isinstance(bar, Bar) and bar.share is not None:
+            value = f"{_bar(bar.share, bar_length)} {value}"
+        if len(rows_of_line) > 1:
+            label = f"{label.rstrip(digits)}*"
+            value = f"{len(rows_of_line)} populations, {value}"
+        _row(console, _ending(label, width - 1), value, width)
+    not_shown = sum(map(len, lines[_SHOWN_POPULATIONS:]))
+    if not_shown:
+        _row(console, "...", f"and {plural(not_shown, 'more population')} in the report", width)
 
 
-def _same_line(row: tuple[str | Bar, ...]) -> tuple[str | Bar, ...]:
-    """Return what rows have in common that are one line."""
+def _rows_by_population(report: Report) -> Sequence[tuple[str | Bar, ...]]:
+    """Return the rows of the first table of the section on agreement, without the sum; empty without a table."""
+    for section in report.sections:
+        if section.key == "agreement":
+            for block in section.blocks:
+                if isinstance(block, Table):
+                    return block.rows[:-1]
+    return ()
+
+
+def _line_key(row: tuple[str | Bar, ...]) -> tuple[str | Bar, ...]:
+    """Return a key that is equal for rows that share a line: their name without a last number, and their words."""
     name, bar, equal, *_ = row
-    return (
-        (name,)
-        if isinstance(bar, Bar) and bar.share is not None
-        else (str(name).rstrip(digits), equal)
-    )
+    has_spikes = isinstance(bar, Bar) and bar.share is not None
+    return (name,) if has_spikes else (str(name).rstrip(digits), equal)
 
 
-def _drawn(value: float, length: int) -> str:
+def _bar(value: float, length: int) -> str:
     """Return a bar of ``length`` characters that is full only for 1 and empty only for 0."""
     full = round(length * value)
     if 0 < value < 1:
@@ -128,6 +137,7 @@ def _drawn(value: float, length: int) -> str:
 
 
 def _row(console: Console, label: str, value: str, width: int) -> None:
+    """Print a label in a column of ``width`` characters, and a value that is wrapped next to it."""
     _line(
         console,
         f"  {_short(label, width - 1):<{width}}{value}",
@@ -140,19 +150,24 @@ def _row(console: Console, label: str, value: str, width: int) -> None:
 def _line(
     console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2
 ) -> None:
-    """Print a line, wrapped to the console with a hanging indent; its first ``styled`` characters in ``style``."""
-    folded = textwrap.fill(
-        BEFORE_UNIT.sub(_HELD, _readable(console, line)),
+    """Print a line, wrapped to the console with a hanging indent.
+
+    Its first ``styled`` characters, or all of it, are in ``style``. The line is wrapped here rather than by rich,
+    which has no hanging indent.
+    """
+    wrapped = textwrap.fill(
+        BEFORE_UNIT.sub(_NO_BREAK_SPACE, _readable(console, line)),
         width=max(console.width, 2 * hanging),
         subsequent_indent=" " * hanging,
         break_on_hyphens=False,
     )
     # A word that is wider than the line may be cut behind a blank that held it to its unit.
-    styled_text = Text(_BLANKS_AT_ENDS.sub("", folded.replace(_HELD, " ")))
-    letters = len(
-        "".join(_readable(console, line[:styled]).split())
-    )  # wrapping changes only the space around them
-    styled_text.stylize(style, 0, re.match(rf"(?:\s*\S){{{letters}}}", styled_text.plain).end())  # type: ignore[union-attr]
+    styled_text = Text(_BLANKS_AT_ENDS.sub("", wrapped.replace(_NO_BREAK_SPACE, " ")))
+    # Wrapping changes only the space between words, so the styled part ends at the same letter as before.
+    letters = len("".join(_readable(console, line[:styled]).split()))
+    styled_part = re.match(rf"(?:\s*\S){{{letters}}}", styled_text.plain)
+    assert styled_part is not None
+    styled_text.stylize(style, 0, styled_part.end())
     console.print(styled_text, soft_wrap=True)
 
 
@@ -167,7 +182,7 @@ def _short(name: str, longest: int) -> str:
 
 
 def _readable(console: Console, line: str) -> str:
-    """Return the line without control characters, and without those that the encoding of the console lacks."""
+    """Return the line without control characters, and without characters that the encoding of the console lacks."""
     line = plain(line)
     if console.options.ascii_only:
         return line.translate(_ASCII).encode("ascii", "replace").decode()

@@ -1,1 +1,1 @@
-"""What the report says about the figures: content without form."""
+"""The sections of the report: each turns figures into headings, sentences and tables, without any form."""

@@ -1,4 +1,4 @@
-"""Sections on what the program does: agreement with the float network, operations, and other networks."""
+"""Sections on what the program does: agreement with the network, operations, layers on the host, other networks."""
 
 import math
 from collections.abc import Mapping
@@ -35,8 +35,8 @@ from locsnn_compile.report.sections.accuracy import (
 from locsnn_compile.report.sections.verdict import defined_anns
 from locsnn_compile.report.words import listed, share_of, words
 
-_SCORE = 1.959964
-"""Two-sided 95 % point of the normal distribution."""
+_Z = 1.959964
+"""The two-sided 95 % point of the standard normal distribution, for confidence intervals."""
 _AGREEMENT = (
     "A spike is equal where the same neuron fires at the same step in both: twice the common spikes "
     "over the sum of both sides, with no tolerance. Where a neuron has no reset, one early difference "
@@ -60,7 +60,7 @@ _COMPARISON = (
 
 
 def agreement(match: MatchFigures) -> Section:
-    """Agreement by population, the first differing spike, wraps and clips."""
+    """Return the section on agreement by population, the first spike that differs, wraps and clips."""
     helpers = match.helper_neurons
     return Section.of(
         "agreement",
@@ -79,7 +79,7 @@ def agreement(match: MatchFigures) -> Section:
 
 
 def operations(figures: OperationFigures) -> Section:
-    """Counts of the chip by branch, next to those of the published method."""
+    """Return the section on the counts of the chip by branch, next to the counts of the published method."""
     by_branch = {words(name): vars(counts) for name, counts in figures.by_branch.items()}
     columns = {**by_branch, "all": vars(figures.per_sample)}
     rows = (
@@ -96,7 +96,7 @@ def operations(figures: OperationFigures) -> Section:
 
 
 def host_layers(host: HostFigures | None) -> Section | None:
-    """The layers on the host, and what they compute; None without such layers."""
+    """Return the section on the layers on the host, and what they compute; None without such layers."""
     if host is None:
         return None
     rows = tuple(
@@ -125,7 +125,7 @@ def _published(paper: PublishedOperations) -> Table:
 
 
 def comparison(report: ReportFigures) -> Section:
-    """Operations of conventional networks on the same input."""
+    """Return the section on operations and energy of conventional networks on the same input."""
     networks = defined_anns(report)
     blocks: tuple[Block, ...] = (
         "No comparison: the published networks are not defined for this network's input.",
@@ -140,45 +140,51 @@ def comparison(report: ReportFigures) -> Section:
 def _operations_compared(
     report: ReportFigures, networks: Mapping[str, ConventionalNetwork]
 ) -> Table:
+    """Return a row per network: its operations, and how many times those of the spiking network they are."""
     on_paper = report.operations.published_method.operations
     on_chip = report.operations.per_sample.synaptic_ops
     largest = max(on_paper, on_chip, *(network.operations for network in networks.values()))
 
     def row(
-        name: str, operations: float, to_paper: float | None, to_chip: float | None
+        name: str, operations: float, times_paper: float | None, times_chip: float | None
     ) -> tuple[str | Bar, ...]:
         bar = Bar(share_of(operations, largest), plural(operations, "operation"))
-        return name, bar, count(operations), known(to_paper, ratio), known(to_chip, ratio)
+        return name, bar, count(operations), known(times_paper, ratio), known(times_chip, ratio)
 
+    # Each is once itself; the ratio of a count on paper to one on the chip would say nothing.
+    rows = [
+        row("the trained network, on paper", on_paper, 1 if on_paper else None, None),
+        row("the program, synaptic operations", on_chip, None, 1 if on_chip else None),
+    ]
+    for name, network in networks.items():
+        rows.append(row(words(name), network.operations, network.ratio, network.chip_ratio))
     return Table(
         "Operations per recording",
         ("network", "", "operations", "times the trained network", "times the program"),
-        (
-            row("the trained network, on paper", on_paper, 1 if on_paper else None, None),
-            row("the program, synaptic operations", on_chip, None, 1 if on_chip else None),
-            *(
-                row(words(name), network.operations, network.ratio, network.chip_ratio)
-                for name, network in networks.items()
-            ),
-        ),
+        tuple(rows),
     )
 
 
 def _ann_energy(
-    networks: Mapping[str, ConventionalNetwork], own: EnergyFigures
+    networks: Mapping[str, ConventionalNetwork], spiking: EnergyFigures
 ) -> tuple[Block, ...]:
-    """The energy of the conventional networks' arithmetic, next to the whole modelled energy of this network."""
+    """Return a table of the energy of the conventional networks' arithmetic, and a paragraph on its source.
+
+    Next to them stands the energy of this (the spiking) network, which does not depend on an arithmetic.
+    """
     first = next(iter(networks.values()))
     arithmetics = list(first.energy_pj)
-    own_cells = (energy(own.per_sample_pj) for _ in arithmetics)
-    rows = [("this network, as modelled", NONE, NONE, *own_cells)]
+    spiking_energy = energy(spiking.per_sample_pj)
+    rows = [("this network, as modelled", NONE, NONE, *[spiking_energy] * len(arithmetics))]
     for name, network in networks.items():
-        cells = (_energy_cell(network, key) for key in arithmetics)
-        counts = count(network.multiplications), count(network.additions)
-        rows.append((words(name), *counts, *cells))
+        energies = (_energy_cell(network, arithmetic) for arithmetic in arithmetics)
+        rows.append(
+            (words(name), count(network.multiplications), count(network.additions), *energies)
+        )
     return (
         Table(
-            f"Energy of the arithmetic only; in brackets, as a multiple of this network's (profile {own.profile})",
+            "Energy of the arithmetic only; in brackets, as a multiple of this network's "
+            f"(profile {spiking.profile})",
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),
@@ -194,7 +200,7 @@ def _energy_cell(network: ConventionalNetwork, arithmetic: str) -> str:
 
 
 def _scores(match: MatchFigures) -> str:
-    """Return how far class scores are apart: classes and spikes may be equal where they are not."""
+    """Say how far the class scores of both sides are apart; they may differ where classes and spikes are equal."""
     scores = match.class_scores
     if match.score_error is None:
         return "Class scores: not compared, as all scores of the network tie in every recording."
@@ -206,6 +212,7 @@ def _scores(match: MatchFigures) -> str:
 
 
 def _populations(match: MatchFigures) -> Table:
+    """Return a row of spikes per population, and the row of all populations as the last."""
     compared = {**match.by_population, "all": match.spikes}
     full_at = differing_at_most(spikes.spike_agreement for spikes in compared.values())
     rows = [
@@ -235,7 +242,7 @@ def _spikes_row(
 
 
 def _helpers(helpers: Mapping[str, SpikesCompared]) -> str:
-    """Say which neurons were not compared."""
+    """Say which neurons were not compared: those that a reader of model files added."""
     populations = []
     for name, compared in helpers.items():
         in_network = f"{plural(compared.reference_spikes, 'spike')} in the network"
@@ -247,6 +254,7 @@ def _helpers(helpers: Mapping[str, SpikesCompared]) -> str:
 
 
 def _wraps_and_clips(events: Mapping[str, Mapping[str, int]]) -> Table | None:
+    """Return the counts of wraps and clips by group of compartments; None if there are none."""
     kinds = sorted({kind for counts in events.values() for kind in counts})
     rows = tuple(
         (name, *(count(counts.get(kind, 0)) for kind in kinds))
@@ -266,35 +274,41 @@ def _first_divergence(match: MatchFigures) -> str:
     if first is None:
         return "First difference: none, every spike is equal."
     spike = first.place
-    potentials = spike.reference_potential, spike.chip_potential, spike.threshold
+    fires = _which_side_fires(
+        reference=spike.reference_potential, chip=spike.chip_potential, threshold=spike.threshold
+    )
     return (
         f"First difference: recording {any_value(spike.recording)}, population "
         f"{spike.population}, neuron {any_value(spike.neuron)}, step {any_value(spike.step)} "
-        f"(all counted from 0). {_which_side_fires(*potentials)}"
+        f"(all counted from 0). {fires}"
     )
 
 
-def _which_side_fires(reference: float, chip: float, threshold: float) -> str:
-    on_reference, on_chip, limit = told_apart((reference, chip, threshold))
+def _which_side_fires(*, reference: float, chip: float, threshold: float) -> str:
+    """Say which of two potentials reaches the threshold; if that is not clear from them, only give the numbers."""
+    # The potentials may be nearly equal, so they get as many digits as tell them apart.
+    reference_text, chip_text, threshold_text = told_apart((reference, chip, threshold))
     if reference >= threshold > chip:
         return (
-            f"The float potential {on_reference} reaches the threshold {limit} and fires; "
-            f"the chip's {on_chip} does not."
+            f"The float potential {reference_text} reaches the threshold {threshold_text} and fires; "
+            f"the chip's {chip_text} does not."
         )
     if chip >= threshold > reference:
         return (
-            f"The chip's potential {on_chip} reaches the threshold {limit} and fires; "
-            f"the float potential {on_reference} does not."
+            f"The chip's potential {chip_text} reaches the threshold {threshold_text} and fires; "
+            f"the float potential {reference_text} does not."
         )
+    # Both on one side of the threshold: then a refractory period or another rule of the chip decided.
     return (
-        f"The potential is {on_reference} in the float network and {on_chip} on the chip; "
-        f"the threshold is {limit}."
+        f"The potential is {reference_text} in the float network and {chip_text} on the chip; "
+        f"the threshold is {threshold_text}."
     )
 
 
 def _interval(match: MatchFigures) -> str:
-    """Say how much the recordings of the check prove: few of them prove little."""
-    agreement, interval = match.prediction_agreement, agreement_interval(match)
+    """Say how much the recordings of the check prove about others: few of them prove little."""
+    agreement = match.prediction_agreement
+    interval = agreement_interval(match)
     if agreement is None or interval is None:
         return "No prediction was compared: all class scores tie in every recording, on both sides."
     compared = match.samples - match.tied_predictions
@@ -307,12 +321,20 @@ def _interval(match: MatchFigures) -> str:
 
 
 def agreement_interval(match: MatchFigures) -> tuple[float, float] | None:
-    """Return the Wilson interval (95 %) of the prediction agreement; None if nothing was compared."""
+    """Return the Wilson score interval (95 %) of the prediction agreement; None if nothing was compared.
+
+    With agreement p over n recordings and the normal quantile z, it is
+
+        (p + z² / 2n ± z √(p (1 - p) / n + z² / 4n²)) / (1 + z² / n).
+
+    Unlike p ± z √(p (1 - p) / n), it is not empty where all predictions agree.
+    """
     p = match.prediction_agreement
     if p is None:
         return None
     n = match.samples - match.tied_predictions
-    z2 = _SCORE * _SCORE
+    z2 = _Z * _Z
     centre = (p + z2 / (2 * n)) / (1 + z2 / n)
-    half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    half_width = _Z / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
+    # Floats may round slightly beyond the ends.
+    return max(0.0, centre - half_width), min(1.0, centre + half_width)

@@ -1,4 +1,4 @@
-"""What any input can take at most, next to what the recordings of the check took."""
+"""Show worst cases: what any input up to a rate of events can take at most, next to what the recordings took."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,24 +13,27 @@ _ROWS: tuple[tuple[str, str, Callable[[float], str]], ...] = (
     ("queued_packets", "spikes queued, on a link or in the core", count),
     ("buffered_events", "events in the transpose buffer", count),
 )
+"""Rows of the table: the field of ``RateBounds``, its name, and the function that writes its numbers."""
 
 
 def bounds_table(figures: BoundFigures | None) -> Table | None:
-    """Return a row for every bound, with the share of it that was measured; None without bounds."""
+    """Return a row for every bound: what was measured, and the bounds at two or three rates. None without bounds."""
     if figures is None:
         return None
-    at_other_rates = [figures.any_input]
-    if figures.as_stated is not None:
-        at_other_rates.insert(0, figures.as_stated)
-    rows = []
-    for key, name, text_of in _ROWS:
-        if vars(figures.any_input)[key].bound:
-            others = [vars(rate)[key] for rate in at_other_rates]
-            rows.append(_row(name, text_of, vars(figures.as_recorded)[key], others))
+    # Columns from the lowest rate to the highest: as recorded, as stated by the user, any input.
     columns = ["at most", "in these recordings", _at(figures.as_recorded), "measured of it"]
+    higher_rates = []
     if figures.as_stated is not None:
         columns.append(_at(figures.as_stated))
+        higher_rates.append(figures.as_stated)
     columns.append(f"with all {count(figures.channels)} channels")
+    higher_rates.append(figures.any_input)
+    rows = []
+    for key, name, text_of in _ROWS:
+        # A bound of 0 at the highest rate is of something that the target does not have, such as a buffer.
+        if vars(figures.any_input)[key].bound:
+            at_higher_rates = [vars(rate)[key] for rate in higher_rates]
+            rows.append(_row(name, text_of, vars(figures.as_recorded)[key], at_higher_rates))
     return Table(
         "Bounds, which no recording exceeds; all compartments may spike that can",
         tuple(columns),
@@ -46,27 +49,29 @@ def _row(
     name: str,
     text_of: Callable[[float], str],
     recorded: Bounded,
-    at_other_rates: Sequence[Bounded],
+    at_higher_rates: Sequence[Bounded],
 ) -> tuple[str, ...]:
     return (
         name,
         known(recorded.measured, text_of, NONE),
         text_of(recorded.bound),
         known(recorded.share, share, NONE),
-        *(text_of(bounded.bound) for bounded in at_other_rates),
+        *(text_of(bounded.bound) for bounded in at_higher_rates),
     )
 
 
 def bound_facts(figures: BoundFigures | None) -> dict[str, str]:
-    """Return what holds for any input, and which rate of events the target sustains."""
+    """Return the facts that hold for any input: bounds on time, and which rate of events the target sustains."""
     if figures is None:
         return {}
     expected = figures.expected
     events = plural(expected.events_per_step, "event")
+    answer = time(expected.answer_ns.bound)
+    recording = time(figures.any_input.recording_ns.bound)
     facts = {
         "bound": f"with up to {events} in a step, the answer comes at most "
-        f"{time(expected.answer_ns.bound)} after the last row; with all {count(figures.channels)} "
-        f"channels, a recording takes at most {time(figures.any_input.recording_ns.bound)}"
+        f"{answer} after the last row; with all {count(figures.channels)} "
+        f"channels, a recording takes at most {recording}"
     }
     sustained = _sustained(figures)
     if sustained:
@@ -75,6 +80,8 @@ def bound_facts(figures: BoundFigures | None) -> dict[str, str]:
 
 
 def _sustained(figures: BoundFigures) -> str:
+    """Say how many events per step the target always finishes in time; nothing if that is unknown."""
+    # No bound on the step of a row: no phase plays rows as they arrive.
     if figures.step_ns is None or not figures.any_input.slowest_step_ns.bound:
         return ""
     step = f"the {time(figures.step_ns)} between two rows"

@@ -1,4 +1,8 @@
-"""Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared."""
+"""Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared.
+
+``counts_cores`` tells the two kinds of targets apart: a mesh has many cores, each with limits on what it
+holds; the open core is one core with memories that fill up.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -33,6 +37,7 @@ from locsnn_compile.settings import LAYOUTS
 QUANTISATION = "Quantisation"
 NUMBERS = "Numbers of the chip by population"
 _WITHOUT_JOINED = {"reset", "native"}
+"""Strategies in which a neuron is a single compartment; in all others, compartments join."""
 _ABOUT_NUMBERS = (
     "A potential of 1 in the float network is the scale in the chip's registers. Decays are in "
     "4096ths. Where two numbers are given, they are the smallest and the largest in the population. "
@@ -60,12 +65,11 @@ _SILENT_SOURCES = (
 
 
 def resources(report: ReportFigures) -> Section:
-    """Use of every limit, the fullest first, and then core by core."""
+    """Return the section on how full the chip is: every limit, the fullest first, and then core by core."""
     figures = report.resources
-    bits = f"{memory(figures.synapse_bits)} of synapse memory"
     facts = {
         "compartments": count(figures.compartments),
-        "synapses": f"{count(figures.synapses)}, {bits}",
+        "synapses": f"{count(figures.synapses)}, {memory(figures.synapse_bits)} of synapse memory",
         "axons": f"{count(figures.axons_in)} in, {count(figures.axons_out)} out",
     }
     return Section.of(
@@ -78,7 +82,7 @@ def resources(report: ReportFigures) -> Section:
 
 
 def _memories_and_limits(figures: ResourceFigures, *, of_cores: bool) -> tuple[Block | None, ...]:
-    """Return the limits of cores and what each core holds, or the memories of the one open core."""
+    """Return the limits of cores and what each core holds or, for the open core, its memories."""
     limits = _limits(figures.limits, of_cores=of_cores)
     if of_cores:
         return limits, Folded.of("What each core holds", _by_core(figures.by_core))
@@ -88,12 +92,12 @@ def _memories_and_limits(figures: ResourceFigures, *, of_cores: bool) -> tuple[B
 
 
 def _memories(memories: Mapping[str, MemoryFigures]) -> Table:
+    """Return how full each memory is, the fullest first, and all together."""
     rows: list[tuple[Cell, ...]] = []
-    for name, use in sorted(
-        memories.items(), key=lambda named: -named[1].used_bits / named[1].bits
-    ):
-        full = use.used_bits / use.bits
-        bar = Bar(full, f"{share(full)} used")
+    fullest_first = sorted(memories.items(), key=lambda named: -named[1].used_bits / named[1].bits)
+    for name, use in fullest_first:
+        filled = use.used_bits / use.bits
+        bar = Bar(filled, f"{share(filled)} used")
         rows.append(_memory_row(words(name), bar, use.used_bits, use.bits))
     used_bits = sum(use.used_bits for use in memories.values())
     bits = sum(use.bits for use in memories.values())
@@ -111,13 +115,15 @@ def _memory_row(name: str, bar: Cell, used_bits: int, bits: int) -> tuple[Cell, 
 
 
 def _limits(limits: Mapping[str, LimitUse], *, of_cores: bool) -> Table:
-    limited = ((name, use) for name, use in limits.items() if use.used or use.limit)
+    """Return how full each limit is, the fullest first."""
+    # A limit of 0 that nothing uses is of something that the target does not have.
+    present = ((name, use) for name, use in limits.items() if use.used or use.limit)
     rows = []
-    for name, use in sorted(limited, key=lambda named: -fullness(named[1])):
-        full = share(fullness(use))
-        bar = Bar(fullness(use), f"{full} used")
+    for name, use in sorted(present, key=lambda named: -fullness(named[1])):
+        filled = share(fullness(use))
+        bar = Bar(fullness(use), f"{filled} used")
         limit = limit_words(name, of_cores=of_cores)
-        rows.append((limit, bar, count(use.used), count(use.limit), full))
+        rows.append((limit, bar, count(use.used), count(use.limit), filled))
     caption = "Limits, the fullest first"
     if of_cores:
         caption = f"{caption}; for limits of a core, its fullest core"
@@ -145,9 +151,10 @@ def _by_core(cores: Sequence[CoreUse]) -> Table | str:
 
 
 def left_out(report: SharedFigures) -> Section:
-    """Steps skipped, events dropped, synapses and compartments pruned."""
+    """Return the section on what was left out: steps, events, synapses, compartments and biases."""
     skipped = report.skipped
     lost = skipped.biases_lost
+    # Facts.of leaves out what is None.
     facts = {
         "steps skipped": f"{count(skipped.steps)} over all recordings, in which nothing could change",
         "steps before the touch": _steps_before(starts(report)),
@@ -161,15 +168,16 @@ def left_out(report: SharedFigures) -> Section:
     return Section.of("left-out", "Left out", lead, Facts.of(facts))
 
 
-def _steps_before(steps: Mapping[str, float]) -> str | None:
-    if not steps:
+def _steps_before(steps_by_branch: Mapping[str, float]) -> str | None:
+    """Say how many steps before the first event of a recording are not played; None if all are."""
+    if not steps_by_branch:
         return None
-    branches = [f"{number:.1f} ({words(name)})" for name, number in steps.items()]
+    branches = [f"{number:.1f} ({words(name)})" for name, number in steps_by_branch.items()]
     return f"{listed(branches)} per recording, which starts after them"
 
 
 def quantization(report: ReportFigures) -> Section:
-    """Scales, decays and rounding errors by population."""
+    """Return the section on scales, decays and rounding errors by population."""
     table = Table(
         NUMBERS,
         ("population", *(words(key) for key in keys_of(PopulationNumbers))),
@@ -179,6 +187,7 @@ def quantization(report: ReportFigures) -> Section:
 
 
 def _numbers(numbers: PopulationNumbers) -> tuple[str, ...]:
+    """Return the cells of a population, in the order of the fields, which head the columns."""
     return (
         numbers.strategy,
         any_value(numbers.scale),
@@ -196,7 +205,7 @@ def _fit(fit: KernelFit) -> str:
 
 
 def ranges(report: ReportFigures) -> Section:
-    """What is proven of the registers for any input, and up to which input rate."""
+    """Return the section on what is proven about the registers for any input, and up to which input rate."""
     table = Table(
         "Compartments that are safe for any input",
         (
@@ -224,13 +233,14 @@ def _period(proven: ProvenRange) -> str:
     steps = proven.safe_period_steps
     if steps is None:
         return "no rate is proven safe"
+    # Every source may spike once per step, which no input exceeds.
     return "any input is safe" if steps == 1 else f"{count(steps)} steps"
 
 
 def provenance(report: ReportFigures) -> Section:
-    """What was compiled, for which target, with which options, checked on which recordings; what is assumed."""
+    """Return the section on what was compiled, how, for which target, and checked on which recordings."""
     strategies = report.strategy.split(", ")
-    notes = tuple(_kept_in_mind(report, strategies))
+    notes = tuple(_caveats(report, strategies))
     return Section.of(
         "provenance",
         "Provenance",
@@ -258,8 +268,11 @@ def origin(report: SharedFigures) -> Facts:
     )
 
 
-def _kept_in_mind(report: ReportFigures, strategies: Sequence[str]) -> Iterator[str]:
-    """Give the notes on the chip: nothing is assumed of a single core that its sources define."""
+def _caveats(report: ReportFigures, strategies: Sequence[str]) -> Iterator[str]:
+    """Yield notes on what is modelled or assumed about the chip.
+
+    Nothing is assumed about how the open core computes, because its RTL defines it.
+    """
     if not counts_cores(report):
         if report.energy is not None:
             yield _MODELLED_ENERGY
@@ -272,7 +285,7 @@ def _kept_in_mind(report: ReportFigures, strategies: Sequence[str]) -> Iterator[
 
 
 def gates(bounds: Sequence[GateFigures]) -> Table | None:
-    """Return the bounds that the build must keep; None without any."""
+    """Return a table of the bounds that the user sets on figures; None without any."""
     if not bounds:
         return None
     return Table(
@@ -291,7 +304,7 @@ def gates(bounds: Sequence[GateFigures]) -> Table | None:
 
 
 def settings_chosen_from(choice: ChoiceFigures | None) -> Section | None:
-    """The setting that was chosen, by which rule, and all that were compared; None if none was."""
+    """Return the section on the setting that ``auto`` chose, by which rule, out of which; None if it did not."""
     if choice is None:
         return None
     lead = "The setting of the program was chosen among these, on calibration recordings."
@@ -301,7 +314,7 @@ def settings_chosen_from(choice: ChoiceFigures | None) -> Section | None:
 
 
 def _weighing(choice: ChoiceFigures) -> str | None:
-    """Say the rule, where it is not the user's budget."""
+    """Say by which rule settings were weighed; None if the budget alone decided."""
     if choice.spike_worth is None or not choice.kept:
         return None
     return (
@@ -312,7 +325,7 @@ def _weighing(choice: ChoiceFigures) -> str | None:
 
 
 def settings_compared(choice: ChoiceFigures) -> Table:
-    """Return a table of the settings that were compared."""
+    """Return a table of the settings that were compared; without energy, their cost is time."""
     priced = choice.candidates[0].energy_pj is not None
     weighed_column = () if choice.weighed(choice.candidates[0]) is None else ("weighed",)
     recordings = f"{plural(choice.calibration_samples, 'recording')} of {choice.calibration_source}"
@@ -351,16 +364,18 @@ def _candidate(
 
 def unmet_budget(choice: Choice) -> str:
     """Say in one line that no setting keeps the budget, what the best one loses, and what to do."""
-    best, bounds = choice.taken, choice.budget
-    silent = best.spike_agreement is None or (
-        bounds.min_agreement is not None and best.prediction_agreement is None
+    best = choice.taken
+    budget = choice.budget
+    # Then the recordings are at fault: nothing that the budget bounds was compared.
+    is_silent = best.spike_agreement is None or (
+        budget.min_agreement is not None and best.prediction_agreement is None
     )
     fix = "Train for the chip with locsnn train --target, or allow more."
-    if silent:
+    if is_silent:
         fix = "Give --calibration recordings in which outputs spike."
     unknown = "an unknown share"
     return (
-        f"no setting keeps {bounds.words()} on {plural(choice.samples, 'recording')} of "
+        f"no setting keeps {budget.words()} on {plural(choice.samples, 'recording')} of "
         f"{choice.source}: the best of {len(choice.candidates)} is {best.setting}, with "
         f"{known(best.prediction_error, share, unknown)} of the predictions changed, "
         f"{known(best.spike_error, share, unknown)} of the spikes different and class scores off by "
@@ -369,6 +384,7 @@ def unmet_budget(choice: Choice) -> str:
 
 
 def _reason(choice: ChoiceFigures) -> str:
+    """Say why a setting was taken."""
     if not choice.budget.given:
         return "the most exact one, as nothing was compared"
     if choice.kept and choice.spike_worth is not None:

@@ -1,4 +1,9 @@
-"""Two builds to be compared by the figures of their reports and programs, of any version, by dotted keys."""
+"""Read the figures of two builds, and find those that differ, for ``locsnn diff``.
+
+A build is the folder that ``locsnn build`` writes. Its figures are those of report.json and of the program, by
+dotted keys such as ``energy.per_sample_pj``. The reports may come from other versions, so a figure may be
+missing or of another type, and nothing here assumes a key without checking it.
+"""
 
 from collections.abc import Iterable
 from functools import cached_property
@@ -11,15 +16,17 @@ from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import NONE, plural
 
 _CONTENTS = "program.contents."
+"""The beginning of the keys of checksums, which tell that programs differ where no other figure does."""
 _EVENTS = ("input_events", "transpose_events")
+"""Ends of keys that count the events of recordings."""
 _LARGEST = 1e200
-"""Numbers must be smaller, so that ratios of them can be computed."""
+"""Numbers must be smaller: a JSON file may hold any, and ratios and percentages of these must stay finite."""
 Change = tuple[Any, Any]
-"""A figure before and after."""
+"""The value of a figure before and after; None where a build does not have it."""
 
 
 class Build(Frozen):
-    """The name of a build, its report, and the figures of its program."""
+    """The name of a build, its report, and the figures of its program (see ``figures/any_program.py``)."""
 
     name: str
     report: Document
@@ -27,7 +34,7 @@ class Build(Frozen):
 
     @cached_property
     def figures(self) -> Figures:
-        """Figures of the report by their dotted keys."""
+        """The figures of the report by their dotted keys."""
         return flatten(self.report)
 
     @property
@@ -36,16 +43,23 @@ class Build(Frozen):
         return self.figures.get("latency.timed") is not False
 
     def number(self, key: str) -> float:
-        """Return a number of the report by its dotted key; ``InputError`` if there is none."""
+        """Return a number of the report by its dotted key. Raise InputError if there is none."""
         value: Any = self.figures.get(key)
         if not is_number(value):
-            what, fix = f"report.json has no number {key!r}", "Compile it again with this version."
-            raise InputError(f"build {self.name!r}", what, fix=fix)
+            raise InputError(
+                f"build {self.name!r}",
+                f"report.json has no number {key!r}",
+                fix="Compile it again with this version.",
+            )
         return float(value)
 
     def share(self, key: str) -> float | None:
-        """Return a share of what was compared; None if the report says that nothing was."""
-        return None if self.figures.get(key, 0) is None else self.number(key)
+        """Return a share, such as an agreement, by its dotted key; None if the report says that nothing was compared.
+
+        Raise InputError if the key is missing, unlike a key whose value is null.
+        """
+        is_null = key in self.figures and self.figures[key] is None
+        return None if is_null else self.number(key)
 
     @property
     def score_error(self) -> float | None:
@@ -53,26 +67,34 @@ class Build(Frozen):
         return self.share("match.score_error") if "match.score_error" in self.figures else None
 
     def text(self, key: str) -> str:
-        """Return a text of the report; a dash if it has no such text."""
+        """Return a text of the report by its dotted key; a dash if it has no such text."""
         value = self.figures.get(key)
         return value if isinstance(value, str) else NONE
 
 
 def changes(before: Build, after: Build) -> dict[str, Change]:
-    """Return both values of every figure of reports and programs that differs, apart from histograms."""
-    a, b = (_figures(build) for build in (before, after))
-    keys = [*a, *(key for key in b if key not in a)]
-    return {key: (a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)}
+    """Return both values of every figure of reports and programs that differs, apart from histograms.
+
+    The order is that of the first build, followed by the figures that only the second has.
+    """
+    figures_before = _figures(before)
+    figures_after = _figures(after)
+    keys = dict.fromkeys((*figures_before, *figures_after))
+    both = {key: (figures_before.get(key), figures_after.get(key)) for key in keys}
+    return {key: change for key, change in both.items() if change[0] != change[1]}
 
 
 def contents_changed(changed: Iterable[str], within: str = "") -> list[str]:
-    """Return what differs in two programs, if all keys of figures that ``changed`` and begin with ``within`` say that.
+    """Return the parts of the program that differ, if nothing but checksums shows that they do.
 
-    Then figures, which are sums and extremes, are equal, and programs are not.
+    ``changed`` are the keys of figures that differ; those that begin with ``within`` count. If any of them is
+    not a checksum, the figures already show a difference, and the result is empty. Otherwise sums and
+    extremes are equal although the programs are not, which a reader must be told.
     """
     keys = [key for key in changed if key.startswith(within)]
     parts = [key.removeprefix(_CONTENTS) for key in keys if key.startswith(_CONTENTS)]
-    return parts if len(parts) == len(keys) else []
+    has_only_checksums = len(parts) == len(keys)
+    return parts if has_only_checksums else []
 
 
 def percent(before: Any, after: Any) -> str:
@@ -83,47 +105,66 @@ def percent(before: Any, after: Any) -> str:
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value is a number to calculate with; reports may hold values of any kind and size."""
+    """Whether a value is a number that can be calculated with; reports may hold values of any type and size."""
+    # True and False are int in Python; NaN is not below any number.
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
 
 
 def _figures(build: Build) -> Figures:
-    """Return the figures of a report and its program, without histograms."""
+    """Return the figures of a report and its program, without histograms.
+
+    Every bin of a histogram is a figure; dozens of small changes would hide what matters.
+    """
     figures = build.figures | flatten(build.program, "program")
+    # The dot lets the key of a histogram without bins match as well.
     return {key: value for key, value in figures.items() if "_histogram." not in f"{key}."}
 
 
 def recordings_words(build: Build) -> str:
-    """Return how many recordings a build was checked on, and which."""
-    return f"{plural(build.number('match.samples'), 'recording')} of {build.text('match.events_source')}"
+    """Return on how many recordings a build was checked, and on which."""
+    recordings = plural(build.number("match.samples"), "recording")
+    return f"{recordings} of {build.text('match.events_source')}"
 
 
 def same_recordings(before: Build, after: Build) -> bool:
-    """Tell whether recordings have one source and number, and as many events in every phase that both builds have."""
-    return recordings_words(before) == recordings_words(after) and agree(
-        before, after, "operations.by_branch.", _EVENTS
-    )
+    """Whether two builds were checked on the same recordings, as far as their reports show.
+
+    A report does not hold the recordings. So their source and number must be the same, and the number of
+    events in every phase that both builds have.
+    """
+    if recordings_words(before) != recordings_words(after):
+        return False
+    return agree(before, after, "operations.by_branch.", _EVENTS)
 
 
 def same_profile(before: Build, after: Build) -> bool:
-    """Tell whether both are priced by a profile of one name and, since chip files may change it, of equal constants."""
-    a, b = (build.text("energy.profile") for build in (before, after))
-    return a == b and agree(before, after, f"energy.profiles.{a}.")
+    """Whether the energies of both builds are computed with the same costs.
+
+    An equal name is not enough, because a chip file may change the constants of a profile.
+    """
+    profile = before.text("energy.profile")
+    if profile != after.text("energy.profile"):
+        return False
+    return agree(before, after, f"energy.profiles.{profile}.")
 
 
 def same_chip(before: Build, after: Build) -> bool:
-    """Tell whether both are for a target of one name, whose registers and cores hold the same."""
-    equal_registers = agree(before, after, ("program.registers.", "resources.mesh."))
-    # How much of a limit is used is the program's.
-    equal_limits = agree(before, after, "resources.limits.", ".limit")
-    return before.text("target") == after.text("target") and equal_registers and equal_limits
+    """Whether both builds are for targets of the same name, registers, mesh and limits."""
+    has_equal_registers = agree(before, after, ("program.registers.", "resources.mesh."))
+    # Only the limits themselves: how much of them is used depends on the program.
+    has_equal_limits = agree(before, after, "resources.limits.", ".limit")
+    has_equal_name = before.text("target") == after.text("target")
+    return has_equal_name and has_equal_registers and has_equal_limits
 
 
 def agree(
     before: Build, after: Build, begin: str | tuple[str, ...], end: str | tuple[str, ...] = ""
 ) -> bool:
-    """Tell whether figures that both have are equal, by the beginning and the end of their keys."""
-    a, b = (_figures(build) for build in (before, after))
+    """Whether figures are equal whose keys have one of these beginnings and ends, where both builds have them."""
+    figures_before = _figures(before)
+    figures_after = _figures(after)
     return all(
-        a[key] == b[key] for key in a if key in b and key.startswith(begin) and key.endswith(end)
+        value == figures_after[key]
+        for key, value in figures_before.items()
+        if key in figures_after and key.startswith(begin) and key.endswith(end)
     )

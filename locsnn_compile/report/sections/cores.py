@@ -18,11 +18,11 @@ from locsnn_compile.report.sections.verdict import fullness
 from locsnn_compile.report.words import words
 
 _MAX_CHIPS = 4
-"""Most chips that are drawn; a board may have thousands."""
+"""Most chips that are drawn, chosen by hand; a board may have thousands."""
 _MAX_TILES = 256
-"""A chip with more tiles is not drawn."""
+"""A chip with more tiles is not drawn, because numbers would not fit into its cores; chosen by hand."""
 _MAX_NAMED = 8
-"""Most cores that the text next to the picture names."""
+"""Most cores that the text next to the picture names, chosen by hand."""
 _LEAD = (
     "Each core at its place on the mesh, filled from below: first by the fullest of its limits, then "
     "by its energy relative to the core that uses most. Empty tiles are free."
@@ -30,7 +30,7 @@ _LEAD = (
 
 
 class _Filled(Frozen):
-    """A core, the share (0..1) of it that is drawn as filled, the text in it, and that share in words."""
+    """A core as it is drawn: the share (0..1) of it that is filled, the text in it, and the share in words."""
 
     place: Place
     share: float
@@ -39,7 +39,7 @@ class _Filled(Frozen):
 
 
 def cores(report: ReportFigures, energy_figures: EnergyFigures) -> Section:
-    """Two meshes per chip: every core filled up to its fullest limit, and by its energy."""
+    """Return the section with two meshes per chip: every core filled up to its fullest limit, and by its energy."""
     resources = report.resources
     tiles = resources.mesh.tiles
     by_chip: dict[int, list[CoreUse]] = {}

@@ -1,6 +1,7 @@
-"""Sections on what a recording costs in the model: energy and latency.
+"""Sections on what a recording costs: energy and latency.
 
-For the open core cycles are exact, and activity stands in for energy that is not known.
+For a mesh of cores both are models, counts times published costs. For the open core the cycles are exact,
+and where no energy is known, its activity (memory accesses and multiplications) is shown instead.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -77,7 +78,7 @@ _CYCLES = (
 
 
 def energy_section(report: ReportFigures, figures: EnergyFigures) -> Section:
-    """Energy per recording: spread, breakdowns, profiles, static energy, constants, and what is not included."""
+    """Return the section on energy per recording: spread, breakdowns, static energy, constants, what is left out."""
     cost = energy_cost(figures, report.classes)
     return Section.of(
         "energy",
@@ -114,13 +115,14 @@ def _by_place(figures: EnergyFigures, *, of_cores: bool) -> Iterator[Table]:
     """Yield the energy by branch and population and, where there are several, by core."""
     profile = figures.profile
     mean = f"mean per recording, profile {profile}"
-    columns = {profile: figures.by_branch_pj, **figures.other_profiles_by_branch_pj}
+    branches_by_profile = {profile: figures.by_branch_pj, **figures.other_profiles_by_branch_pj}
+    # A row of its own, so that every table adds up to the whole energy.
     elsewhere = []
     if figures.elsewhere_pj:
         elsewhere.append(("outside the cores", figures.elsewhere_pj))
-    populations = [(name, used.pj) for name, used in figures.by_population_pj.items()]
+    populations = [(name, population.pj) for name, population in figures.by_population_pj.items()]
     cores = [(core_words(core.place), core.pj) for core in figures.by_core_pj]
-    yield by_branch(columns, "Energy by branch and profile, mean per recording", energy)
+    yield by_branch(branches_by_profile, "Energy by branch and profile, mean per recording", energy)
     yield shares(
         "population",
         f"Energy by population, including its dendrites, {mean}",
@@ -166,10 +168,11 @@ def _not_included(bounds: Sequence[NotIncluded]) -> Table | None:
 
 
 def latency_section(report: ReportFigures, mesh: MeshTimes) -> Section:
-    """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
+    """Return the section on time per recording: spread, breakdown, which core waits for which, pace of the sensor."""
     figures = report.latency
     profile = figures.profile
     if not figures.timed:
+        # The packets on links are counted, not timed, so they are known all the same.
         lead = (
             f"Not known, as profile {profile} has no times of operations: "
             "only barriers and the buffer are timed."
@@ -201,7 +204,7 @@ def latency_section(report: ReportFigures, mesh: MeshTimes) -> Section:
 
 
 def _facts_of_latency(figures: LatencyFigures, spread: Mapping[str, str]) -> dict[str, str | None]:
-    after, real = figures.after_last_row_ns, figures.real_time
+    after_last_row = figures.after_last_row_ns
     facts: dict[str, str | None] = {
         "cycles": f"{count(figures.per_sample_cycles)} per recording, at {figures.clock_ghz:g} GHz",
         **spread,
@@ -209,20 +212,22 @@ def _facts_of_latency(figures: LatencyFigures, spread: Mapping[str, str]) -> dic
     if figures.critical_core is not None:
         core = f"core {count(figures.critical_core)}"
         facts["critical core"] = f"{core}, which finished last for the largest share of the time"
-    if after is not None:
-        facts["after the last row"] = f"{time(after.mean)}, at most {time(after.max)}"
-    if real is not None:
-        facts["slowest step of a row"] = slowest_step(real)
+    if after_last_row is not None:
+        facts["after the last row"] = (
+            f"{time(after_last_row.mean)}, at most {time(after_last_row.max)}"
+        )
+    if figures.real_time is not None:
+        facts["slowest step of a row"] = slowest_step(figures.real_time)
     return facts
 
 
 def real_time(figures: LatencyFigures) -> str:
-    """Compare with the duration of the recordings."""
-    duration = figures.recording_ns
-    if duration is None:
+    """Compare the time that the chip takes with the duration of the recordings."""
+    duration_ns = figures.recording_ns
+    if duration_ns is None:
         return "How long a step lasts is not known, so there is no comparison with real time."
-    mean = pace(figures.per_sample_ns, duration)
-    slowest = pace(figures.over_samples_ns.max, duration)
+    mean = pace(figures.per_sample_ns, duration_ns)
+    slowest = pace(figures.over_samples_ns.max, duration_ns)
     return (
         f"On average {mean}; in the slowest recording {slowest}. The chip runs its steps as fast as "
         "it can, without waiting for the next touch."
@@ -230,11 +235,13 @@ def real_time(figures: LatencyFigures) -> str:
 
 
 def _critical_paths(paths: Sequence[CriticalPath], mean_ns: float) -> Table:
+    """Return which core finished last and whose packets it waited for; ``mean_ns`` is the time of a recording."""
     rows = []
     for path in paths:
+        # A core that waits for nobody is its own sender.
         awaited = "nothing" if path.sender == path.last else f"packets of core {path.sender}"
-        part = share(share_of(path.ns, mean_ns))
-        rows.append((words(path.phase), f"core {path.last}", awaited, time(path.ns), part))
+        share_of_time = share(share_of(path.ns, mean_ns))
+        rows.append((words(path.phase), f"core {path.last}", awaited, time(path.ns), share_of_time))
     return Table(
         "What steps waited for, sorted by time",
         ("branch", "done last", "waited for", "time", "share"),
@@ -243,22 +250,24 @@ def _critical_paths(paths: Sequence[CriticalPath], mean_ns: float) -> Table:
 
 
 def _parts(mesh: MeshTimes) -> dict[str, Mapping[str, float]]:
-    """Return the time of each branch by the parts that take any, and in all."""
+    """Return the time of each branch by the kinds of work that take any time, and in all; a column for each."""
     columns: dict[str, Mapping[str, float]] = {}
     for part, ns in mesh.by_part_ns.items():
         if ns:
-            of_branches = mesh.by_branch_part_ns.items()
-            columns[words(part)] = {branch: parts[part] for branch, parts in of_branches}
+            columns[words(part)] = {
+                branch: parts_ns[part] for branch, parts_ns in mesh.by_branch_part_ns.items()
+            }
     columns["all"] = mesh.by_branch_ns
     return columns
 
 
-def _cores(cores: Sequence[CoreTime], total_ns: float) -> Table:
+def _cores(cores: Sequence[CoreTime], mean_ns: float) -> Table:
+    """Return what each core works on, and in how much of the mean time of a recording it finished last."""
     parts = list(cores[0].busy_ns)
     rows: list[tuple[Cell, ...]] = []
     for core in cores:
         last = time(core.last_ns)
-        bar = Bar(share_of(core.last_ns, total_ns), f"done last in {last}")
+        bar = Bar(share_of(core.last_ns, mean_ns), f"done last in {last}")
         busy = (time(core.busy_ns[part]) for part in parts)
         rows.append((core_words(core.place), bar, *busy, last))
     return Table(
@@ -289,14 +298,14 @@ def _links(links: Sequence[LinkUse]) -> Table | None:
 
 
 def cycles(report: ReportFigures) -> Verdict:
-    """How many cycles does a recording take?"""
+    """What does a recording cost on the open core, where cycles are known but energy is not?"""
     figures = report.latency
     spread = figures.over_samples_ns
     per_recording = f"{count(figures.per_sample_cycles)} cycles"
-    lasting = time(figures.per_sample_ns)
+    duration = time(figures.per_sample_ns)
     facts = (
         Fact("range", f"{time(spread.min)} to {time(spread.max)}, median {time(spread.p50)}"),
-        Fact("latency", f"{lasting}{against_real_time(figures)}"),
+        Fact("latency", f"{duration}{against_real_time(figures)}"),
         Fact("energy", "not known, because no power model of such devices is public"),
     )
     return Verdict(
@@ -305,38 +314,37 @@ def cycles(report: ReportFigures) -> Verdict:
         answer="Cycles exact, energy not known",
         figure=per_recording,
         figure_label=f"per recording on the open core of {report.target}",
-        sentence=f"A recording takes {per_recording} on the open core, {lasting} at "
+        sentence=f"A recording takes {per_recording} on the open core, {duration} at "
         f"{1000 * figures.clock_ghz:g} MHz.",
         facts=(*facts, *against_anns(report)),
     )
 
 
 def activity_section(report: ReportFigures, activity: Mapping[str, Mapping[str, float]]) -> Section:
-    """Memory accesses and multiplications, in place of energy."""
-    table = Table(
-        "Activity, mean per recording",
-        ("what", "of", "number"),
-        tuple(
-            (words(what), words(of), count(number))
-            for what, numbers in activity.items()
-            for of, number in numbers.items()
-        ),
-    )
+    """Return the section on memory accesses and multiplications of the open core, by kind and by memory."""
+    rows = []
+    for kind, numbers in activity.items():
+        for memory, number in numbers.items():
+            rows.append((words(kind), words(memory), count(number)))
+    table = Table("Activity, mean per recording", ("what", "of", "number"), tuple(rows))
     if report.energy is not None:
         return Section.of("activity", "Activity", _ACTIVITY, table)
+    # Without a section on energy, this one takes its place and its anchor, so that links lead here.
     return Section.of("energy", "Activity", f"{_ACTIVITY} {_NO_JOULES}", table)
 
 
 def cycles_section(report: ReportFigures) -> Section:
-    """Cycles per recording: their spread, and comparison with real time."""
-    figures, counts = report.latency, report.operations.per_sample
+    """Return the section on cycles of the open core per recording: their spread, and comparison with real time."""
+    figures = report.latency
+    counts = report.operations.per_sample
     cost = time_cost(figures, report.classes)
-    used = (counts.synaptic_ops + counts.neuron_updates) / figures.per_sample_cycles
+    operations_per_cycle = (counts.synaptic_ops + counts.neuron_updates) / figures.per_sample_cycles
     spread = cost.facts()
+    # The range of the mean is left out: cycles are exact, and no constant has a range.
     facts = {
         "cycles": f"{count(figures.per_sample_cycles)} per recording, "
         f"at {1000 * figures.clock_ghz:g} MHz",
-        "synapses and updates per cycle": ratio(used),
+        "synapses and updates per cycle": ratio(operations_per_cycle),
         "99 % of recordings": spread["99 % of recordings"],
         "worst recording": spread["worst recording"],
     }

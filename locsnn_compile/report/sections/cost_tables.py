@@ -1,4 +1,8 @@
-"""What energy and time have in common: spread, breakdowns, course over the steps, and constants with sources."""
+"""Tables and plots that the sections on energy and on time share.
+
+They show the spread over recordings and classes, breakdowns, the course over the steps, and the constants of
+profiles (published costs per operation) with their sources.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,8 +24,9 @@ from locsnn_compile.report.pictures.axis import Axis, linear_axis, round_numbers
 from locsnn_compile.report.words import share_of, words
 
 Shown = Callable[[float], str]
+"""A function that writes a number with its unit, such as :func:`energy` or :func:`time`."""
 PARTS = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Parts of all steps after which a table gives a figure."""
+"""Shares of all steps after which a table gives a figure."""
 
 
 def core_words(place: Place) -> str:
@@ -30,7 +35,10 @@ def core_words(place: Place) -> str:
 
 
 class Cost(Frozen):
-    """The energy or the time of a recording: its name, how it is shown, and how it spreads."""
+    """The energy or the time of a recording: its name, the function that writes it, and how it spreads.
+
+    ``range_of_mean`` is how uncertain the mean is, given the ranges of the constants of the profile.
+    """
 
     name: str
     shown: Shown
@@ -43,46 +51,46 @@ class Cost(Frozen):
     class_names: tuple[str, ...] | None
 
     def span(self) -> Span:
-        """Return the spread over the recordings."""
+        """Return the least, median, mean and largest cost, as words and as marks on an axis."""
         spread = self.over_recordings
-        ends = {
+        marks = {
             "least": spread.min,
             "median": spread.p50,
             "mean": self.mean,
             "most": spread.max,
         }
-        facts = tuple(Fact(label, self.shown(value)) for label, value in ends.items())
-        values = tuple(ends.values())
+        facts = tuple(Fact(label, self.shown(value)) for label, value in marks.items())
+        values = tuple(marks.values())
         axis = linear_axis(values, self.shown)
         return Span(f"{self.name} per recording{self._by_profile}", facts, values, axis)
 
     def facts(self) -> dict[str, str]:
         """Return the range of the mean and the costliest recordings in words."""
         worst = self.worst
-        label = "" if worst.class_ is None else f" of class {self._class_name(worst.class_)}"
+        of_class = "" if worst.class_ is None else f" of class {self._class_name(worst.class_)}"
         return {
             "range of the mean": _range(self.range_of_mean, self.shown),
             "99 % of recordings": f"at most {self.shown(self.over_recordings.p99)}",
-            "worst recording": f"recording {worst.recording}{label}, {self.shown(worst.cost)}",
+            "worst recording": f"recording {worst.recording}{of_class}, {self.shown(worst.cost)}",
         }
 
     def by_class(self) -> Table | None:
         """Return a table by class; None if the recordings have no labels."""
         if not self.classes:
             return None
-        largest = max(max(of_class.ends) for of_class in self.classes)
+        largest = max(max(class_cost.ends) for class_cost in self.classes)
         return Table(
             f"{self.name} by class{self._by_profile}",
             ("class", "", "recordings", "mean", "least", "most"),
-            tuple(self._class_row(of_class, largest) for of_class in self.classes),
+            tuple(self._class_row(class_cost, largest) for class_cost in self.classes),
         )
 
-    def _class_row(self, of_class: ClassCost, largest: float) -> tuple[Cell, ...]:
-        least, mean, most = of_class.ends
+    def _class_row(self, class_cost: ClassCost, largest: float) -> tuple[Cell, ...]:
+        least, mean, most = class_cost.ends
         return (
-            self._class_name(of_class.class_),
+            self._class_name(class_cost.class_),
             Bar(share_of(mean, largest), f"mean {self.shown(mean)}"),
-            count(of_class.recordings),
+            count(class_cost.recordings),
             self.shown(mean),
             self.shown(least),
             self.shown(most),
@@ -98,7 +106,7 @@ class Cost(Frozen):
 
 
 def energy_cost(figures: EnergyFigures, class_names: tuple[str, ...] | None) -> Cost:
-    """Return the energy of a recording."""
+    """Return the energy of a recording, as the tables of this module take it."""
     return Cost(
         name="Energy",
         shown=energy,
@@ -113,7 +121,7 @@ def energy_cost(figures: EnergyFigures, class_names: tuple[str, ...] | None) -> 
 
 
 def time_cost(figures: LatencyFigures, class_names: tuple[str, ...] | None) -> Cost:
-    """Return the time of a recording."""
+    """Return the time of a recording, as the tables of this module take it."""
     return Cost(
         name="Time",
         shown=time,
@@ -128,28 +136,36 @@ def time_cost(figures: LatencyFigures, class_names: tuple[str, ...] | None) -> C
 
 
 def energy_course(figures: EnergyFigures) -> tuple[Plot, Table]:
-    """Draw the energy over the steps, and return a table as well."""
+    """Return a plot of the energy over the steps of each branch, and a table of the same."""
     return _course("Energy", figures.by_step_pj, energy, figures.profile)
 
 
 def time_course(by_step_ns: Mapping[str, Course], profile: str | None) -> tuple[Plot, Table]:
-    """Draw the time over the steps, and return a table as well."""
+    """Return a plot of the time over the steps of each branch, and a table of the same."""
     return _course("Time", by_step_ns, time, profile)
 
 
 def _course(
     name: str, by_step: Mapping[str, Course], shown: Shown, profile: str | None
 ) -> tuple[Plot, Table]:
-    """Draw each bin's mean at its middle."""
-    steps = {branch: _per_step(course) for branch, course in by_step.items()}
-    largest = max((value for values in steps.values() for value in values), default=0.0) or 1.0
+    """Return a plot of the mean cost per step in each bin, and a table of the cost so far.
+
+    Branches have different numbers of steps, so their common axis is the share of a branch's steps.
+    """
+    costs_by_branch = {branch: _per_step(course) for branch, course in by_step.items()}
+    all_costs = [cost for costs in costs_by_branch.values() for cost in costs]
+    # An axis needs an end above 0 even if nothing costs anything.
+    largest = max(all_costs, default=0.0) or 1.0
+    # The horizontal axis already marks 0.
+    ticks = tuple(tick for tick in round_numbers(0.0, largest, 4) if tick)
     plot = Plot(
         title=f"{name} of a step, mean over the recordings, profile {profile}",
         x_label="part of the branch's steps",
         x=Axis(0.0, 1.0, (0.0, *PARTS), lambda part: f"{100 * part:.0f} %"),
-        y=Axis(0.0, largest, tuple(x for x in round_numbers(0.0, largest, 4) if x), shown),
+        y=Axis(0.0, largest, ticks, shown),
         curves=tuple(
-            _curve(branch, values, len(by_step[branch].bins)) for branch, values in steps.items()
+            _curve(branch, costs, len(by_step[branch].bins))
+            for branch, costs in costs_by_branch.items()
         ),
     )
     table = Table(
@@ -160,25 +176,33 @@ def _course(
     return plot, table
 
 
-def _curve(branch: str, values: Sequence[float], bins: int) -> Curve:
-    points = (((i + 0.5) / bins, value) for i, value in enumerate(values))
+def _curve(branch: str, costs: Sequence[float], bins: int) -> Curve:
+    """Return the curve through the costs of bins, each drawn at the middle of its bin."""
+    points = (((i + 0.5) / bins, cost) for i, cost in enumerate(costs))
     return Curve(words(branch), tuple(points))
 
 
 def _so_far(bins: Sequence[float], shown: Shown) -> list[str]:
+    """Return the cost after each of ``PARTS`` of the bins."""
     return [shown(math.fsum(bins[: round(part * len(bins))])) for part in PARTS]
 
 
 def _per_step(course: Course) -> list[float]:
-    """Return the mean of a step in each bin, without a last bin that may have fewer steps."""
-    full = course.bins[:-1] if course.bin_steps > 1 else course.bins
-    return [value / course.bin_steps for value in full or course.bins]
+    """Return the mean cost per step in each bin.
+
+    The last bin is left out where bins have several steps, because it may have fewer than the others; a
+    course of a single bin is kept.
+    """
+    full_bins = course.bins[:-1] if course.bin_steps > 1 else course.bins
+    return [value / course.bin_steps for value in full_bins or course.bins]
 
 
 def stack(breakdown: Mapping[str, float], label: str) -> Stack:
-    """Return parts of an energy as one bar."""
+    """Return the parts of an energy as one bar, cut into shares."""
     total = math.fsum(breakdown.values())
     bars = []
+    # Parts without energy are left out of the bar, but keep their number, so that a part has the same
+    # pattern here and in the table of :func:`shares`.
     for pattern, (name, pj) in enumerate(breakdown.items()):
         if pj:
             part = share_of(pj, total)
@@ -187,18 +211,23 @@ def stack(breakdown: Mapping[str, float], label: str) -> Stack:
 
 
 def shares(
-    what: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False
+    heading: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False
 ) -> Table:
-    """Return a table of parts of an energy with their sum; ``what`` heads the column of their names."""
-    named = list(parts)
-    total = math.fsum(pj for _, pj in named)
+    """Return a table of parts of an energy with their sum.
+
+    ``heading`` is that of the column of names. ``patterned``: bars are hatched like those of :func:`stack`.
+    """
+    energies = list(parts)
+    total_pj = math.fsum(pj for _, pj in energies)
     rows: list[tuple[Cell, ...]] = []
-    for i, (name, pj) in enumerate(named):
-        part = share_of(pj, total)
+    for i, (name, pj) in enumerate(energies):
+        part = share_of(pj, total_pj)
         bar = Bar(part, f"{share(part)} of energy", i if patterned else 0)
         rows.append((name, bar, energy(pj), share(part)))
-    rows.append(("sum", "", energy(total), share(float(total > 0))))
-    return Table(caption, (what, "", "energy", "share"), tuple(rows), total=True)
+    # All parts are 100 % of the sum, unless nothing takes any energy.
+    share_of_all = float(total_pj > 0)
+    rows.append(("sum", "", energy(total_pj), share(share_of_all)))
+    return Table(caption, (heading, "", "energy", "share"), tuple(rows), total=True)
 
 
 def by_branch(columns: Mapping[str, Mapping[str, float]], caption: str, shown: Shown) -> Table:
@@ -251,11 +280,14 @@ def _range(ends: Ends, shown: Shown) -> str:
 
 
 def _constant(value: float | None, ends: Ends | None, unit: str) -> str:
+    """Return a constant with its range in words; a source may give only an upper or a lower bound."""
     if value is None:
         return NONE
     if ends is None:
         return f"{value:g} {unit}"
     low, high = ends
-    if low is None or high is None:
-        return f"{'at most' if low is None else 'at least'} {value:g} {unit}"
+    if low is None:
+        return f"at most {value:g} {unit}"
+    if high is None:
+        return f"at least {value:g} {unit}"
     return f"{value:g} {unit} ({low:g} to {high:g})"

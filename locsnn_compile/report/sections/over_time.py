@@ -1,6 +1,6 @@
-"""The section on predictions while a recording plays, and on where it could stop."""
+"""The section on predictions while a recording plays, and on what stopping early would save."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from locsnn_compile.report.content import Bar, Cell, Curve, Facts, Folded, Plot, Section, Table
 from locsnn_compile.report.figures.checks import NotFollowed, OverTimeFigures
@@ -20,7 +20,11 @@ _LEAD = (
 
 
 def over_time(report: ReportFigures) -> Section:
-    """The share of right predictions during a recording, and what a proven stop saves."""
+    """Return the section on right predictions during a recording, and on what a proven stop saves.
+
+    Without predictions over time, it shows only the cost of steps. A stop is proven as soon as no further
+    input can change the prediction.
+    """
     figures = report.over_time
     costs = _costs_of_steps(report)
     if figures is None:
@@ -46,6 +50,7 @@ def over_time(report: ReportFigures) -> Section:
 
 
 def _costs_of_steps(report: ReportFigures) -> tuple[Plot | Table, ...]:
+    """Return a plot and a table of the energy over the steps, and of the time, where they are known."""
     costs: tuple[Plot | Table, ...] = ()
     if report.energy is not None:
         costs += energy_course(report.energy)
@@ -78,14 +83,18 @@ def _title(figures: OverTimeFigures) -> str:
 
 
 def _plot(figures: OverTimeFigures) -> Plot:
-    last, step_seconds = figures.steps[-1], figures.step_seconds
-    moment: Callable[[float], str] = "{:.0f}".format
-    if step_seconds:
-        moment = lambda step: short(step * step_seconds)  # noqa: E731
+    """Draw the share of right predictions over the steps, or over seconds if the length of a step is known."""
+    last_step = figures.steps[-1]
+    step_seconds = figures.step_seconds
+
+    def tick_text(step: float) -> str:
+        return short(step * step_seconds) if step_seconds else f"{step:.0f}"
+
+    ticks = tuple(part * last_step for part in (0.0, *PARTS))
     return Plot(
         title=_title(figures),
         x_label="seconds" if step_seconds else "steps",
-        x=Axis(0.0, last, tuple(part * last for part in (0.0, *PARTS)), moment),
+        x=Axis(0.0, last_step, ticks, tick_text),
         y=Axis(0.0, 1.0, (0.25, 0.5, 0.75, 1.0), lambda share: f"{100 * share:.0f} %"),
         curves=tuple(
             Curve(words(name), tuple(zip(figures.steps, shares, strict=True)))
@@ -95,18 +104,23 @@ def _plot(figures: OverTimeFigures) -> Plot:
 
 
 def _table(figures: OverTimeFigures) -> Table:
+    """Return the share of right predictions after five steps: those nearest to ``PARTS`` of the last one."""
     steps = figures.steps
-    at = [min(range(len(steps)), key=lambda i: abs(steps[i] - part * steps[-1])) for part in PARTS]
-    return Table(
-        _title(figures),
-        ("prediction by", *(f"step {count(steps[i])}" for i in at)),
-        tuple(
-            (words(name), *(share(shares[i]) for i in at)) for name, shares in figures.right.items()
-        ),
-    )
+    columns = [_nearest(steps, part * steps[-1]) for part in PARTS]
+    rows = []
+    for name, shares in figures.right.items():
+        rows.append((words(name), *(share(shares[i]) for i in columns)))
+    headings = (f"step {count(steps[i])}" for i in columns)
+    return Table(_title(figures), ("prediction by", *headings), tuple(rows))
+
+
+def _nearest(steps: Sequence[int], wanted_step: float) -> int:
+    """Return the index of the step that is nearest to one of any number."""
+    return min(range(len(steps)), key=lambda i: abs(steps[i] - wanted_step))
 
 
 def _stop(savings: Savings) -> Table:
+    """Return what a proven stop saves; a cost that is unknown has no row."""
     of_profile = f", profile {savings.profile}"
     rows = (
         _saved("steps", savings.steps, savings.all_steps, count),
@@ -124,7 +138,7 @@ def _stop(savings: Savings) -> Table:
 def _saved(
     name: str, until: float | None, whole: float | None, shown: Callable[[float], str]
 ) -> tuple[Cell, ...]:
-    """Return the row of a cost; nothing if it is not known."""
+    """Return the row of a cost until the stop and for the whole recording; an empty row if it is unknown."""
     if until is None or whole is None:
         return ()
     saved = 1.0 - until / whole if whole else 0.0

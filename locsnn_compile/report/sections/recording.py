@@ -1,8 +1,12 @@
-"""Sections on one recording: its input, the spikes of both sides, and the potential that differs first."""
+"""Sections on one recording: its input, the spikes of both sides, and the potential that differs first.
+
+An excerpt is the part of one recording that is shown: some steps, neurons and input lines. It is taken around
+the first spike that differs between the network and the chip, or from the first recording if none does.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -10,13 +14,13 @@ from hw_model.values import ByteArray
 from locsnn_compile.report.content import Curve, Folded, Plot, Raster, Section, Strokes, Table
 from locsnn_compile.report.figures.match import MatchFigures, ReadoutFigures
 from locsnn_compile.report.format import NONE, SILENT, count, plural, told_apart
-from locsnn_compile.report.pictures.axis import Axis, step_axis, value_axis
+from locsnn_compile.report.pictures.axis import step_axis, value_axis
 from locsnn_compile.report.sections.accuracy import no_spikes
 from locsnn_compile.report.words import words
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
-_BESIDE = 3
-"""Steps before and after the central one in the table."""
+_STEPS_AROUND = 3
+"""Steps before and after the central one in the table of potentials."""
 _SPIKES = (
     "One recording, one row per neuron, the first at the top. A ring marks the first spike that only "
     "one side has; without a reset, later spikes may stay a step or two apart."
@@ -26,24 +30,29 @@ _ITS_DIFFERENCE = "Its first spike that differs is marked."
 
 
 def spikes(match: MatchFigures, excerpt: Excerpt | None) -> Section | None:
-    """Rasters of inputs and populations with every difference marked; None without an excerpt."""
+    """Return the section on spikes: rasters of inputs and populations with every difference marked.
+
+    None without an excerpt. One raster is shown at first sight, and the others are folded.
+    """
     if excerpt is None:
         return None
-    excerpt = _that_spike(excerpt, match.readout)
-    side = _side(match)
+    excerpt = _without_silent_readouts(excerpt, match.readout)
+    side = _network_side(match)
     rasters: list[Raster] = []
     for phase in excerpt.steps:
-        rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
-        rasters += [
-            _population(item, excerpt, side) for item in excerpt.populations if item.phase == phase
-        ]
+        for rows in excerpt.inputs:
+            if rows.phase == phase:
+                rasters.append(_input(rows, excerpt))
+        for rows in excerpt.populations:
+            if rows.phase == phase:
+                rasters.append(_population(rows, excerpt, side))
     at_first_sight = _with_flag_or_last(rasters)
     others = [raster for raster in rasters if raster is not at_first_sight]
     return Section.of(
         "spikes",
         "Spikes",
         _SPIKES,
-        _shown(excerpt),
+        _extent(excerpt),
         at_first_sight,
         Folded.of(
             "Inputs, other populations, and the spikes in figures",
@@ -60,130 +69,128 @@ def _with_flag_or_last(rasters: Sequence[Raster]) -> Raster | None:
     return candidates[-1] if candidates else None
 
 
-def _side(match: MatchFigures) -> str:
-    """Return what the network's side is called."""
+def _network_side(match: MatchFigures) -> str:
+    """Return what the network's side is called: ``float``, or ``network`` if it is in integers itself."""
     return "network" if match.reference == "integers" else "float"
 
 
-def _that_spike(excerpt: Excerpt, readout: ReadoutFigures) -> Excerpt:
+def _without_silent_readouts(excerpt: Excerpt, readout: ReadoutFigures) -> Excerpt:
     """Return the excerpt without populations that are read by potential and never spike in it."""
-    kept = [
-        item
-        for item in excerpt.populations
-        if item.reference.any() or item.chip.any() or no_spikes(readout, item.name) == SILENT
+    populations = [
+        rows
+        for rows in excerpt.populations
+        if rows.reference.any() or rows.chip.any() or no_spikes(readout, rows.name) == SILENT
     ]
-    left_out = excerpt.populations_left_out + len(excerpt.populations) - len(kept)
-    return replace(excerpt, populations=tuple(kept), populations_left_out=left_out)
+    left_out = excerpt.populations_left_out + len(excerpt.populations) - len(populations)
+    return replace(excerpt, populations=tuple(populations), populations_left_out=left_out)
 
 
-def _shown(excerpt: Excerpt) -> str:
-    """Return which recording and steps are shown, and what is left out."""
-    parts = [
-        f"Recording {excerpt.recording}, "
-        + (
-            "the first in which a spike differs."
-            if excerpt.first
-            else "the first one, as no spike of any recording differs."
-        )
-    ]
+def _extent(excerpt: Excerpt) -> str:
+    """Say which recording and steps are shown, and what is left out."""
+    why_this = "the first one, as no spike of any recording differs."
+    if excerpt.first is not None:
+        why_this = "the first in which a spike differs."
+    sentences = [f"Recording {excerpt.recording}, {why_this}"]
     for phase, steps in excerpt.steps.items():
-        every = excerpt.all_steps[phase]
-        if len(steps) < every:
-            parts.append(
-                f"Of {count(every)} {phase} steps, {count(steps[0])} to {count(steps[-1])} are drawn."
+        all_steps = excerpt.all_steps[phase]
+        if len(steps) < all_steps:
+            sentences.append(
+                f"Of {count(all_steps)} {phase} steps, {count(steps[0])} to {count(steps[-1])} are drawn."
             )
-    thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
-    if thinned:
-        parts.append(
+    has_large_populations = any(len(rows.numbers) < rows.size for rows in excerpt.populations)
+    if has_large_populations:
+        sentences.append(
             "Large populations are drawn in part: the neurons with the most differences, then the busiest ones."
         )
-    if left := excerpt.populations_left_out:
-        parts.append(
-            f"{plural(left, 'further population is', 'further populations are')} not drawn."
-        )
-    return " ".join(parts)
+    left_out = excerpt.populations_left_out
+    if left_out:
+        populations = plural(left_out, "further population is", "further populations are")
+        sentences.append(f"{populations} not drawn.")
+    return " ".join(sentences)
 
 
-def _input(item: SpikeRows, excerpt: Excerpt) -> Raster:
-    alone = item.together == 1
-    title = f"Input of the {words(item.phase)}: {plural(item.size, 'line')}"
-    strokes = _strokes(
-        "event", item.reference, "input events" if alone else "strokes, each one event or more"
-    )
+def _input(rows: SpikeRows, excerpt: Excerpt) -> Raster:
+    """Draw the events of an input. Where there are many lines, several share a row and a stroke."""
+    title = f"Input of the {words(rows.phase)}: {plural(rows.size, 'line')}"
+    label = "input events"
+    if rows.together > 1:
+        title = f"{title}, {rows.together} per row"
+        label = "strokes, each one event or more"
+    events = int(rows.reference.sum(dtype=np.int64))
+    steps, row_count = rows.reference.shape
     return Raster(
-        title if alone else f"{title}, {item.together} per row",
-        f"{plural(int(item.reference.sum(dtype=np.int64)), 'event')} drawn.",
-        *_axes(item, excerpt),
-        strokes=(strokes,),
+        title,
+        f"{plural(events, 'event')} drawn.",
+        columns=steps,
+        rows=row_count,
+        x_label=f"{rows.axis} step",
+        x=step_axis(excerpt.steps[rows.phase], centred=True),
+        strokes=(_strokes("event", rows.reference, label),),
     )
 
 
-def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
-    rows = item.reference.shape[1]
-    equal, reference, chip = _sides(item)
-    of = (
-        plural(item.size, "neuron")
-        if rows == item.size
-        else f"{count(rows)} of {plural(item.size, 'neuron')}"
-    )
+def _population(rows: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
+    """Draw the spikes of a population on both sides, with a flag at the first difference if it lies here."""
+    steps, row_count = rows.reference.shape
+    equal, only_reference, only_chip = _sides(rows)
+    neurons = plural(rows.size, "neuron")
+    if row_count < rows.size:
+        neurons = f"{count(row_count)} of {neurons}"
     network = "network" if side == "network" else f"{side} network"
-    flag, flag_label, first = None, "", excerpt.first
-    if first is not None and first.population == item.name:
-        flag = (
-            first.step - excerpt.steps[item.phase].start,
-            item.numbers.tolist().index(first.neuron),
-        )
+    flag = None
+    flag_label = ""
+    first = excerpt.first
+    if first is not None and first.population == rows.name:
+        column = first.step - excerpt.steps[rows.phase].start
+        row = rows.numbers.tolist().index(first.neuron)
+        flag = column, row
         flag_label = f"neuron {first.neuron}, step {first.step}"
     return Raster(
-        f"{item.name}: {of}",
-        f"{plural(int(equal.sum()), 'spike')} on both sides, {count(int(reference.sum()))} only in the {network}, "
-        f"{count(int(chip.sum()))} only on the chip.",
-        *_axes(item, excerpt),
+        f"{rows.name}: {neurons}",
+        f"{plural(int(equal.sum()), 'spike')} on both sides, "
+        f"{count(int(only_reference.sum()))} only in the {network}, "
+        f"{count(int(only_chip.sum()))} only on the chip.",
+        columns=steps,
+        rows=row_count,
+        x_label=f"{rows.axis} step",
+        x=step_axis(excerpt.steps[rows.phase], centred=True),
         strokes=(
             _strokes("equal", equal, "on both sides"),
-            _strokes("reference", reference, f"only in the {network}"),
-            _strokes("chip", chip, "only on the chip"),
+            _strokes("reference", only_reference, f"only in the {network}"),
+            _strokes("chip", only_chip, "only on the chip"),
         ),
         flag=flag,
         flag_label=flag_label,
     )
 
 
-def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, Axis]:
-    """Return the columns and rows of a raster, and its axis with the label."""
-    return (
-        *item.reference.shape,
-        f"{item.axis} step",
-        step_axis(excerpt.steps[item.phase], centred=True),
-    )
-
-
 def _spike_table(excerpt: Excerpt, side: str) -> Table:
-    rows = []
-    for item in excerpt.populations:
-        spikes = (count(int(on_side.sum())) for on_side in _sides(item))
-        differs = np.flatnonzero((item.reference ^ item.chip).any(axis=1))
+    """Return how many of the drawn spikes of each population are on both sides, and on each side alone."""
+    table_rows = []
+    for rows in excerpt.populations:
+        spikes = (count(int(spikes_of_side.sum())) for spikes_of_side in _sides(rows))
+        steps_that_differ = np.flatnonzero((rows.reference ^ rows.chip).any(axis=1))
         first = NONE
-        if len(differs):
-            first = count(int(differs[0]) + excerpt.steps[item.phase].start)
-        rows.append((item.name, *spikes, first))
+        if len(steps_that_differ):
+            first = count(int(steps_that_differ[0]) + excerpt.steps[rows.phase].start)
+        table_rows.append((rows.name, *spikes, first))
     return Table(
         f"Spikes drawn, recording {excerpt.recording}",
         ("population", "on both sides", f"only {side}", "only chip", "first difference at step"),
-        tuple(rows),
+        tuple(table_rows),
     )
 
 
-def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
-    """Return the spikes on both sides, only in the reference, and only on the chip."""
-    equal = item.reference & item.chip
-    return equal, item.reference ^ equal, item.chip ^ equal
+def _sides(rows: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
+    """Return the spikes on both sides, only in the reference, and only on the chip, (steps, rows) each."""
+    equal = rows.reference & rows.chip
+    return equal, rows.reference ^ equal, rows.chip ^ equal
 
 
 def _strokes(
     kind: Literal["equal", "reference", "chip", "event"], spikes: ByteArray, label: str
 ) -> Strokes:
-    """Return the (column, row) of every spike, row by row."""
+    """Return a stroke at (column, row) for every spike, row by row."""
     rows, columns = np.nonzero(spikes.T)
     return Strokes(
         kind,
@@ -193,78 +200,123 @@ def _strokes(
 
 
 def potential(match: MatchFigures, excerpt: Excerpt | None) -> Section | None:
-    """Potentials of both sides with the threshold, and their difference; None without an excerpt."""
+    """Return the section on the potential of one neuron on both sides; None without an excerpt.
+
+    It shows the potentials with the threshold, and the chip's error. ``difference`` in the helpers below is
+    the index of the step in which spikes differ, None if none does.
+    """
     if excerpt is None:
         return None
-    side = _side(match)
-    shown, first = excerpt.potential, excerpt.first
-    where = f"{shown.population}, neuron {shown.neuron}, recording {excerpt.recording}"
-    at = None if first is None else first.step - shown.first_step
+    side = _network_side(match)
+    neuron = excerpt.potential
+    first = excerpt.first
+    difference = None if first is None else first.step - neuron.first_step
     title = "Potential of a neuron" if first is None else "Potential around the first difference"
-    lead = f"{where}: the potential that the threshold sees, before any reset. "
+    name = f"{neuron.population}, neuron {neuron.neuron}, recording {excerpt.recording}"
+    lead = f"{name}: the potential that the threshold sees, before any reset. "
     lead += _AN_EXAMPLE if first is None else _ITS_DIFFERENCE
     return Section.of(
         "potential",
         title,
         lead,
-        _potentials(shown, side, at),
-        _difference(shown, side, at),
-        Folded.of("Potentials in figures", _around(shown, side, at)),
+        _potentials(neuron, side, difference),
+        _error(neuron, side, difference),
+        Folded.of("Potentials in figures", _table_around(neuron, side, difference)),
     )
 
 
-def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:
-    both = {f"{side} potential": shown.reference.tolist(), "chip potential": shown.chip.tolist()}
-    title, level = f"{shown.population}, neuron {shown.neuron}: potential", shown.threshold
-    marked = None if at is None else shown.first_step + at
-    return _plot(title, shown, both, (f"threshold, {level:.6g}", level), marked=marked)
+def _potentials(neuron: NeuronPotential, side: str, difference: int | None) -> Plot:
+    """Draw the potentials of both sides and the threshold, with a line at the difference."""
+    potentials = {
+        f"{side} potential": neuron.reference.tolist(),
+        "chip potential": neuron.chip.tolist(),
+    }
+    return _plot(
+        f"{neuron.population}, neuron {neuron.neuron}: potential",
+        neuron,
+        potentials,
+        _Level(f"threshold, {neuron.threshold:.6g}", neuron.threshold),
+        marked=None if difference is None else neuron.first_step + difference,
+    )
 
 
-def _difference(shown: NeuronPotential, side: str, at: int | None) -> Plot:
+def _error(neuron: NeuronPotential, side: str, difference: int | None) -> Plot:
     """Draw the error of the chip while all spikes are equal; later errors come from the spike that differs."""
-    until = None if at is None else at + 1
-    off = 100.0 * (shown.chip - shown.reference)[:until] / (abs(shown.threshold) or 1.0)
     title = "Error of the chip's potential, in percent of the threshold"
-    title += "" if at is None else ", until spikes differ"
-    return _plot(title, shown, {f"chip minus {side}": off.tolist()}, ("no error", 0.0), " %")
+    stop = None
+    if difference is not None:
+        title += ", until spikes differ"
+        stop = difference + 1
+    # A threshold of 0 has no percents; then the error is 100 times its own value.
+    unit = abs(neuron.threshold) or 1.0
+    error_percent = 100.0 * (neuron.chip - neuron.reference)[:stop] / unit
+    return _plot(
+        title,
+        neuron,
+        {f"chip minus {side}": error_percent.tolist()},
+        _Level("no error", 0.0),
+        unit=" %",
+    )
+
+
+class _Level(NamedTuple):
+    """A value at which a plot has a horizontal line, with its label."""
+
+    label: str
+    value: float
 
 
 def _plot(
     title: str,
-    shown: NeuronPotential,
+    neuron: NeuronPotential,
     series: dict[str, list[float]],
-    level: tuple[str, float],
+    level: _Level,
     unit: str = "",
     marked: float | None = None,
 ) -> Plot:
-    """Draw series of values by step, and a named level."""
+    """Draw values by step as curves, with a horizontal line at ``level`` and a vertical one at step ``marked``."""
     steps = len(next(iter(series.values())))
-    x = step_axis(range(shown.first_step, shown.first_step + steps), centred=False)
+    x = step_axis(range(neuron.first_step, neuron.first_step + steps), centred=False)
     curves = [
-        Curve(label, tuple(enumerate(values, shown.first_step))) for label, values in series.items()
+        Curve(label, tuple(enumerate(values, neuron.first_step)))
+        for label, values in series.items()
     ]
-    curves.append(Curve(level[0], ((x.low, level[1]), (x.high, level[1]))))
+    curves.append(Curve(level.label, ((x.low, level.value), (x.high, level.value))))
     y = value_axis([value for curve in curves for _, value in curve.points], unit)
-    return Plot(title, f"{shown.axis} step", x, y, tuple(curves), marked)
+    return Plot(title, f"{neuron.axis} step", x, y, tuple(curves), marked)
 
 
-def _around(shown: NeuronPotential, side: str, at: int | None) -> Table:
-    centre = len(shown.reference) // 2 if at is None else at
-    kept = range(max(0, centre - _BESIDE), min(len(shown.reference), centre + _BESIDE + 1))
-    texts = told_apart(
-        [float(v) for i in kept for v in (shown.reference[i], shown.chip[i], shown.threshold)]
-    )
+def _table_around(neuron: NeuronPotential, side: str, difference: int | None) -> Table:
+    """Return the potentials around the difference, or around the middle of the steps if there is none."""
+    steps = len(neuron.reference)
+    centre = steps // 2 if difference is None else difference
+    start = max(0, centre - _STEPS_AROUND)
+    stop = min(steps, centre + _STEPS_AROUND + 1)
+    reference = neuron.reference[start:stop].tolist()
+    chip = neuron.chip[start:stop].tolist()
+    # All with the same number of digits, enough to see on which side of the threshold they lie.
+    texts = told_apart([*reference, *chip, float(neuron.threshold)])
+    reference_texts = texts[: len(reference)]
+    chip_texts = texts[len(reference) : -1]
     rows = []
-    for n, i in enumerate(kept):
-        fired = [
-            name
-            for name, at_step in ((side, shown.reference_spikes), ("chip", shown.chip_spikes))
-            if at_step[i]
-        ]
-        both = texts[3 * n], texts[3 * n + 1]
-        rows.append((str(shown.first_step + i), *both, " and ".join(fired) or NONE))
+    for step, reference_text, chip_text in zip(
+        range(start, stop), reference_texts, chip_texts, strict=True
+    ):
+        fired = []
+        if neuron.reference_spikes[step]:
+            fired.append(side)
+        if neuron.chip_spikes[step]:
+            fired.append("chip")
+        rows.append(
+            (
+                str(neuron.first_step + step),
+                reference_text,
+                chip_text,
+                " and ".join(fired) or NONE,
+            )
+        )
     return Table(
-        f"{shown.population}, neuron {shown.neuron}, threshold {shown.threshold:.6g}",
+        f"{neuron.population}, neuron {neuron.neuron}, threshold {neuron.threshold:.6g}",
         ("step", f"{side} potential", "chip potential", "spike of"),
         tuple(rows),
     )

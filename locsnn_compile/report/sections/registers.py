@@ -1,4 +1,8 @@
-"""Whether wraps and clips of registers matter, in the summary and in a section of its own."""
+"""Say whether wraps and clips matter, in a verdict at the top of the report and in a section of its own.
+
+A charge or current that leaves its register wraps to the other end, and a voltage clips at the end. The check
+replays the affected recordings with registers too wide for that, and tries other settings of the compiler.
+"""
 
 from collections.abc import Mapping
 
@@ -25,6 +29,7 @@ _ANSWERS: dict[Matters, tuple[Status, str]] = {
     "predictions": ("no", "No"),
     "not known": ("unknown", "Not known"),
 }
+"""Status and answer of the verdict, by what wraps and clips change."""
 _OTHER_ARITHMETIC = "this arithmetic is not played with wider registers"
 _TIES = "all tie"
 _SILENT = "silent"
@@ -42,8 +47,8 @@ def registers(
 ) -> Verdict:
     """Are registers wide enough for these recordings?
 
-    ``overflows`` says what wide registers change, and ``proven`` what is known for any input; chips
-    with an arithmetic of their own have neither.
+    ``overflows`` says what wide registers change, and ``proven`` what is proven for any input, by group of
+    compartments. Chips with an arithmetic of their own have neither.
     """
     match = report.match
     events = _events(match)
@@ -60,7 +65,7 @@ def registers(
 
 
 def overflows(figures: OverflowFigures | None) -> Section | None:
-    """Settings without wraps and clips, where these change anything."""
+    """Return the section on settings without wraps and clips; None where wraps and clips change too little to look."""
     if figures is None or figures.settings is None:
         return None
     search = figures.settings
@@ -103,7 +108,7 @@ def _matters(match: MatchFigures, overflows: OverflowFigures | None) -> Matters:
 
 
 def _events(match: MatchFigures) -> str:
-    """Return what happened; wraps and clips that there are none of are left out."""
+    """Return how many wraps and clips there were, as in ``3 wraps and 1 clip``; a count of 0 is left out."""
     kinds = []
     if match.wraps:
         kinds.append(plural(match.wraps, "wrap"))
@@ -113,7 +118,9 @@ def _events(match: MatchFigures) -> str:
 
 
 def _share_of_updates(report: SharedFigures) -> str:
+    """Return which share of the neuron updates clipped; nothing without clips."""
     match = report.match
+    # Operations are means per recording, and clips a sum over all recordings.
     updates = report.operations.per_sample.neuron_updates * match.samples
     if not (match.clips and updates):
         return ""
@@ -121,7 +128,7 @@ def _share_of_updates(report: SharedFigures) -> str:
 
 
 def _sentence(match: MatchFigures, overflows: OverflowFigures | None) -> str:
-    """Return whether wraps and clips matter, without the full stop."""
+    """Say whether wraps and clips matter, without the full stop."""
     matters = _matters(match, overflows)
     if matters == "nothing overflows":
         return "No register wrapped or was clipped"
@@ -144,6 +151,7 @@ def _sentence(match: MatchFigures, overflows: OverflowFigures | None) -> str:
 
 
 def _changed(wide: WideFigures) -> str:
+    """Return what wide registers change; where no spike changes, class scores do."""
     spikes = plural(wide.spikes_changed, "spike")
     predictions = plural(wide.predictions_changed, "prediction")
     if not wide.spikes_changed:
@@ -160,7 +168,8 @@ def _facts(
 ) -> Facts:
     facts: dict[str, str] = {}
     if overflows is not None and overflows.matters in ("spikes or scores", "predictions"):
-        assert overflows.wide_registers is not None  # what changes was played
+        # What changes is known only because the recordings were played with wide registers.
+        assert overflows.wide_registers is not None
         facts["without them"] = _without(match, overflows.wide_registers)
         facts["removed by"] = _removed_by(overflows.settings)
     if proven is not None:
@@ -169,20 +178,20 @@ def _facts(
 
 
 def _without(match: MatchFigures, wide: WideFigures) -> str:
-    """Return the agreement with the network if registers were wide, and what it is."""
+    """Return the agreement with the network with wide registers, and with those of the chip."""
     parts = []
     if wide.prediction_agreement is not None and match.prediction_agreement is not None:
         predictions = share(wide.prediction_agreement)
         parts.append(
             f"{predictions} of the predictions equal instead of {share(match.prediction_agreement)}"
         )
-    spikes_now = match.spikes.spike_agreement
-    if wide.spike_agreement is not None and spikes_now is not None:
+    spikes_on_chip = match.spikes.spike_agreement
+    if wide.spike_agreement is not None and spikes_on_chip is not None:
         spikes = share(wide.spike_agreement)
-        parts.append(f"{spikes} of the spikes equal instead of {share(spikes_now)}")
+        parts.append(f"{spikes} of the spikes equal instead of {share(spikes_on_chip)}")
     if match.readout.reads_potentials and wide.score_error is not None:
-        scores_now = known(match.score_error, share)
-        parts.append(f"class scores off by {share(wide.score_error)} instead of {scores_now}")
+        error_on_chip = known(match.score_error, share)
+        parts.append(f"class scores off by {share(wide.score_error)} instead of {error_on_chip}")
     return ", ".join(parts) or "nothing to compare"
 
 
@@ -192,25 +201,31 @@ def _removed_by(search: SearchFigures | None) -> str:
         return "not looked for"
     if not search.without:
         return f"none of {plural(search.tried, 'other setting')}"
+    # The settings are sorted: the first loses least.
     best = search.without[0]
+    taken = search.taken
     price = []
-    for agreement, now, compared in (
-        (best.prediction_agreement, search.taken.prediction_agreement, "predictions"),
-        (best.spike_agreement, search.taken.spike_agreement, "spikes"),
-    ):
-        if agreement is not None and now is not None:
-            price.append(f"{share(agreement)} of the {compared} equal instead of {share(now)}")
+    if best.prediction_agreement is not None and taken.prediction_agreement is not None:
+        price.append(
+            f"{share(best.prediction_agreement)} of the predictions equal instead of "
+            f"{share(taken.prediction_agreement)}"
+        )
+    if best.spike_agreement is not None and taken.spike_agreement is not None:
+        price.append(
+            f"{share(best.spike_agreement)} of the spikes equal instead of "
+            f"{share(taken.spike_agreement)}"
+        )
     if best.energy_ratio is not None:
         price.append(f"{ratio(best.energy_ratio)} times the energy")
     if best.time_ratio is not None:
         price.append(f"{ratio(best.time_ratio)} times the time")
-    options = _options(best.setting, search.taken.setting)
-    where = f"on {plural(search.recordings, 'recording')} that have some"
-    return f"{options} ({where}: {', '.join(price)})"
+    options = _options(best.setting, taken.setting)
+    tried_on = f"on {plural(search.recordings, 'recording')} that have some"
+    return f"{options} ({tried_on}: {', '.join(price)})"
 
 
 def _options(setting: Setting, taken: Setting) -> str:
-    """Return the options that ask for a setting instead of the one taken."""
+    """Return the command-line options that select ``setting``, as far as it differs from the setting ``taken``."""
     options = []
     for (dial, value), taken_value in zip(setting.by_dial, taken.values, strict=True):
         if value != taken_value:
@@ -219,7 +234,7 @@ def _options(setting: Setting, taken: Setting) -> str:
 
 
 def _proof(proven: Mapping[str, ProvenRange]) -> str:
-    """Return what is proven for any input."""
+    """Say what is proven for any input."""
     periods = [group.safe_period_steps for group in proven.values()]
     unproven = sum(period is None for period in periods)
     if unproven:

@@ -1,4 +1,4 @@
-"""What is not known? What the check could not show, next to the figures that it limits."""
+"""The verdict that answers "What is not known?": what the check of a build could not show."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,14 +12,14 @@ from locsnn_compile.report.words import listed
 
 
 def unknowns_of(report: ReportFigures) -> Verdict:
-    """List what nobody knows of this build for a mesh of cores or the open core."""
+    """List what is unknown about a build for a mesh of cores or the open core."""
     return unknowns(report, {"energy": _energy(report), "on a board": _on_a_board(report)})
 
 
 def unknowns(report: SharedFigures, of_chip: Mapping[str, str]) -> Verdict:
-    """List what nobody knows of this build, and how many assumptions stand besides.
+    """List what is unknown about a build for any kind of target, and count the assumptions.
 
-    ``of_chip`` is what is not known of the chip, by what it is of.
+    ``of_chip`` is what is unknown about the chip, by subject, such as ``energy``.
     """
     points = Facts.of(
         {
@@ -28,25 +28,29 @@ def unknowns(report: SharedFigures, of_chip: Mapping[str, str]) -> Verdict:
             **of_chip,
         }
     ).facts
-    assumed = len(report.assumptions)
+    assumptions = len(report.assumptions)
     return Verdict(
         question="What is not known?",
         status="unknown",
         answer=plural(len(points), "point"),
         figure=str(len(points)),
-        figure_label=f"and {plural(assumed, 'assumption')}" if assumed else "and no assumptions",
+        figure_label=(
+            f"and {plural(assumptions, 'assumption')}" if assumptions else "and no assumptions"
+        ),
         sentence=f"Not known: {listed([point.label for point in points])}.",
         facts=points,
     )
 
 
 def _accuracy(report: SharedFigures) -> str | None:
+    """Say why the accuracy is unknown; None if it is known."""
     if report.match.events_origin == "made up":
         return "the recordings are made up"
     return "the recordings have no labels" if report.accuracy is None else None
 
 
 def _other_recordings(report: SharedFigures) -> str:
+    """Say what the recordings of the check prove about other recordings of the same kind."""
     interval = agreement_interval(report.match)
     if interval is None:
         return "no prediction was compared"
@@ -60,13 +64,13 @@ def _other_recordings(report: SharedFigures) -> str:
 def _energy(report: ReportFigures) -> str:
     if report.energy is None:
         return "no power model of such devices is public"
-    left_out = _not_bounded(report.energy)
-    besides = f"; it leaves out {listed(left_out)}" if left_out else ""
-    return f"a model of published costs, not measured{besides}"
+    left_out = _without_bound(report.energy)
+    about_left_out = f"; it leaves out {listed(left_out)}" if left_out else ""
+    return f"a model of published costs, not measured{about_left_out}"
 
 
-def _not_bounded(energy: EnergyFigures) -> Sequence[str]:
-    """Return what the energy does not include, with no bound."""
+def _without_bound(energy: EnergyFigures) -> Sequence[str]:
+    """Return what the energy leaves out without even an upper bound."""
     return [item.what for item in energy.not_included_bounds if item.at_most_pj is None]
 
 

@@ -1,6 +1,10 @@
-"""The questions that a report answers first, and what to know before believing its figures."""
+"""The verdicts at the top of a report, and the notices that a reader must know before believing its figures.
 
-from collections.abc import Iterable, Mapping
+A verdict is a question with its answer: does the program match the network, does it fit the chip, what does a
+recording cost. ``counts_cores`` tells a mesh of cores from the open core, which is one core of our own RTL.
+"""
+
+from collections.abc import Mapping
 
 from locsnn_compile.report.content import Fact, Facts, Notice, Status, Verdict
 from locsnn_compile.report.figures.document import MemberFigures, ReportFigures, SharedFigures
@@ -26,7 +30,7 @@ from locsnn_compile.report.words import limit_words, listed, stage_words, words
 from locsnn_compile.verification.chance import Chance
 
 NEARLY = 0.95
-"""The least prediction agreement for the answer "nearly"."""
+"""The least prediction agreement for the answer "nearly", chosen by hand."""
 MOST_SCORE_ERROR = 0.05
 """The largest error of class scores, as a share of their spread, for the answer "yes" where potentials are read.
 
@@ -35,7 +39,7 @@ Nothing else compares potentials, and a few recordings keep their class at error
 _ROUNDING = 1e-9
 """Class scores whose error is smaller differ only as floats round."""
 _WIDTHS = {"charge", "join", "step", "later"}
-"""Limits of the open core that are bits of a number: a program needs them, but does not fill them."""
+"""Limits of the open core that are widths of numbers in bits: a program needs them, but does not fill them."""
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 SAME_CLASSES = "Nearly, in every prediction"
 
@@ -45,6 +49,8 @@ def matches(report: SharedFigures) -> Verdict:
     match = report.match
     status, answer = _answer(match)
     sentence = _comparison_of_both_sides(match, status, answer)
+    # A program can match a network perfectly and both be useless, for instance on recordings that were
+    # prepared in another way than those of the training.
     if report.chance is not None and not report.chance.told_apart:
         sentence += f". {_at_chance(report.chance.test)}"
         if status == "yes":
@@ -78,19 +84,23 @@ def _facts_of_match(report: SharedFigures) -> Facts:
 
 
 def _answer(match: MatchFigures) -> tuple[Status, str]:
-    """Return what was proven; nothing if the readout is silent, or if spikes differ but no class is predicted."""
+    """Return what the check proved.
+
+    It proves nothing if the readout is silent, or if spikes differ and no class is predicted.
+    """
     agreement = match.prediction_agreement
-    every_spike = match.spikes.spike_mismatches == 0 and match.spikes.spike_agreement is not None
+    spiked = match.spikes.spike_agreement is not None
+    every_spike_equal = spiked and match.spikes.spike_mismatches == 0
     if match.readout.silent:
         return "unknown", "Not known"
     if agreement is None:
-        return ("yes", SPIKE_FOR_SPIKE) if every_spike else ("unknown", "Not known")
-    if agreement == 1:
-        error = match.score_error or 0
-        if match.readout.reads_potentials and error > MOST_SCORE_ERROR:
-            return "nearly", SAME_CLASSES
-        return "yes", SPIKE_FOR_SPIKE if every_spike else "Yes, in every prediction"
-    return ("nearly", "Nearly") if agreement >= NEARLY else ("no", "No")
+        return ("yes", SPIKE_FOR_SPIKE) if every_spike_equal else ("unknown", "Not known")
+    if agreement < 1:
+        return ("nearly", "Nearly") if agreement >= NEARLY else ("no", "No")
+    score_error = match.score_error or 0
+    if match.readout.reads_potentials and score_error > MOST_SCORE_ERROR:
+        return "nearly", SAME_CLASSES
+    return "yes", SPIKE_FOR_SPIKE if every_spike_equal else "Yes, in every prediction"
 
 
 def _comparison_of_both_sides(match: MatchFigures, status: Status, answer: str) -> str:
@@ -121,6 +131,7 @@ def _same_predictions(match: MatchFigures) -> str:
     """Return in how many recordings both sides predict the same class; nothing if none was predicted."""
     if match.prediction_agreement is None:
         return ""
+    # Where all class scores of both sides tie, no class is predicted.
     predicted = match.samples - match.tied_predictions
     same = round(match.prediction_agreement * predicted)
     return f"in {count(same)} of {plural(predicted, 'recording')}"
@@ -136,6 +147,7 @@ def _at_chance(test: Chance) -> str:
 
 
 def _not_compared(match: MatchFigures) -> str:
+    """Say why no prediction was compared."""
     if not match.readout.silent or match.readout.by != "spikes":
         return "No class score is above another"
     if match.spikes.spike_agreement is None:
@@ -147,9 +159,12 @@ def costs(report: ReportFigures, figures: EnergyFigures) -> Verdict:
     """How much energy and time does a recording take in the model?"""
     per_recording = energy(figures.per_sample_pj)
     spent = f"{per_recording} of dynamic energy (profile {figures.profile})"
-    answer, sentence = "Modelled, not measured", _modelled(report.latency, spent)
-    if not counts_cores(report):
-        answer, sentence = "Cycles exact, energy modelled", _of_open_core(report.latency, spent)
+    if counts_cores(report):
+        answer = "Modelled, not measured"
+        sentence = _cost_on_mesh(report.latency, spent)
+    else:
+        answer = "Cycles exact, energy modelled"
+        sentence = _cost_on_open_core(report.latency, spent)
     return Verdict(
         question="What does it cost?",
         status="modelled",
@@ -161,30 +176,30 @@ def costs(report: ReportFigures, figures: EnergyFigures) -> Verdict:
     )
 
 
-def _modelled(latency: LatencyFigures, spent: str) -> str:
+def _cost_on_mesh(latency: LatencyFigures, spent: str) -> str:
     latency_ns = latency.per_sample_ns if latency.timed else None
-    lasting = known(latency_ns, time, "an unknown time")
-    return f"In the model, a recording takes {spent} and {lasting}."
+    duration = known(latency_ns, time, "an unknown time")
+    return f"In the model, a recording takes {spent} and {duration}."
 
 
-def _of_open_core(latency: LatencyFigures, spent: str) -> str:
-    """Return the cost where the cycles are those of a core that we have, and are no model."""
+def _cost_on_open_core(latency: LatencyFigures, spent: str) -> str:
+    """Say the cost on the open core, whose cycles are exact: its RTL is simulated rather than modelled."""
     cycles = f"{count(latency.per_sample_cycles)} cycles on the open core"
     clock = f"{1000 * latency.clock_ghz:g} MHz"
-    lasting = time(latency.per_sample_ns)
-    return f"A recording takes {cycles}, {lasting} at {clock}, and in the model {spent}."
+    duration = time(latency.per_sample_ns)
+    return f"A recording takes {cycles}, {duration} at {clock}, and in the model {spent}."
 
 
 def _facts_of_cost(report: ReportFigures, figures: EnergyFigures) -> tuple[Fact, ...]:
     spread = figures.over_samples_pj
-    ends = f"{energy(spread.min)} to {energy(spread.max)}, median {energy(spread.p50)}"
-    others = figures.other_profiles_pj.items()
     facts = [
-        Fact("range", ends),
-        *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in others),
-        Fact("latency", _latency(report)),
-        *(Fact(entry.member.name, member_words(entry)) for entry in report.model.members),
+        Fact("range", f"{energy(spread.min)} to {energy(spread.max)}, median {energy(spread.p50)}")
     ]
+    for name, pj in figures.other_profiles_pj.items():
+        facts.append(Fact("other profile", f"{energy(pj)} with {name}"))
+    facts.append(Fact("latency", _latency(report)))
+    for entry in report.model.members:
+        facts.append(Fact(entry.member.name, member_words(entry)))
     if starts(report):
         steps = f"{report.input.aligned_steps:.1f} steps into a recording on average"
         facts.append(Fact("start", f"at the first touch, {steps}"))
@@ -207,7 +222,7 @@ def against_real_time(figures: LatencyFigures) -> str:
 
 
 def member_words(entry: MemberFigures) -> str:
-    """Return what a network of a committee takes, and the weight of its class scores."""
+    """Return what a member of a committee takes, and the weight of its class scores."""
     return ", ".join(
         (
             known(entry.per_sample_pj, energy, "energy not known"),
@@ -219,20 +234,26 @@ def member_words(entry: MemberFigures) -> str:
 
 
 def fits(report: ReportFigures) -> Verdict:
-    """Does the chip hold it, and how much room is left?"""
+    """Does the chip hold the program, and how much room is left?"""
     resources = report.resources
     limits = resources.limits
-    over = {name for name, use in limits.items() if use.used > use.limit}
+    exceeded = {name for name, use in limits.items() if use.used > use.limit}
+    if resources.memories is not None and not exceeded:
+        return _fits_memories(report, resources.memories)
+    # The limit to show: one that is exceeded, if any; else one that a program fills, if any; of these
+    # the fullest.
     worst = max(
         limits,
-        key=lambda name: (name in over, _is_filled(name, limits[name]), fullness(limits[name])),
+        key=lambda name: (
+            name in exceeded,
+            _is_filled(name, limits[name]),
+            fullness(limits[name]),
+        ),
     )
-    if resources.memories is not None and not over:
-        return _fits_memories(report, resources.memories)
-    of_cores = "the open core"
+    cores_in_use = "the open core"
     if counts_cores(report):
         cores = limits["cores"]
-        of_cores = f"{count(cores.used)} of {plural(cores.limit, 'core')}"
+        cores_in_use = f"{count(cores.used)} of {plural(cores.limit, 'core')}"
     use = limits[worst]
     limit = limit_words(worst, of_cores=counts_cores(report))
     facts = {
@@ -242,22 +263,22 @@ def fits(report: ReportFigures) -> Verdict:
     }
     return Verdict(
         question="Does it fit?",
-        status="no" if over else "yes",
-        answer="No" if over else "Yes",
-        figure=of_cores,
+        status="no" if exceeded else "yes",
+        answer="No" if exceeded else "Yes",
+        figure=cores_in_use,
         figure_label=f"of {report.target}; {limit} {share(fullness(use))} full",
-        sentence=f"The program runs on {of_cores} of {report.target}.",
+        sentence=f"The program runs on {cores_in_use} of {report.target}.",
         facts=Facts.of(facts).facts,
     )
 
 
 def _fits_memories(report: ReportFigures, memories: Mapping[str, MemoryFigures]) -> Verdict:
-    """Answer by the fullest memory, of an open core that holds the program."""
+    """Answer with the fullest memory, for an open core that holds the program."""
     fullest = max(memories, key=lambda name: memories[name].used_bits / memories[name].bits)
     use = memories[fullest]
     filled = use.used_bits / use.bits
-    all_used = sum(each.used_bits for each in memories.values())
-    all_bits = sum(each.bits for each in memories.values())
+    all_used = sum(figures.used_bits for figures in memories.values())
+    all_bits = sum(figures.bits for figures in memories.values())
     facts = {
         "fullest memory": f"{words(fullest)}, {count(use.used_bits)} of {count(use.bits)} bits "
         f"({share(filled)})",
@@ -278,7 +299,7 @@ def _fits_memories(report: ReportFigures, memories: Mapping[str, MemoryFigures])
 
 
 def _size(report: ReportFigures) -> dict[str, str]:
-    """Return what the program consists of."""
+    """Return the size of the program."""
     resources = report.resources
     return {
         "compartments": count(resources.compartments),
@@ -287,28 +308,31 @@ def _size(report: ReportFigures) -> dict[str, str]:
 
 
 def _is_filled(name: str, use: LimitUse) -> bool:
-    """Return whether a limit is a resource that a program fills, and not a width or what a core can do."""
+    """Whether a limit is a resource that a program fills up.
+
+    Otherwise it is the width of a number, or a limit of 0 or 1, which says whether a core has a feature.
+    """
     return use.limit > 1 and name not in _WIDTHS
 
 
 def counts_cores(report: ReportFigures) -> bool:
-    """Return whether the target has cores that a program fills one after the other."""
+    """Whether the target is a mesh, whose cores a program fills one after the other, and not the open core."""
     return "cores" in report.resources.limits
 
 
 def notices(report: SharedFigures) -> tuple[Notice, ...]:
-    """Return what limits the figures of this report, which is mostly nothing."""
-    limits = []
+    """Return warnings about what limits the figures of this report; most reports have none."""
+    warnings = []
     if report.match.wraps:
-        limits.append(Notice("Registers wrapped.", _wrapped(report.match.wraps)))
+        warnings.append(Notice("Registers wrapped.", _wrapped(report.match.wraps)))
     dropped = report.skipped.events_dropped
     if dropped:
         where = f"{plural(dropped, 'event')} lay {outside(report)}"
-        limits.append(Notice("Events were dropped.", f"{where} and never reached the chip."))
+        warnings.append(Notice("Events were dropped.", f"{where} and never reached the chip."))
     binning = report.skipped.binning
     if binning is not None and binning.dropped:
-        limits.append(Notice("Binning left events out.", f"{binning.words}."))
-    return tuple(limits)
+        warnings.append(Notice("Binning left events out.", f"{binning.words}."))
+    return tuple(warnings)
 
 
 def _wrapped(wraps: int) -> str:
@@ -319,12 +343,12 @@ def _wrapped(wraps: int) -> str:
 
 
 def outside(report: SharedFigures) -> str:
-    """Return where the events lie that are not played."""
+    """Return where events lie that are not played, in words."""
     return "before the start or after the last step" if starts(report) else "after the last step"
 
 
 def starts(report: SharedFigures) -> Mapping[str, float]:
-    """Return the steps before the start of each branch; nothing if all start with the recording."""
+    """Return the mean steps before each branch starts, at the first event; empty if all start with the recording."""
     return report.input.aligned_steps_by_branch
 
 
@@ -332,19 +356,21 @@ def pace(latency_ns: float, recording_ns: float) -> str:
     """Return how a latency compares with the duration of the recording."""
     if latency_ns <= 0:
         return "no time at all"
-    return f"{_times(recording_ns / latency_ns, 'faster', 'slower')} than the {time(recording_ns)} recorded"
+    comparison = _times(recording_ns / latency_ns, "faster", "slower")
+    return f"{comparison} than the {time(recording_ns)} recorded"
 
 
 def against(name: str, times: float) -> str:
-    """Return how operations compare with those of a conventional network."""
+    """Return how operations compare with those of the conventional network ``name``, which has ``times`` as many."""
     return f"{_times(times, 'fewer', 'more')} than {words(name)}"
 
 
 def _times(factor: float, more: str, less: str) -> str:
-    """Return a factor in words, by its inverse if it is below 1."""
+    """Return a factor in words: with ``more`` from 1 on, else its inverse with ``less``."""
     if factor >= 1:
         return f"{ratio(factor)} times {more}"
-    return f"{ratio(1 / factor) if factor else 'infinitely many'} times {less}"
+    inverse = ratio(1 / factor) if factor else "infinitely many"
+    return f"{inverse} times {less}"
 
 
 def defined_anns(report: ReportFigures) -> dict[str, ConventionalNetwork]:
@@ -357,21 +383,23 @@ def defined_anns(report: ReportFigures) -> dict[str, ConventionalNetwork]:
 
 
 def against_anns(report: ReportFigures) -> tuple[Fact, ...]:
-    """Return how the network's operations compare with those of conventional networks, counted in both ways."""
+    """Return how the operations compare with those of conventional networks, counted on paper and on the chip."""
     networks = defined_anns(report)
     if not networks:
         return ()
-    paper = _against_anns((name, network.ratio) for name, network in networks.items())
-    chip = _against_anns((name, network.chip_ratio) for name, network in networks.items())
+    paper = _against_anns({name: network.ratio for name, network in networks.items()})
+    chip = _against_anns({name: network.chip_ratio for name, network in networks.items()})
     return (
         Fact("paper operations", f"{paper} (the trained network, by the published method)"),
         Fact("chip operations", f"{chip} (synaptic operations of the program)"),
     )
 
 
-def _against_anns(ratios: Iterable[tuple[str, float | None]]) -> str:
+def _against_anns(times_by_name: Mapping[str, float | None]) -> str:
+    """Return the comparisons in words, given how many times as many operations each conventional network has."""
     comparisons = []
-    for name, times in ratios:
+    for name, times in times_by_name.items():
+        # The spiking network has no operations at all, so there is no ratio to any network.
         if times is None:
             return "nothing to compare: there were none"
         comparisons.append(against(name, times))
@@ -383,17 +411,18 @@ def _accuracy(report: SharedFigures) -> str:
         return "not known, because the recordings are made up"
     if report.accuracy is None:
         return "not known, because the recordings have no labels"
-    chip, reference = report.accuracy.chip, report.accuracy.reference
+    chip = report.accuracy.chip
+    reference = report.accuracy.reference
     network = "as trained" if report.match.reference == "integers" else "float"
     return f"{share(chip)} on the chip, {share(reference)} {network} ({points(chip - reference)})"
 
 
 def _scores(match: MatchFigures) -> str:
-    return known(
-        match.score_error,
-        lambda error: f"differ by {share(error)} of their spread" if error > _ROUNDING else "equal",
-        "not compared",
-    )
+    """Return how class scores compare, in words that follow "class scores"."""
+    error = match.score_error
+    if error is None:
+        return "not compared"
+    return f"differ by {share(error)} of their spread" if error > _ROUNDING else "equal"
 
 
 def _first_difference(match: MatchFigures) -> str:
@@ -401,8 +430,13 @@ def _first_difference(match: MatchFigures) -> str:
     if first is None:
         return NONE if match.spikes.spike_agreement is None else "none, every spike is equal"
     spike = first.place
-    place = f"{spike.population}, neuron {spike.neuron}, step {spike.step} of recording {spike.recording}"
-    return f"{place}, by {stage_words(first.cause.largest)}" if first.cause else place
+    place = (
+        f"{spike.population}, neuron {spike.neuron}, step {spike.step} of recording "
+        f"{spike.recording}"
+    )
+    if first.cause is None:
+        return place
+    return f"{place}, by {stage_words(first.cause.largest)}"
 
 
 def fullness(use: LimitUse) -> float:

@@ -1,4 +1,4 @@
-"""How fast is the program at worst? The slowest recording and step of the check."""
+"""The verdict that answers "How fast at worst?": the slowest recording and step of the check, and bounds."""
 
 from locsnn_compile.report.content import Facts, Verdict
 from locsnn_compile.report.figures.bounds import BoundFigures
@@ -13,7 +13,7 @@ QUESTION = "How fast at worst?"
 
 
 def worst_time(report: ReportFigures) -> Verdict:
-    """Say how long the slowest recording takes, and by what its time is known."""
+    """Say how long the slowest recording takes, and whether its time is exact or modelled."""
     latency = report.latency
     if not latency.timed:
         return Verdict(
@@ -59,13 +59,14 @@ def _bound(figures: BoundFigures | None) -> str:
 
 def _facts(report: ReportFigures) -> Facts:
     latency = report.latency
-    after = latency.after_last_row_ns
-    facts = {
-        "worst recording": f"recording {latency.worst_recording.recording}",
-        "answer": None if after is None else f"at most {time(after.max)} after the last row",
-        "slowest step": None if latency.real_time is None else slowest_step(latency.real_time),
-        **bound_facts(report.bounds),
+    facts: dict[str, str | None] = {
+        "worst recording": f"recording {latency.worst_recording.recording}"
     }
+    if latency.after_last_row_ns is not None:
+        facts["answer"] = f"at most {time(latency.after_last_row_ns.max)} after the last row"
+    if latency.real_time is not None:
+        facts["slowest step"] = slowest_step(latency.real_time)
+    facts |= bound_facts(report.bounds)
     on_board = at_clock_of_board(report)
     if on_board is not None:
         facts[on_board.label] = on_board.value
@@ -73,7 +74,7 @@ def _facts(report: ReportFigures) -> Facts:
 
 
 def slowest_step(real: RealTime) -> str | None:
-    """Compare the slowest step with the time between two rows of the sensor; None if it takes none."""
+    """Compare the slowest step with the time between two rows of the sensor; None if no step has a time."""
     if not (real.slowest_step_ns and real.slowest_step_factor):
         return None
     return (

@@ -1,6 +1,7 @@
-"""viewer.html: data, style, plotting library and script in one file that loads nothing else.
+"""Write viewer.html, an interactive page that shows spikes and potentials of both sides step by step.
 
-It shows the spikes and potentials of both sides, and what the cores did in every step.
+It also shows what the cores did in every step. Data, style, plotting library and script are in one file that loads
+nothing else, so that it can be opened from a folder without a server.
 """
 
 import json
@@ -16,10 +17,12 @@ from locsnn_compile.verification.observation import Observed
 
 
 def render_viewer(observed: Observed, figures: ReportFigures, first: Divergence | None) -> bytes:
-    """Return a page on recordings, as UTF-8; ``first`` is where the sides first differ."""
+    """Return a page on some of the recordings, as UTF-8; ``first`` is the first spike that differs, if any does."""
     report = compose(figures)
     values = plain(viewer_values(observed, figures.resources.by_core, first))
-    data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    compact = json.dumps(values, allow_nan=False, separators=(",", ":"))
+    # The data stand in a <script> element, which a name with "</script>" in it would end.
+    data = compact.replace("<", "\\u003c")
     page = filled(
         __package__,
         "viewer.html",
@@ -27,4 +30,5 @@ def render_viewer(observed: Observed, figures: ReportFigures, first: Divergence 
         subtitle=text(report.subtitle),
         data=data,
     )
+    # A name may hold characters that UTF-8 cannot encode.
     return page.encode(errors="backslashreplace")

@@ -1,6 +1,7 @@
-"""The data of viewer.html: what both sides did in some of the recordings, in few characters.
+"""Collect the data of viewer.html: what the network and the chip did in some of the recordings, in few characters.
 
-Arrays are little-endian and in base64.
+The page should stay below 2 MB, so it holds at most ten recordings, and potentials only of the neurons that differ
+most. Arrays are little-endian and in base64; ``viewer.js`` reads them.
 """
 
 import base64
@@ -19,21 +20,21 @@ from locsnn_compile.verification.matching import Divergence
 from locsnn_compile.verification.observation import Observation, Observed
 
 RECORDINGS = 10
-"""Most recordings on a page."""
+"""Most recordings on a page, chosen by hand."""
 MOST_TEXT = 1_800_000
 """Most characters of data: with the script and the library, the page stays below 2 MB."""
 QUANTITIES = ("synaptic_ops", "spikes", "packets_received")
-"""What the mesh shows of each core."""
+"""The counts of each core that a reader can choose for the picture of the mesh."""
 GRADES = 65_535
-"""Steps from the lowest potential to the highest, in numbers of 16 bits."""
+"""Number of steps between the lowest potential and the highest, which are stored as 0 and 65,535 in 16 bits."""
 _POTENTIAL_CHARACTERS = 6
-"""Of a neuron in a step: two sides, of 2 bytes each, in base64."""
+"""Characters of a neuron in a step: two sides of 2 bytes each are 4 bytes, and base64 takes 4 characters for 3."""
 _BEFORE_ALL_OTHERS = 1 << 40
-"""A number of differing spikes that no neuron reaches."""
+"""A number of differing spikes that no neuron reaches, to sort a neuron before all others."""
 
 
 class PotentialValues(Entry):
-    """Potentials (2 sides, kept neurons, steps): ``low + grade * values``, in the network's units."""
+    """Potentials of the kept neurons, ``low + grade * values`` in the network's units, (2 sides, neurons, steps)."""
 
     low: float
     grade: float
@@ -43,7 +44,8 @@ class PotentialValues(Entry):
 class RecordingValues(Entry):
     """What both sides did in a recording: the network first, then the chip.
 
-    - ``spikes``: by population and input, the numbers ``step * size + neuron``
+    - ``predictions``: the classes, -1 where all class scores tie
+    - ``spikes``: by population and input, the numbers ``step * size + neuron`` in ascending order
     - ``activity``: by phase, (steps, cores of the phase) for each of :data:`QUANTITIES`
     - ``potentials``: by population, of the neurons that are kept
     """
@@ -57,7 +59,12 @@ class RecordingValues(Entry):
 
 
 class PopulationValues(Entry):
-    """A population, the neurons whose potentials are ``kept``, with their thresholds, and its cores."""
+    """A population.
+
+    - ``axis``: the phase in which it steps, over time or location
+    - ``kept``: the neurons whose potentials are on the page; ``thresholds``: theirs, in the same order
+    - ``cores``: the numbers of the cores that hold the population
+    """
 
     name: str
     axis: str
@@ -69,7 +76,7 @@ class PopulationValues(Entry):
 
 
 class InputValues(Entry):
-    """An input of the network."""
+    """An input of the network, with ``size`` lines, in the phase ``axis``."""
 
     name: str
     axis: str
@@ -78,7 +85,7 @@ class InputValues(Entry):
 
 
 class ViewerValues(Entry):
-    """All that the page shows; ``samples`` recordings were checked, ``first`` is where sides first differ."""
+    """All data of the page; ``samples`` recordings were checked, ``first`` is the first spike that differs."""
 
     recordings: tuple[RecordingValues, ...]
     samples: int
@@ -95,22 +102,25 @@ def viewer_values(
 ) -> ViewerValues:
     """Return the data of the page on some of the recordings.
 
-    They are the recording in which the sides ``first`` differ and, while there is room, the first
-    ones. What room is left goes to the potentials of the neurons that differ most.
+    These are the recording in which the sides ``first`` differ and, while there is room, those from the
+    beginning. The room that remains goes to the potentials of the neurons that differ most.
     """
     levels = observed.levels
     network = levels.network
     most_telling = first.recording if first else 0
+    # The most telling recording comes first, and is not repeated.
     numbers = list(dict.fromkeys([most_telling, *range(len(observed))]))[:RECORDINGS]
-    some = Observation(levels.quantized, levels.program, observed.recordings[numbers])
-    recordings = _that_fit(_recordings(observed, some, numbers))
-    room = (MOST_TEXT - _characters(recordings)) // len(recordings)
-    kept = _kept(levels, _differing(some, first), room)
+    sample = Observation(levels.quantized, levels.program, observed.recordings[numbers])
+    recordings = _fitting(_recordings(observed, sample, numbers))
+    room_per_recording = (MOST_TEXT - _characters(recordings)) // len(recordings)
+    kept = _most_different(levels, _differing_spikes(sample, first), room_per_recording)
+    with_potentials = []
+    for recording in recordings:
+        # Played again one by one: the potentials of all neurons take much memory.
+        potentials = _potentials(levels, observed.recording(recording.number), kept)
+        with_potentials.append(replace(recording, potentials=potentials))
     return ViewerValues(
-        recordings=tuple(
-            replace(item, potentials=_potentials(levels, observed.recording(item.number), kept))
-            for item in recordings
-        ),
+        recordings=tuple(with_potentials),
         samples=len(observed),
         populations=tuple(_population(levels, p, kept[p.name]) for p in network.own_populations),
         inputs=_inputs(levels),
@@ -122,17 +132,22 @@ def viewer_values(
 
 
 def _recordings(
-    observed: Observed, some: Observation, numbers: Sequence[int]
+    observed: Observed, sample: Observation, numbers: Sequence[int]
 ) -> list[RecordingValues]:
-    """Return recordings without potentials; ``some`` holds them in the order of their numbers."""
+    """Return what both sides did in the recordings ``numbers``, which ``sample`` holds in this order.
+
+    Potentials are still missing.
+    """
     network = observed.levels.network
-    reference, chip = some.reference, some.chip
+    reference = sample.reference
+    chip = sample.chip
     chip_scores = np.asarray(chip.scores)
     sides: dict[str, tuple[AnyArray, AnyArray]] = {}
     for population in network.own_populations:
         name = population.name
         sides[name] = (reference.spikes[name], chip.spikes[name])
     for view in _inputs(observed.levels):
+        # Both sides play the same input.
         sides[view.name] = (reference.spikes[view.name], reference.spikes[view.name])
 
     def recording(i: int) -> RecordingValues:
@@ -144,12 +159,12 @@ def _recordings(
                 int(network.readout.decided(chip_scores[i])),
             ),
             spikes={
-                name: (_places(reference_side[i]), _places(chip_side[i]))
+                name: (_spike_numbers(reference_side[i]), _spike_numbers(chip_side[i]))
                 for name, (reference_side, chip_side) in sides.items()
             },
             activity={
-                phase: tuple(_text(items[i].count(name), "u4") for name in QUANTITIES)
-                for phase, items in chip.activity.items()
+                phase: tuple(_base64(activities[i].count(name), "u4") for name in QUANTITIES)
+                for phase, activities in chip.activity.items()
             },
             potentials=None,
         )
@@ -157,7 +172,7 @@ def _recordings(
     return [recording(i) for i in range(len(numbers))]
 
 
-def _that_fit(recordings: list[RecordingValues]) -> list[RecordingValues]:
+def _fitting(recordings: list[RecordingValues]) -> list[RecordingValues]:
     """Return the first recordings, as many as the page has room for, but at least one."""
     while len(recordings) > 1 and _characters(recordings) > MOST_TEXT:
         recordings = recordings[:-1]
@@ -165,36 +180,50 @@ def _that_fit(recordings: list[RecordingValues]) -> list[RecordingValues]:
 
 
 def _characters(recordings: list[RecordingValues]) -> int:
+    """Return how much of the page recordings take."""
     return len(json.dumps(plain(recordings)))
 
 
-def _differing(some: Observation, first: Divergence | None) -> dict[str, IntArray]:
-    """Return how many spikes of every neuron differ, by population; the first one leads."""
+def _differing_spikes(sample: Observation, first: Divergence | None) -> dict[str, IntArray]:
+    """Return the number of differing spikes of each neuron, (n,) by population.
+
+    The neuron of the first difference gets a number above all others, as a reader looks at it first.
+    """
     differing: dict[str, IntArray] = {}
-    for population in some.quantized.network.own_populations:
+    for population in sample.quantized.network.own_populations:
         name = population.name
-        unequal = some.reference.spikes[name] != some.chip.spikes[name]
-        differing[name] = unequal.sum(axis=(0, 1))
+        differs = sample.reference.spikes[name] != sample.chip.spikes[name]
+        differing[name] = differs.sum(axis=(0, 1))  # over recordings and steps
     if first is not None:
         differing[first.population][first.neuron] = _BEFORE_ALL_OTHERS
     return differing
 
 
-def _kept(levels: Levels, differing: Mapping[str, IntArray], room: int) -> dict[str, list[int]]:
-    """Return the neurons of each population that differ most, as many as fit their potentials into ``room``."""
+def _most_different(
+    levels: Levels, differing: Mapping[str, IntArray], room: int
+) -> dict[str, list[int]]:
+    """Return the neurons of each population that differ most, in ascending order.
+
+    They are as many as fit their potentials into ``room`` characters per recording, but at least one per population.
+    """
     network = levels.network
 
-    def characters(count: int) -> int:
+    def characters(neurons: int) -> int:
+        """Return the characters of the potentials of at most this many neurons of each population."""
         return sum(
-            _POTENTIAL_CHARACTERS * network.steps_of(p.phase) * min(count, p.size)
-            for p in network.own_populations
+            _POTENTIAL_CHARACTERS
+            * network.steps_of(population.phase)
+            * min(neurons, population.size)
+            for population in network.own_populations
         )
 
-    count = max(map(len, differing.values()))
-    while count > 1 and characters(count) > room:
-        count = count * 3 // 4
+    neurons = max(map(len, differing.values()))
+    # A quarter fewer at a time: few steps, and at least three quarters of the room are used.
+    while neurons > 1 and characters(neurons) > room:
+        neurons = neurons * 3 // 4
+    # A stable sort, so that equal neurons keep their order on every machine.
     return {
-        name: sorted(np.argsort(-spikes, kind="stable")[:count].tolist())
+        name: sorted(np.argsort(-spikes, kind="stable")[:neurons].tolist())
         for name, spikes in differing.items()
     }
 
@@ -202,17 +231,21 @@ def _kept(levels: Levels, differing: Mapping[str, IntArray], room: int) -> dict[
 def _potentials(
     levels: Levels, recording: Observation, kept: Mapping[str, list[int]]
 ) -> dict[str, PotentialValues]:
-    """Return the potentials of the neurons that are kept, in a single recording."""
-    reference, chip = recording.reference.potential, recording.chip.potential
+    """Return the potentials of the neurons that are kept, in a single recording, by population."""
+    reference = recording.reference.potential
+    chip = recording.chip.potential
     potentials = {}
     for name, neurons in kept.items():
+        # The chip's voltages are brought to the network's units.
         scale = levels.quantized.population(name).scale[neurons]
-        of_reference = reference[name][0][:, neurons]
-        of_chip = chip[name][0][:, neurons] / scale
-        sides = np.stack([of_reference, of_chip]).swapaxes(1, 2)
+        reference_potential = reference[name][0][:, neurons]
+        chip_potential = chip[name][0][:, neurons] / scale
+        # (sides, steps, neurons) becomes (sides, neurons, steps), so that the steps of a neuron lie together.
+        sides = np.stack([reference_potential, chip_potential]).swapaxes(1, 2)
         low = float(sides.min())
-        grade = float(np.ptp(sides)) / GRADES or 1.0  # of a potential that never moves
-        values = _text(np.rint((sides - low) / grade), "u2")
+        # Potentials that never move have no range; then any grade will do.
+        grade = float(np.ptp(sides)) / GRADES or 1.0
+        values = _base64(np.rint((sides - low) / grade), "u2")
         potentials[name] = PotentialValues(low, grade, values)
     return potentials
 
@@ -222,7 +255,7 @@ def _population(levels: Levels, population: Population, kept: list[int]) -> Popu
     cores = [
         core.number
         for core in levels.program.cores
-        if any(piece.group == name for piece in core.slices)
+        if any(core_slice.group == name for core_slice in core.slices)
     ]
     return PopulationValues(
         name=name,
@@ -236,6 +269,7 @@ def _population(levels: Levels, population: Population, kept: list[int]) -> Popu
 
 
 def _inputs(levels: Levels) -> tuple[InputValues, ...]:
+    """Return the inputs of the network, except those of a phase in which no population steps."""
     network = levels.network
     phases = [phase.name for phase in network.phases]
     return tuple(
@@ -245,9 +279,11 @@ def _inputs(levels: Levels) -> tuple[InputValues, ...]:
     )
 
 
-def _places(spikes: AnyArray) -> str:
-    return _text(np.flatnonzero(spikes), "u4")
+def _spike_numbers(spikes: AnyArray) -> str:
+    """Return the number ``step * size + neuron`` of each spike, given spikes (steps, neurons)."""
+    return _base64(np.flatnonzero(spikes), "u4")
 
 
-def _text(values: AnyArray, kind: str) -> str:
+def _base64(values: AnyArray, kind: str) -> str:
+    """Return numbers as text; ``kind`` is numpy's name of the type, such as u2 for 16 bits without sign."""
     return base64.b64encode(values.astype(f"<{kind}").tobytes()).decode()
