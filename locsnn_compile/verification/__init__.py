@@ -1,1 +1,1 @@
-"""Does the chip do what the network does, and if not, why?"""
+"""Compare the chip's program with the float network, and explain where they differ."""

@@ -14,10 +14,11 @@ from locsnn_compile.verification.matching import PopulationMatch
 
 
 class ProgramsCompared(Shown):
-    """What two programs do on ``recordings`` recordings of a ``source``.
+    """How two programs compare on the recordings of a ``source``.
 
-    On ``same_classes`` of them both predict the same class, or neither predicts any.
-    ``by_population`` compares the populations that both have, with the first program as reference.
+    ``recordings`` is the number of recordings. In ``same_classes`` of them, both programs predict the same class, or
+    neither predicts any. ``by_population`` compares the populations that both have, with the first program as
+    reference.
     """
 
     source: str
@@ -38,7 +39,7 @@ class _Played(NamedTuple):
 
 
 class _Batch(Sums, eq=False):
-    """The comparison of a batch of recordings; batches add up."""
+    """The comparison of a batch of recordings; the comparisons of batches can be added."""
 
     recordings: int
     same_classes: int
@@ -48,7 +49,10 @@ class _Batch(Sums, eq=False):
 def compare_programs(
     before: AnyProgram, after: AnyProgram, recordings: Recordings
 ) -> ProgramsCompared:
-    """Play recordings to both; ``InputError`` where they have no population in common."""
+    """Play recordings to both programs, and compare their predictions and spikes.
+
+    Raises ``InputError`` if the programs have no population in common.
+    """
     total: _Batch | None = None
     for rows in batches(len(recordings)):
         spikes = recordings.spikes[rows]
@@ -64,6 +68,7 @@ def compare_programs(
 
 
 def _compare_batch(before: _Played, after: _Played) -> _Batch:
+    """Compare what both programs do on the same batch."""
     common = _common_populations(before, after)
     if not common:
         what = "the programs have no population of one name, size and number of steps"
@@ -87,6 +92,7 @@ def _common_populations(before: _Played, after: _Played) -> list[str]:
 
 
 def _play(program: AnyProgram, recordings: ByteArray) -> _Played:
+    """Play a batch of recordings to a program; raise ``InputError`` if it has no readout."""
     if program.readout is None:
         what = "has no readout, so it predicts nothing"
         raise InputError(f"program {program.name!r}", what, fix="Compile a model.")

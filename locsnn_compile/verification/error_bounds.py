@@ -1,4 +1,8 @@
-"""What a program may lose, and what a setting loses: the same bounds for ``auto`` and for ``locsnn explore``."""
+"""How much a compiled program may differ from its float network, and how much a setting of the compiler does differ.
+
+``auto``, which chooses a setting, and ``locsnn explore``, which compares many, use the same bounds
+(:class:`ErrorBudget`) and the same measurements (:class:`Losses`).
+"""
 
 from collections.abc import Sequence
 from typing import Annotated, TypeVar
@@ -8,20 +12,22 @@ from hw_model.values import Frozen
 from locsnn_compile.errors import listed
 
 SPIKE_TOLERANCE = 0.01
-"""Without a budget, a setting may lose this share of spikes more than the first strategy, and no more predictions."""
+"""If the user gives no budget, a setting may lose this much more of the spikes than the first strategy, and no more
+predictions. Chosen by hand."""
 SCORE_TOLERANCE = 0.05
-"""Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
+"""If the user gives no budget, class scores may be off by this much more of their spread. A bound of its own, because
+scores read from potentials can be wrong although spikes and classes are right. Chosen by hand."""
 
 
 def _is_kept(error: float | None, bound: float | None) -> bool:
-    """Tell whether an error keeps a bound, if there is one; an error that is not known keeps none."""
+    """Return whether an error is within a bound; with no bound it always is, an unknown error otherwise never is."""
     if bound is None:
         return True
     return error is not None and within(error, bound)
 
 
 def within(error: float, bound: float) -> bool:
-    """Tell whether an error is not above a bound, apart from the last digits of floats: 1 - 0.99 is above 0.01."""
+    """Return whether an error is at most a bound, apart from the last digits of floats: 1 - 0.99 is above 0.01."""
     return error <= bound or round(error, 12) <= bound
 
 
@@ -29,10 +35,13 @@ LossesT = TypeVar("LossesT", bound="Losses")
 
 
 class ErrorBudget(Checked):
-    """What a program may lose: at least ``min_agreement`` of the predictions stay, no more than ``max_spike_error`` of
-    the spikes differ, and class scores are off by no more than ``max_score_error`` of their spread.
+    """How much a program may differ from its float network; None means no bound.
 
-    The spike error is 1 minus the spike agreement. If none is given, the budget is what ``dendrite`` loses.
+    - ``min_agreement``: at least this share of the predictions must be equal
+    - ``max_spike_error``: the spike error, 1 minus the spike agreement, must not be larger
+    - ``max_score_error``: class scores must not be off by more than this share of their spread
+
+    Without any bound, :func:`default_budget` takes the errors of the first strategy, ``dendrite``.
     """
 
     called = "budget"
@@ -54,9 +63,9 @@ class ErrorBudget(Checked):
 class Losses(Frozen):
     """How a setting does on some recordings: agreement with the float network, and mean energy and time per recording.
 
-    An agreement is None if nothing was compared, because all class scores tie or no neuron spikes, and so is the error
-    of scores if those of the float network tie. Energy and time come from the chip's default profile; an open core has
-    exact cycles and may have no energy.
+    An agreement is None if nothing was compared, because all class scores tie or no neuron spikes. The score error is
+    None if the class scores of the float network tie. Energy and time come from the chip's default profile; an open
+    core has exact cycles and may have no energy.
     """
 
     prediction_agreement: float | None
@@ -67,13 +76,13 @@ class Losses(Frozen):
 
     @property
     def cost(self) -> float:
-        """What settings are ranked by: energy, or time if no energy is known."""
+        """The number by which settings are ranked: energy, or time if no energy is known."""
         return self.chip_time_ns if self.energy_pj is None else self.energy_pj
 
     def weighed(self, least_cost: float, spike_worth: float) -> float:
-        """Return the cost, relative to the least of some settings, and what its errors are worth.
+        """Return ``cost / least_cost + spike_worth * error``: what a setting costs together with its errors.
 
-        cost / least_cost + spike_worth * error, where the error is that of spikes or, without any,
+        ``least_cost`` is that of the cheapest setting compared. The error is that of spikes or, if no neuron spikes,
         that of class scores.
         """
         error = self.score_error if self.spike_error is None else self.spike_error
@@ -91,7 +100,7 @@ class Losses(Frozen):
         return None if self.spike_agreement is None else 1 - self.spike_agreement
 
     def keeps(self, budget: ErrorBudget) -> bool:
-        """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
+        """Return whether the setting is within a budget; a bound on a figure that was not compared is not kept."""
         agreement = self.prediction_agreement
         least = budget.min_agreement
         if least is not None and (agreement is None or agreement < least):
@@ -102,21 +111,25 @@ class Losses(Frozen):
 
     @property
     def losses(self) -> tuple[float, float, float]:
-        """Errors of predictions, spikes and scores, to compare by; 0 for what was not compared."""
+        """Errors of predictions, spikes and scores, as a tuple to compare; 0 for those that were not measured."""
         return self.prediction_error or 0.0, self.spike_error or 0.0, self.score_error or 0.0
 
 
 def weighed_best(settings: Sequence[LossesT], spike_worth: float) -> LossesT | None:
-    """Return the setting that costs least with its errors weighed in; None without any."""
+    """Return the setting with the least :meth:`Losses.weighed` cost; None if there are no settings."""
     least_cost = min((setting.cost for setting in settings), default=0.0)
     return min(settings, key=lambda setting: setting.weighed(least_cost, spike_worth), default=None)
 
 
 def default_budget(first: Losses) -> ErrorBudget:
-    """Return the bounds to use if none is given: what the first strategy loses, with no bound on what is not known."""
-    spikes, scores = first.spike_error, first.score_error
-    return ErrorBudget(
-        first.prediction_agreement,
-        None if spikes is None else min(1.0, spikes + SPIKE_TOLERANCE),
-        None if scores is None else scores + SCORE_TOLERANCE,
-    )
+    """Return the budget if the user gives none: a little more than the errors of the first strategy.
+
+    Errors that are unknown for the first strategy have no bound.
+    """
+    max_spike_error = None
+    if first.spike_error is not None:
+        max_spike_error = min(1.0, first.spike_error + SPIKE_TOLERANCE)
+    max_score_error = None
+    if first.score_error is not None:
+        max_score_error = first.score_error + SCORE_TOLERANCE
+    return ErrorBudget(first.prediction_agreement, max_spike_error, max_score_error)

@@ -1,4 +1,8 @@
-"""A few steps of one recording to look at: input, spikes of both sides, and the potential that differs first."""
+"""The excerpt of a report: a few steps of one recording, as pictures of its spikes and of one potential.
+
+It shows the input, the spikes of the float network (the *reference*) and of the chip, and the potential of the neuron
+that differs first. The limits below keep the pictures readable and the report small; they were chosen by hand.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,24 +17,25 @@ from locsnn_compile.verification.matching import Divergence
 from locsnn_compile.verification.observation import Observation, Observed
 
 STEPS = 400
-"""Most steps of a phase that are kept."""
+"""Largest number of steps of a phase that is shown."""
 MARKS = 5000
-"""Most spikes of an input or a population that are kept; if there are more, fewer steps are kept."""
+"""Largest number of spikes of an input or a population that is shown; if there are more, fewer steps are shown."""
 NEURONS = 40
-"""Most neurons of a population that are kept: those with the most differences, then those with the most spikes."""
+"""Largest number of neurons of a population that is shown: most differences first, then most spikes."""
 LINES = 128
-"""Most rows of an input that are kept; if there are more lines, they share rows."""
+"""Largest number of rows of an input that is shown; if there are more lines, neighbours share a row."""
 POPULATIONS = 8
-"""Most populations that are kept: the first that differs, then in network order."""
+"""Largest number of populations that is shown: the first that differs, then in network order."""
 AROUND = 20
-"""Steps before and after the central one for which potentials are kept."""
+"""Steps before and after the central one for which the potential is shown."""
 
 
 class SpikeRows(Frozen, eq=False):
-    """Spikes of an input, or of a population on both sides: some or all of its ``size`` lines or neurons.
+    """The rows of one picture: the spikes of an input, or of a population on both sides.
 
-    ``reference`` and ``chip`` (steps, rows) tell whether any of the ``together`` lines or neurons of a row spikes; the
-    first of each row are ``numbers`` (rows,). An input is the same on both sides.
+    ``size`` is the number of lines or neurons, of which some or all are shown. ``reference`` and ``chip`` (steps, rows)
+    are 1 if any of the ``together`` neighbouring lines or neurons of a row spikes; ``numbers`` (rows,) are the first of
+    each row. An input is the same on both sides.
     """
 
     name: str
@@ -48,13 +53,16 @@ class SpikeRows(Frozen, eq=False):
         return self.reference | self.chip
 
     def during(self, steps: range) -> "SpikeRows":
-        """Return the rows in some steps."""
+        """Return the rows cut to a range of steps."""
         window = slice(steps.start, steps.stop)
         return replace(self, reference=self.reference[window], chip=self.chip[window])
 
 
 class NeuronPotential(Frozen, eq=False):
-    """What the threshold of one neuron saw from ``first_step`` on, (steps,), in the reference's units."""
+    """The potentials of one neuron that were compared with its threshold, on both sides, from ``first_step`` on.
+
+    Arrays are (steps,), in the units of the float network.
+    """
 
     population: str
     axis: Axis
@@ -70,8 +78,8 @@ class NeuronPotential(Frozen, eq=False):
 class Excerpt(Shown):
     """Steps ``steps[phase]``, out of ``all_steps[phase]``, of recording number ``recording``.
 
-    ``first`` is where the sides first differ; it is None if they never do, and the first recording is shown.
-    ``populations_left_out`` is the number of those missing in ``populations``.
+    ``first`` is the first spike that differs between the sides; if it is None, they agree and the first recording is
+    shown. ``populations_left_out`` is the number of populations that are missing in ``populations``.
     """
 
     recording: int
@@ -85,12 +93,12 @@ class Excerpt(Shown):
 
 
 def take_excerpt(observed: Observed, first: Divergence | None) -> Excerpt:
-    """Keep what the pictures of one recording need; ``first`` is where the sides first diverge."""
+    """Return the excerpt around the first spike that differs; around the first step if ``first`` is None."""
     network = observed.network
     recording = 0 if first is None else first.recording
-    seen = observed.recording(recording)
-    reference = seen.reference
-    chip_spikes = seen.chip.spikes
+    observation = observed.recording(recording)
+    reference = observation.reference
+    chip_spikes = observation.chip.spikes
     shown = _populations(network, first)
     all_steps = {phase.name: network.steps_of(phase.name) for phase in network.phases}
     inputs = [
@@ -101,17 +109,15 @@ def take_excerpt(observed: Observed, first: Divergence | None) -> Excerpt:
     rows = [
         rows_shown(p, reference.spikes[p.name][0], chip_spikes[p.name][0], first) for p in shown
     ]
-    central = (
-        {}
-        if first is None
-        else {observed.levels.quantized.population(first.population).population.phase: first.step}
-    )
-    steps = {
-        phase: _window(
-            [item for item in (*inputs, *rows) if item.phase == phase], central.get(phase, 0)
-        )
-        for phase in all_steps
-    }
+    # The step in the middle of the excerpt, for the phase in which the sides differ.
+    central_step: dict[str, int] = {}
+    if first is not None:
+        population = observed.levels.quantized.population(first.population).population
+        central_step[population.phase] = first.step
+    steps: dict[str, range] = {}
+    for phase in all_steps:
+        pictures = [item for item in (*inputs, *rows) if item.phase == phase]
+        steps[phase] = _steps_that_fit(pictures, central_step.get(phase, 0))
     return Excerpt(
         recording=recording,
         first=first,
@@ -120,69 +126,94 @@ def take_excerpt(observed: Observed, first: Divergence | None) -> Excerpt:
         inputs=tuple(item.during(steps[item.phase]) for item in inputs),
         populations=tuple(item.during(steps[item.phase]) for item in rows),
         populations_left_out=len(network.own_populations) - len(shown),
-        potential=_potential(observed.levels, seen, first),
+        potential=_potential(observed.levels, observation, first),
     )
 
 
 def _populations(network: Network, first: Divergence | None) -> list[Population]:
-    """Return the populations to keep, in network order."""
+    """Return the populations to show, in network order."""
+    # The sort is stable: the population that differs first comes first, and all others keep their order.
     ranked = sorted(
         network.own_populations, key=lambda p: first is not None and p.name != first.population
     )
-    kept = {p.name for p in ranked[:POPULATIONS]}
-    return [p for p in network.own_populations if p.name in kept]
+    shown = {p.name for p in ranked[:POPULATIONS]}
+    return [p for p in network.own_populations if p.name in shown]
 
 
 def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
     """Return the rows of an input; if it has many lines, neighbours share a row."""
     together = -(-view.lines // LINES)
+    # Pad the last row to a whole number of lines.
     padded = np.pad(spikes, ((0, 0), (0, -view.lines % together)))
-    rows, numbers = (
-        padded.reshape(len(spikes), -1, together).max(axis=2),
-        np.arange(0, view.lines, together),
+    rows = padded.reshape(len(spikes), -1, together).max(axis=2)
+    return SpikeRows(
+        name=view.name,
+        axis=view.axis,
+        phase=view.phase,
+        size=view.lines,
+        numbers=np.arange(0, view.lines, together),
+        reference=rows,
+        chip=rows,
+        together=together,
     )
-    return SpikeRows(view.name, view.axis, view.phase, view.lines, numbers, rows, rows, together)
 
 
 def rows_shown(
     population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None
 ) -> SpikeRows:
-    """Keep the neuron that differs first, those with the most differences, then the busiest; in network order."""
+    """Return the rows of the neurons to show, in network order.
+
+    These are the neuron that differs first, then those with the most differences, then those with the most spikes.
+    """
     differences = (reference != chip).sum(axis=0)
     spikes = reference.sum(axis=0, dtype=np.int64)
     if first is not None and first.population == population.name:
+        # More than any neuron can differ.
         differences[first.neuron] = len(reference) + 1
     neurons = np.sort(np.lexsort((-spikes, -differences))[:NEURONS])
-    name, axis, phase = population.name, population.axis, population.phase
     return SpikeRows(
-        name, axis, phase, population.size, neurons, reference[:, neurons], chip[:, neurons]
+        name=population.name,
+        axis=population.axis,
+        phase=population.phase,
+        size=population.size,
+        numbers=neurons,
+        reference=reference[:, neurons],
+        chip=chip[:, neurons],
     )
 
 
-def _window(drawn: list[SpikeRows], centre: int) -> range:
-    """Return as many steps around the centre as fit into every picture of a phase."""
-    a_step = np.max([item.either.sum(axis=1, dtype=np.int64) for item in drawn], axis=0)
-    steps = len(a_step)
+def _steps_that_fit(pictures: list[SpikeRows], centre: int) -> range:
+    """Return as many steps around the centre as fit into every picture of a phase; halve until they do."""
+    # The spikes per step of the fullest picture.
+    spikes_per_step = np.max(
+        [picture.either.sum(axis=1, dtype=np.int64) for picture in pictures], axis=0
+    )
+    steps = len(spikes_per_step)
     length = min(steps, STEPS)
     while True:
         start = min(max(0, centre - length // 2), steps - length)
-        if length <= 1 or a_step[start : start + length].sum() <= MARKS:
+        if length <= 1 or spikes_per_step[start : start + length].sum() <= MARKS:
             return range(start, start + length)
         length //= 2
 
 
-def _potential(levels: Levels, seen: Observation, first: Divergence | None) -> NeuronPotential:
-    """Keep the potential that differs first or, if none does, that of the readout neuron that spikes most."""
-    reference = seen.reference
+def _potential(
+    levels: Levels, observation: Observation, first: Divergence | None
+) -> NeuronPotential:
+    """Return the potential of the neuron that differs first; if none does, of the readout neuron that spikes most."""
+    reference = observation.reference
     if first is None:
         name = levels.network.readout.populations[0]
         neuron = int(reference.spikes[name][0].sum(axis=0, dtype=np.int64).argmax())
-        centre = int(reference.spikes[name][0, :, neuron].argmax())
+        centre = int(reference.spikes[name][0, :, neuron].argmax())  # its first spike
     else:
-        name, neuron, centre = first.population, first.neuron, first.step
+        name = first.population
+        neuron = first.neuron
+        centre = first.step
     quantized = levels.quantized.population(name)
-    last = levels.network.steps_of(quantized.population.phase)
-    steps = range(max(0, centre - AROUND), min(centre + AROUND + 1, last))
+    all_steps = levels.network.steps_of(quantized.population.phase)
+    steps = range(max(0, centre - AROUND), min(centre + AROUND + 1, all_steps))
+    # The observation has one recording, number 0.
     window = (0, slice(steps.start, steps.stop), neuron)
     return NeuronPotential(
         population=name,
@@ -190,8 +221,8 @@ def _potential(levels: Levels, seen: Observation, first: Divergence | None) -> N
         neuron=neuron,
         first_step=steps.start,
         reference=reference.potential[name][window].astype(np.float64),
-        chip=seen.chip.potential[name][window] / quantized.scale[neuron],
+        chip=observation.chip.potential[name][window] / quantized.scale[neuron],
         threshold=float(quantized.population.thresholds[neuron]),
         reference_spikes=reference.spikes[name][window].astype(bool),
-        chip_spikes=seen.chip.spikes[name][window].astype(bool),
+        chip_spikes=observation.chip.spikes[name][window].astype(bool),
     )

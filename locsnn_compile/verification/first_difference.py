@@ -1,4 +1,4 @@
-"""The first spike that differs between a network and its program, in the order in which they play."""
+"""Find the first spike that differs between a network and its program: later ones may only follow from it."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from locsnn_compile.network.network import Network
 
 
 class SpikePlace(NamedTuple):
-    """Where a spike is: recording, population, neuron and step."""
+    """The place of a spike: the number of the recording, the population, the number of the neuron, and the step."""
 
     recording: int
     population: str
@@ -19,7 +19,7 @@ class SpikePlace(NamedTuple):
 
 
 class _Rank(NamedTuple):
-    """The place of a spike by what comes first: phases and populations by their number."""
+    """The place of a spike as a tuple that sorts by time; phases and populations are numbered in network order."""
 
     recording: int
     phase: int
@@ -42,6 +42,7 @@ def first_difference(
     for number, population in enumerate(populations):
         differs = np.argwhere(reference[population.name] != chip[population.name])
         if len(differs):
+            # argwhere goes through recordings, then steps, then neurons, so the first row is the earliest.
             recording, step, neuron = differs[0].tolist()
             phase = phases.index(population.phase)
             ranks.append(_Rank(recording, phase, step, number, neuron))

@@ -1,4 +1,8 @@
-"""Float reference against chip, spike by spike, over a set of recordings."""
+"""Compare the float reference with the chip, spike by spike, over a set of recordings.
+
+:func:`compare` plays recordings to both sides in batches, possibly on several processes. The result of a batch
+(:class:`_Part`) is a record whose fields can be added, so memory does not grow with the number of recordings.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +30,7 @@ from locsnn_compile.verification.observation import Observation, Observed
 ENDS: tuple[End, ...] = ("least", "most")
 """Both ends of the ranges of a profile."""
 Progress = Callable[[int, int], None]
-"""Called with what is done and what there is to do: recordings, settings or rows."""
+"""Called with the number of things done and the number of all: recordings, settings or rows."""
 
 
 class PopulationMatch(Sums):
@@ -43,22 +47,23 @@ class PopulationMatch(Sums):
 
     @property
     def agreement(self) -> float | None:
-        """``2 * common / (reference + chip)``; None if neither side spikes, so nothing was compared."""
+        """``2 * common / (reference + chip)``, the Dice coefficient; None if neither side spikes."""
         both = self.reference_spikes + self.chip_spikes
         return 2 * self.common_spikes / both if both else None
 
     @classmethod
     def of(cls, reference: ByteArray, chip: ByteArray) -> "PopulationMatch":
-        """Count the spikes (batch, steps, n) of both sides, of which some chips send several in a step."""
+        """Count the spikes (batch, steps, n) of both sides."""
+        # The minimum, because neurons of some chips spike several times in a step.
         common = np.minimum(reference, chip)
         return cls(int(reference.sum()), int(chip.sum()), int(common.sum()))
 
 
 class ScoreMatch(Sums):
-    """``scores`` class scores in the network's units.
+    """The differences of class scores, in the network's units, as sums over ``scores`` scores.
 
-    ``spread`` adds up how far the reference's scores are from the mean of their recording, ``error`` how far the chip's
-    are from the reference's.
+    ``spread`` is the sum of the distances of the reference's scores from the mean of their recording, ``error`` the sum
+    of the distances of the chip's scores from the reference's.
     """
 
     scores: int = 0
@@ -68,8 +73,13 @@ class ScoreMatch(Sums):
     @classmethod
     def of(cls, reference: FloatArray, chip: FloatArray) -> "ScoreMatch":
         """Compare the scores (batch, classes) of both sides."""
-        spread, error = reference - reference.mean(axis=1, keepdims=True), chip - reference
-        return cls(reference.size, float(np.abs(spread).sum()), float(np.abs(error).sum()))
+        spread = reference - reference.mean(axis=1, keepdims=True)
+        error = chip - reference
+        return cls(
+            scores=reference.size,
+            spread=float(np.abs(spread).sum()),
+            error=float(np.abs(error).sum()),
+        )
 
     @property
     def mean_spread(self) -> float:
@@ -88,7 +98,7 @@ class ScoreMatch(Sums):
 
 
 class Divergence(Frozen):
-    """The first spike that differs: both potentials in the float network's units, before any reset."""
+    """The first spike that differs, with both potentials there, in the float network's units, before any reset."""
 
     recording: int
     population: str
@@ -100,12 +110,14 @@ class Divergence(Frozen):
 
 
 class _Figures(Frozen, eq=False):
-    """Figures of recordings that parts of them add up to.
+    """Figures of recordings that are sums, or lists joined, over parts of the recordings.
 
-    ``counts`` are the chip's counts for every recording, and ``latencies`` their times under the default profile.
-    ``usage`` is, by phase, what cores did step by step; ``additions`` are the reference's operations by phase over all
-    recordings. ``member_ns`` is the time of each member of a committee over all recordings, if its cores ran by
-    themselves.
+    - ``counts``: the chip's counts for every recording, and ``latencies``, their times under the default profile
+    - ``counts_by_phase``: the chip's counts over all recordings
+    - ``wraps_and_clips``: counts of each kind, by group of compartments
+    - ``usage``: by phase, what cores did step by step
+    - ``additions``: the reference's operations by phase over all recordings
+    - ``member_ns``: the time of each member of a committee over all recordings, if its cores ran by themselves
     """
 
     scores: ScoreMatch
@@ -119,11 +131,11 @@ class _Figures(Frozen, eq=False):
 
 
 class Agreement(Shown):
-    """How a program agrees with the network it came from, over ``samples`` recordings, whatever its chip counts.
+    """How a program agrees with the network it came from, over ``samples`` recordings, on any kind of chip.
 
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 where all scores
-    tie and nothing is predicted; ``labels`` are (samples,) or None. ``helpers`` are populations
-    that a frontend added, which count nowhere else.
+    tie and nothing is predicted; ``labels`` are (samples,) or None. ``helpers`` are the matches of populations that a
+    frontend added; all other figures leave these populations out.
     """
 
     samples: int
@@ -148,12 +160,12 @@ class Agreement(Shown):
 
     @property
     def prediction_agreement(self) -> float | None:
-        """Share of same classes among the recordings for which a side predicts one; None if there are none."""
-        same = (
-            int((self.reference_prediction == self.chip_prediction).sum()) - self.tied_predictions
-        )
+        """Share of recordings with equal predictions, among those for which a side predicts; None if there are none."""
+        equal = int((self.reference_prediction == self.chip_prediction).sum())
+        # Where neither side predicts, both are -1: equal, but no prediction.
+        equal_classes = equal - self.tied_predictions
         predicted = self.samples - self.tied_predictions
-        return same / predicted if predicted else None
+        return equal_classes / predicted if predicted else None
 
     @property
     def accuracy(self) -> dict[str, float] | None:
@@ -167,7 +179,7 @@ class Agreement(Shown):
 
     @property
     def chance(self) -> Chance | None:
-        """Whether the chip's accuracy can be told from chance; None without labels, or with too few."""
+        """Whether the chip's accuracy differs significantly from chance; None without labels, or with too few."""
         return None if self.labels is None else chance_of(self.chip_prediction, self.labels)
 
 
@@ -182,7 +194,7 @@ class Match(Agreement, _Figures):
     @property
     def mean_ns(self) -> float:
         """Mean time per recording."""
-        return float(np.mean([one.total_ns for one in self.latencies]))
+        return float(np.mean([latency.total_ns for latency in self.latencies]))
 
 
 def compare(
@@ -195,21 +207,27 @@ def compare(
 ) -> Match:
     """Play all recordings to both sides, a batch at a time, and compare every spike and score.
 
+    - ``progress``: called with the number of recordings after every batch
+    - ``spread``: where the batches run, by default one after the other in this process
     - ``explain``: play the recording with the first difference again, and keep both potentials there
     - ``float_runs``: the float network's side of these recordings, if others need it as well
     """
     levels = observed.levels
     compare_batch = partial(_compare_batch, levels.quantized, levels.program)
-    helpers = {p.name for p in observed.network.populations if p.helper}
     all_batches: _Part | None = None
     for part in spread(compare_batch, _numbered(observed, float_runs)):
         all_batches = all_batches + part if all_batches else part
         if progress:
             progress(len(all_batches.counts), len(observed))
     assert all_batches is not None  # there is at least one recording
+    # Two ways to count the same operations.
     assert total(all_batches.counts) == total(all_batches.counts_by_phase.values())
     references, chips = zip(*all_batches.predictions, strict=True)
-    differences = all_batches.differences
+    first_divergence = None
+    if explain and all_batches.differences:
+        # Parts are in the order of the recordings.
+        first_divergence = _explain(observed, all_batches.differences[0])
+    helpers = {p.name for p in observed.network.populations if p.helper}
     matches = all_batches.matches
     return Match(
         samples=len(observed),
@@ -217,9 +235,9 @@ def compare(
         reference_prediction=np.concatenate(references),
         chip_prediction=np.concatenate(chips),
         labels=observed.labels,
-        by_population={name: each for name, each in matches.items() if name not in helpers},
-        helpers={name: each for name, each in matches.items() if name in helpers},
-        first_divergence=_explain(observed, differences[0]) if explain and differences else None,
+        by_population={name: match for name, match in matches.items() if name not in helpers},
+        helpers={name: match for name, match in matches.items() if name in helpers},
+        first_divergence=first_divergence,
         latency_range_ns=_mean_range(all_batches.ends_ns, len(observed)),
         **picked(all_batches, *_Figures.__dataclass_fields__),
     )
@@ -232,9 +250,12 @@ def _mean_range(ends_ns: Mapping[str, float], samples: int) -> Range:
 
 
 class _Part(Sums, _Figures, eq=False):
-    """The match of some recordings, as in :class:`Match`, and their time at both ends of the profile's ranges.
+    """The match of a batch of recordings, as in :class:`Match`; parts can be added.
 
-    ``differences`` has the first difference of each part, and ``predictions`` those of both sides in each part.
+    - ``matches``: those of all populations, by name
+    - ``differences``: the first difference of each batch that has any
+    - ``predictions``: those of both sides in each batch
+    - ``ends_ns``: the time of all recordings at both ends of the profile's ranges
     """
 
     matches: dict[str, PopulationMatch]
@@ -244,7 +265,7 @@ class _Part(Sums, _Figures, eq=False):
 
 
 class _Numbered(Frozen, eq=False):
-    """A batch of recordings, the number of its first one, and what the float network does if that is known."""
+    """A batch of recordings, the number of its first recording, and what the float network does if that is known."""
 
     first: int
     recordings: ByteArray
@@ -252,17 +273,20 @@ class _Numbered(Frozen, eq=False):
 
 
 def _numbered(observed: Observed, float_runs: FloatRuns | None) -> Iterator[_Numbered]:
+    """Yield the recordings, a batch at a time."""
     for rows in batches(len(observed)):
         known = None if float_runs is None else float_runs.batch(rows)
         yield _Numbered(rows.start, observed.recordings[rows], known)
 
 
 def _compare_batch(quantized: QuantizedNetwork, program: hw.ChipProgram, batch: _Numbered) -> _Part:
-    """Play a batch to both sides."""
+    """Play a batch to both sides, and compare them."""
     network = quantized.network
-    known = batch.known_reference
-    seen = Observation(quantized, program, batch.recordings, known_reference=known)
-    reference, chip = seen.reference, seen.chip
+    observation = Observation(
+        quantized, program, batch.recordings, known_reference=batch.known_reference
+    )
+    reference = observation.reference
+    chip = observation.chip
     assert chip.scores is not None  # a network has a readout
     profile = program.chip.costs
     target = target_of(program.chip)
@@ -319,10 +343,11 @@ def _first_difference(
 
 
 def _explain(observed: Observed, place: SpikePlace) -> Divergence:
+    """Play the recording of a difference again, and return both potentials there."""
     recording, name, neuron, step = place
-    seen = observed.recording(recording)
+    observation = observed.recording(recording)
     population = observed.levels.quantized.population(name)
-    reference_potential = seen.reference.potential[name][0, step, neuron]
-    chip_potential = seen.chip.potential[name][0, step, neuron] / population.scale[neuron]
+    reference_potential = observation.reference.potential[name][0, step, neuron]
+    chip_potential = observation.chip.potential[name][0, step, neuron] / population.scale[neuron]
     threshold = population.population.thresholds[neuron]
     return Divergence(*place, float(reference_potential), float(chip_potential), float(threshold))

@@ -1,7 +1,7 @@
-"""What is seen of recordings on both sides: the float reference and the chip.
+"""Recordings played on both sides: by the float network (the *reference*) and by the program (the *chip*).
 
-Match, error budget, cause, margins, excerpt and viewer are functions of an :class:`Observed`, so
-that a side plays no recording anew for each of them.
+Match, error budget, cause, margins, excerpt and viewer all take an :class:`Observed`, which remembers small results, so
+that recordings are not played again for each of them.
 """
 
 from collections.abc import Iterator
@@ -19,18 +19,18 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 
 REMEMBERED_NEURON_STEPS = 1 << 22
-"""Most neurons times steps of a sample whose registers are remembered; each takes some 24 bytes.
+"""Largest number of neurons times steps of a sample whose registers are remembered: about 100 MB, at 24 bytes each.
 
-A larger sample is played again by whoever asks for it.
+A larger sample is played again whenever it is asked for.
 """
 
 
 class Observation(Frozen, eq=False):
-    """A batch of recordings on both sides; each side plays them when it is first asked.
+    """A batch of recordings on both sides; each side plays them when its result is first read.
 
     - ``recordings`` (batch, steps, channels) have the network's own steps and channels
-    - ``registers``: whether registers are kept besides spikes
-    - ``known_reference``: what the float network does, if it played them before
+    - ``registers``: whether registers and potentials are kept in addition to spikes
+    - ``known_reference``: the float network's result, if it has played them before
     """
 
     quantized: QuantizedNetwork
@@ -68,8 +68,8 @@ class Observed(Shown):
     """Recordings, and both sides of a compiled network that play them.
 
     ``recordings`` (samples, steps, channels) have the network's own steps and channels, and
-    ``labels`` (samples,) are classes of it, or None. ``source`` names them in messages. Raises
-    ``InputError`` for labels that do not belong to them or to the network.
+    ``labels`` (samples,) are classes of the network, or None. ``source`` names the recordings in messages. Raises
+    ``InputError`` for labels that do not match the recordings or the network.
     """
 
     levels: Levels
@@ -101,12 +101,12 @@ class Observed(Shown):
         if numbers in self._remembered:
             yield from self._remembered[numbers]
             return
-        seen = (self._with_registers(numbers[rows]) for rows in batches(len(numbers)))
+        observations = (self._with_registers(numbers[rows]) for rows in batches(len(numbers)))
         if len(numbers) * neuron_steps(self.network) <= REMEMBERED_NEURON_STEPS:
-            self._remembered[numbers] = tuple(seen)
+            self._remembered[numbers] = tuple(observations)
             yield from self._remembered[numbers]
         else:
-            yield from seen
+            yield from observations
 
     def recording(self, number: int) -> Observation:
         """Return one recording with its registers."""
@@ -114,19 +114,20 @@ class Observed(Shown):
         return observation
 
     def _with_registers(self, numbers: tuple[int, ...]) -> Observation:
+        """Return a batch of the recordings with these numbers, which keeps registers."""
         played = self.recordings[list(numbers)]
         return Observation(self.levels.quantized, self.levels.program, played, registers=True)
 
 
 def neuron_steps(network: Network) -> int:
-    """Return neurons times steps of one recording, the cost of evaluating it."""
+    """Return the number of neurons times steps of one recording, to which the cost of evaluating it is proportional."""
     return sum(
         population.size * network.steps_of(population.phase) for population in network.populations
     )
 
 
 def check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
-    """Refuse labels (samples,) that are not classes of the network, or too few or many."""
+    """Raise ``InputError`` unless there is one label per recording, (samples,), each a class of the network."""
     if labels is None:
         return
     where = f"labels of {source!r}"

@@ -1,4 +1,4 @@
-"""What stopping early saves."""
+"""The energy, time and operations that stopping recordings early saves."""
 
 import math
 
@@ -7,9 +7,9 @@ from hw_model.values import Frozen
 
 
 class Savings(Frozen):
-    """Means per recording until it stops and for all of it; energy and latency by the default profile.
+    """Means per recording, until it stops and for the whole recording (``all_``), by the default profile.
 
-    Latency is None where the target has no times of single steps, energy where it has no profile.
+    Latency is None if the target has no times of single steps, energy if it has no profile.
     """
 
     steps: float
@@ -24,8 +24,8 @@ class Savings(Frozen):
 
 
 def savings(program: hw.ChipProgram, stops: hw.Stops) -> Savings:
-    """Return what stopping early saves."""
-    from hw_model.targets import target_of  # the type alone does not need all kinds of targets
+    """Return the means per recording of a program, given where its recordings stop."""
+    from hw_model.targets import target_of  # slow to import, and users of the type do not need it
 
     chip = program.chip
     batch = len(stops.steps)
@@ -46,4 +46,5 @@ def savings(program: hw.ChipProgram, stops: hw.Stops) -> Savings:
 
 
 def _mean_pj(counts: hw.Counts, chip: hw.Chip, batch: int) -> float:
+    """Return the mean energy of ``batch`` recordings whose counts are added up."""
     return math.fsum(hw.energy_pj(counts, chip.costs).values()) / batch

@@ -1,4 +1,8 @@
-"""Whether wraps and clips matter: what the same program does with registers that are wide enough."""
+"""Find out whether wraps and clips matter: play the same program with registers wide enough that nothing overflows.
+
+A charge or current that does not fit its register wraps, a voltage is clipped. Often no spike depends on it. If one
+does, a report says so, and ``auto`` may look for another setting.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,18 +24,19 @@ from locsnn_compile.verification.matching import Match, PopulationMatch, ScoreMa
 from locsnn_compile.verification.observation import Observation, Observed
 
 FEW_SPIKES = 0.001
-"""A share of the chip's spikes. For fewer that change, no other setting is looked for: that takes seconds."""
+"""Share of the chip's spikes up to which changed spikes are accepted: looking for another setting takes seconds. Chosen
+by hand."""
 NOT_WIDE_ENOUGH = f"even registers of {WIDEST_BITS} bits are too narrow"
 
 
 class WideComparison(Shown):
     """What wide registers change, over the recordings in which something wrapped or was clipped.
 
-    - ``recordings``: how many these are
-    - ``spikes_changed``: spikes of the network's neurons with either width alone
-    - ``predictions_changed``: recordings whose predicted class is another
-    - ``scores_change``: whether any class score is another
-    - ``match``: how the program would compare with the network over all recordings of the check
+    - ``recordings``: the number of these recordings
+    - ``spikes_changed``: spikes of the network's neurons that occur with only one of the two widths
+    - ``predictions_changed``: recordings whose predicted class changes
+    - ``scores_change``: whether any class score changes
+    - ``match``: the match with the network, over all recordings of the check, that wide registers would give
     """
 
     recordings: int
@@ -42,7 +47,10 @@ class WideComparison(Shown):
 
 
 def compare_wide(observed: Observed, match: Match) -> WideComparison | str:
-    """Play what wrapped or was clipped with wide registers; return why not where they are too narrow as well."""
+    """Play the recordings in which something wrapped or was clipped again, with wide registers, and compare.
+
+    Return :data:`NOT_WIDE_ENOUGH` if the widest registers overflow as well.
+    """
     overflowing = overflowing_recordings(match)
     program = observed.levels.program
     wide = WideComparison(len(overflowing), 0, 0, False, match)
@@ -58,18 +66,23 @@ def compare_wide(observed: Observed, match: Match) -> WideComparison | str:
 
 
 def matters(wide: WideComparison | str) -> bool:
-    """Tell whether wide registers are known to change a spike or a class score."""
+    """Return whether wide registers are known to change a spike or a class score."""
     if isinstance(wide, str):
         return False
     return bool(wide.spikes_changed) or wide.scores_change
 
 
 def asks_for_another_setting(wide: WideComparison | str) -> bool:
-    """Tell whether wide registers change a prediction, more than a few spikes, or class scores alone."""
+    """Return whether wide registers change so much that another setting is worth looking for.
+
+    They do if they change a prediction, more than a few spikes, or class scores without any spike (those of
+    potentials).
+    """
     if isinstance(wide, str) or not matters(wide):
         return False
     few = FEW_SPIKES * wide.match.spikes.chip_spikes
-    return bool(wide.predictions_changed) or not wide.spikes_changed or wide.spikes_changed > few
+    only_scores_change = not wide.spikes_changed
+    return bool(wide.predictions_changed) or only_scores_change or wide.spikes_changed > few
 
 
 def overflowing_recordings(match: Match) -> IntArray:
@@ -79,9 +92,10 @@ def overflowing_recordings(match: Match) -> IntArray:
 
 
 def play_wide(program: ChipProgram, recordings: ByteArray) -> hw.SimulationResult | None:
-    """Play recordings with registers in which nothing wraps or clips; None if there are none.
+    """Play recordings with registers in which nothing wraps or clips; return None if no register is wide enough.
 
-    Limits that the program sets within a register stay, and what is clipped by them is meant to be.
+    Wide voltages are tried first, because they usually are enough and play fastest, then all registers wide. Limits
+    that the program itself sets within a register, such as floors, stay: clips at these are intended.
     """
     if not has_voltage_limits(program):
         result = hw.simulate(with_wide_voltages(program), recordings)
@@ -89,6 +103,7 @@ def play_wide(program: ChipProgram, recordings: ByteArray) -> hw.SimulationResul
             return result
     wide = with_wide_registers(program)
     result = hw.simulate(wide, recordings, probe=("spikes", "potential"))
+    # Clips at the program's own limits are counted as well, so look at the voltages themselves.
     end = wide.chip.registers.voltage_max
     is_at_end = any(np.abs(v).max(initial=0) >= end for v in result.potential.values())
     wraps = sum(counts.wraps for counts in result.per_recording)
@@ -96,6 +111,7 @@ def play_wide(program: ChipProgram, recordings: ByteArray) -> hw.SimulationResul
 
 
 def _overflows(result: hw.SimulationResult) -> bool:
+    """Return whether anything wrapped or was clipped."""
     return any(counts.wraps + counts.clips for counts in result.per_recording)
 
 
@@ -119,12 +135,13 @@ class _Batch(NamedTuple):
 
 
 def _scores_of(result: hw.SimulationResult) -> FloatArray:
+    """Return the class scores, (batch, classes)."""
     assert result.scores is not None  # a network has a readout
     return result.scores
 
 
 def _with_batch(wide: WideComparison, observed: Observed, batch: _Batch) -> WideComparison:
-    """Return the comparison with what wide registers change in a batch."""
+    """Return the comparison with the changes of one more batch added."""
     network = observed.network
     names = [population.name for population in network.populations if not population.helper]
     spikes_changed = sum(
@@ -145,13 +162,13 @@ def _with_batch(wide: WideComparison, observed: Observed, batch: _Batch) -> Wide
 
 
 def _corrected(match: Match, observed: Observed, batch: _Batch, names: Sequence[str]) -> Match:
-    """Return the match in which a batch is played with wide registers."""
+    """Return the match in which the results of a batch are replaced by those with wide registers."""
     quantized = observed.levels.quantized
     reference = Observation(quantized, observed.levels.program, batch.recordings).reference
     by_population = dict(match.by_population)
     for name in names:
         spikes = reference.spikes[name]
-        by_population[name] = _exchanged(
+        by_population[name] = _replaced(
             by_population[name],
             PopulationMatch.of(spikes, batch.chip.spikes[name]),
             PopulationMatch.of(spikes, batch.wide_chip.spikes[name]),
@@ -169,10 +186,10 @@ def _corrected(match: Match, observed: Observed, batch: _Batch, names: Sequence[
     )
 
 
-def _exchanged(
+def _replaced(
     match: PopulationMatch, before: PopulationMatch, after: PopulationMatch
 ) -> PopulationMatch:
-    """Return the match of all recordings with that of some exchanged."""
+    """Return the match of all recordings after that of some recordings changed from ``before`` to ``after``."""
     return PopulationMatch(
         match.reference_spikes,
         match.chip_spikes - before.chip_spikes + after.chip_spikes,

@@ -1,1 +1,1 @@
-"""Where the difference between the float network and the chip comes from, stage by stage."""
+"""Break the difference between the float network and the chip down by stage of the compiler, with float twins."""

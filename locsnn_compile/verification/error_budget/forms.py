@@ -1,8 +1,9 @@
-"""The numbers of every neuron model side by side: those of the float neuron, and those of the program.
+"""Lay out every neuron model as compartments twice, as numbers of a twin: as the float neuron, and as the program.
 
-The two forms are the same if lowering is exact apart from rounding. Otherwise - ``delay-line`` has a finite number of
-taps, ``reset`` is a different neuron - the float neuron is laid out as ``dendrite`` would lay it out, with the chip's
-numbers wherever the program has any for it.
+Each layout (*form*) has exact and chip numbers side by side (``numbers.py``). The two forms are the same object if
+lowering is exact apart from rounding. That is not so for two strategies: ``delay-line`` has a finite number of taps,
+and ``reset`` is a different neuron. For these, the float neuron is laid out as strategy ``dendrite`` would lay it
+out, with the chip's numbers wherever the program has a part for it.
 """
 
 from dataclasses import replace
@@ -22,28 +23,29 @@ from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbe
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 
 SLACK = 1e-14
-"""Relative: exact thresholds are moved this much to the safe side, so a tie is still a tie after scaling."""
+"""Relative distance by which exact thresholds are moved, so that a potential that equals the threshold in the float
+network is still on the same side of it after both have been scaled and rounded in float64."""
 
 
 @singledispatch
 def forms_of(neuron: Neuron, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """Return the numbers of the float neuron and of the program's; the same object if they do not differ.
 
-    The reference of on-grid neurons is the chip's own arithmetic. So is that of a model that has registered no numbers:
-    its differences stay unexplained.
+    For on-grid neurons, the reference uses the chip's own arithmetic, so both are the chip's numbers. So they are for a
+    model that has registered no numbers: its differences stay unexplained.
     """
-    graph, name = levels.compartments, q.population.name
-    parts = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
-    groups, synapses = [], []
-    for part in parts:
-        held_by_chip = numbers.chip_group(part)
-        groups.append(GroupNumbers(held_by_chip, held_by_chip))
-        for (source, delay), weights in numbers.chip_weights(graph, part.name).items():
-            synapses.append(
-                SynapseNumbers(
-                    TwinSynapses(source, part.name, weights, delay), weights, weights, weights
-                )
-            )
+    graph = levels.compartments
+    name = q.population.name
+    # Dendrites before the soma: a twin has children before their parents.
+    compartments = [g for g in graph.groups if g.joined_to == name] + [graph.group(name)]
+    groups = []
+    synapses = []
+    for group in compartments:
+        chip = numbers.chip_group(group)
+        groups.append(GroupNumbers(exact=chip, chip=chip))
+        for (source, delay), weights in numbers.chip_weights(graph, group.name).items():
+            as_synapses = TwinSynapses(source, group.name, weights, delay)
+            synapses.append(SynapseNumbers(as_synapses, weights, weights, weights))
     same = Numbers(tuple(groups), tuple(synapses))
     return same, same
 
@@ -60,7 +62,9 @@ def _(neuron: SrmAlpha, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
 
 def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbers:
     """Lay out as many pairs of dendrites as the chip has, each with an equal share of the float weights."""
-    graph, name, count = levels.compartments, q.population.name, q.neuron.dendrites
+    graph = levels.compartments
+    name = q.population.name
+    count = q.neuron.dendrites
     soma = numbers.chip_group(graph.group(name))
     pairs = []
     for number in range(count):
@@ -69,73 +73,91 @@ def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbe
             for kind in ("dendrite", "refractory")
         )
         pairs.append(_srm(levels, q, neuron, dendrite, own, soma, share=1 / count))
-    groups = [group for pair in pairs for group in pair.groups[:-1]]
-    return Numbers(
-        (*groups, pairs[0].groups[-1]), tuple(s for pair in pairs for s in pair.synapses)
-    )
+    # The last group of each pair is the soma, which all pairs share.
+    dendrites = [group for pair in pairs for group in pair.groups[:-1]]
+    shared_soma = pairs[0].groups[-1]
+    return Numbers((*dendrites, shared_soma), tuple(s for pair in pairs for s in pair.synapses))
 
 
 def _delay_line(
     levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha
 ) -> tuple[Numbers, Numbers]:
-    """Lay out taps onto the alpha dendrite; in the float neuron they are only the error of their rounding."""
-    graph, name = levels.compartments, q.population.name
-    dendrite, soma = (
-        numbers.chip_group(graph.group(f"{name}/dendrite")),
-        numbers.chip_group(graph.group(name)),
-    )
-    whole = _srm(levels, q, neuron, dendrite, None, soma)
-    alpha, _, top = whole.groups
+    """Lay out the program with taps onto the alpha dendrite, and the float neuron with a refractory dendrite.
+
+    The float neuron also has the taps, but only with their rounding errors, which belong to the stage of weights.
+    """
+    graph = levels.compartments
+    name = q.population.name
+    dendrite = numbers.chip_group(graph.group(f"{name}/dendrite"))
+    soma = numbers.chip_group(graph.group(name))
+    with_refractory = _srm(levels, q, neuron, dendrite, None, soma)
+    alpha, _, soma_numbers = with_refractory.groups
     taps = _taps(graph, q, neuron, alpha)
-    nothing = np.zeros(q.population.size)
-    errors = [
-        SynapseNumbers(replace(tap.exact, weights=nothing), nothing, rounded, rounded)
-        for tap in taps
-        for rounded in [tap.chip - tap.exact_fitted]
-    ]
-    inputs = tuple(s for s in whole.synapses if s.exact.target == alpha.exact.name)
-    return replace(whole, synapses=(*whole.synapses, *errors)), Numbers(
-        (alpha, top), (*inputs, *taps)
-    )
+    zeros = np.zeros(q.population.size)
+    rounding_errors = []
+    for tap in taps:
+        error = tap.chip - tap.exact_fitted
+        no_tap = replace(tap.exact, weights=zeros)
+        rounding_errors.append(SynapseNumbers(no_tap, zeros, error, error))
+    float_neuron = replace(with_refractory, synapses=(*with_refractory.synapses, *rounding_errors))
+    inputs = tuple(s for s in with_refractory.synapses if s.exact.target == alpha.exact.name)
+    program = Numbers((alpha, soma_numbers), (*inputs, *taps))
+    return float_neuron, program
 
 
 def _taps(
     graph: CompartmentGraph, q: QuantizedPopulation, neuron: SrmAlpha, alpha: GroupNumbers
 ) -> list[SynapseNumbers]:
     """Return the self-synapses whose response is the refractory kernel, up to the last tap of the chip."""
-    name, n = q.population.name, q.population.size
+    name = q.population.name
+    n = q.population.size
     weight_of_delay = {
         delay: m.diagonal()
         for (source, delay), m in numbers.chip_weights(graph, alpha.chip.name).items()
         if source == name
     }
-    k = np.arange(1, max(weight_of_delay, default=-1) + 2, dtype=np.float64)[:, None]
+    # A tap of delay d acts k = d + 1 steps after the spike. Without taps, there are no lags.
+    last_lag = max(weight_of_delay, default=-1) + 1
+    k = np.arange(1, last_lag + 1, dtype=np.float64)[:, None]
     response = -neuron.scale_ref * neuron.theta * kernel(neuron.tau_ref, k) * q.scale
+    # The charges with this response, for exact decays and for the chip's.
     exact, fitted = (own_charges(response, group.keep_u) for group in (alpha.exact, alpha.chip))
     taps = []
     for delay in range(len(k)):
         chip = weight_of_delay.get(delay, np.zeros(n))
         tap = TwinSynapses(name, alpha.exact.name, exact[delay], delay)
-        taps.append(SynapseNumbers(tap, fitted[delay], chip, exact[delay] + chip - fitted[delay]))
+        rounding_error = chip - fitted[delay]
+        taps.append(
+            SynapseNumbers(
+                exact=tap,
+                exact_fitted=fitted[delay],
+                chip=chip,
+                chip_fitted=exact[delay] + rounding_error,
+            )
+        )
     return taps
 
 
 def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
-    """Lay out one compartment with the chip's reset in place of the refractory kernel."""
-    name, graph = q.population.name, levels.compartments
-    chip = numbers.chip_group(graph.group(name))
-    nothing, once = np.zeros(q.population.size), np.ones(q.population.size, dtype=np.int64)
+    """Lay out the program as one compartment with the chip's reset, and the float neuron with dendrites."""
+    name = q.population.name
+    chip = numbers.chip_group(levels.compartments.group(name))
+    # The program has no dendrites: make the chip's numbers for them from its compartment, and a soma that keeps
+    # nothing.
+    zeros = np.zeros(q.population.size)
+    no_refractory_steps = np.ones(q.population.size, dtype=np.int64)
     dendrite = replace(chip, name=f"{name}/dendrite", joined_to=name)
-    soma = replace(chip, keep_u=nothing, keep_v=nothing, refractory=once)
-    whole = _srm(levels, q, neuron, dendrite, None, soma)
-    alpha, _, top = whole.groups
-    exact = _exactly(chip, alpha.exact.keep_u, alpha.exact.keep_v, top.exact.threshold)
+    soma = replace(chip, keep_u=zeros, keep_v=zeros, refractory=no_refractory_steps)
+    float_neuron = _srm(levels, q, neuron, dendrite, None, soma)
+    alpha, _, soma_numbers = float_neuron.groups
+    exact = _exactly(chip, alpha.exact.keep_u, alpha.exact.keep_v, soma_numbers.exact.threshold)
+    # The same inputs, onto the compartment itself.
     inputs = [
         replace(s, exact=replace(s.exact, target=name))
-        for s in whole.synapses
+        for s in float_neuron.synapses
         if s.exact.target == alpha.exact.name
     ]
-    return whole, Numbers((GroupNumbers(exact, chip),), tuple(inputs))
+    return float_neuron, Numbers((GroupNumbers(exact, chip),), tuple(inputs))
 
 
 def _srm(  # noqa: PLR0913 - what earlier steps made, each used once
@@ -147,11 +169,15 @@ def _srm(  # noqa: PLR0913 - what earlier steps made, each used once
     soma: TwinGroup,
     share: float = 1.0,
 ) -> Numbers:
-    """Lay out an SRM neuron as two dendrites and a memoryless soma next to the chip's; a part the chip lacks is exact.
+    """Lay out an SRM neuron as an alpha dendrite, a refractory dendrite and a memoryless soma, in this order.
 
-    The dendrites get a ``share`` of the weights.
+    ``dendrite``, ``refractory`` and ``soma`` are the chip's numbers; without a refractory dendrite on the chip, its
+    numbers are exact ones. The dendrites get a ``share`` of the weights.
     """
-    graph, name, n = levels.compartments, q.population.name, q.population.size
+    graph = levels.compartments
+    name = q.population.name
+    n = q.population.size
+    # The float neuron spikes at its threshold: a tie must spike.
     threshold = neuron.theta * q.scale * (1 - SLACK)
 
     def exactly(chip: TwinGroup, keep: float) -> TwinGroup:
@@ -159,25 +185,31 @@ def _srm(  # noqa: PLR0913 - what earlier steps made, each used once
 
     a, gain = alpha_recursion(neuron.tau_sr)
     refractory_a, refractory_gain = alpha_recursion(neuron.tau_ref)
-    alpha = GroupNumbers(exactly(dendrite, a), dendrite)
-    pulled = f"{name}/refractory" if refractory is None else refractory.name
-    pull = TwinSynapses(
-        name, pulled, -neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale
+    alpha_numbers = GroupNumbers(exactly(dendrite, a), dendrite)
+    own_spikes = TwinSynapses(
+        source=name,
+        target=f"{name}/refractory" if refractory is None else refractory.name,
+        weights=-neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale,
     )
     if refractory is None:
-        exact = exactly(replace(dendrite, name=pull.target), refractory_a)
-        own = GroupNumbers(exact, exact)
-        pulls: tuple[SynapseNumbers, ...] = (
-            SynapseNumbers(pull, pull.weights, pull.weights, pull.weights),
+        exact = exactly(replace(dendrite, name=own_spikes.target), refractory_a)
+        refractory_numbers = GroupNumbers(exact, exact)
+        weights = own_spikes.weights
+        self_synapses: tuple[SynapseNumbers, ...] = (
+            SynapseNumbers(own_spikes, weights, weights, weights),
         )
     else:
-        own = GroupNumbers(exactly(refractory, refractory_a), refractory)
-        pulls = numbers.beside_chip(graph, [pull], own, refractory.name)
+        refractory_numbers = GroupNumbers(exactly(refractory, refractory_a), refractory)
+        self_synapses = numbers.beside_chip(
+            graph, [own_spikes], refractory_numbers, refractory.name
+        )
     inputs = numbers.exact_synapses(levels.network, name, dendrite.name, gain * share * q.scale)
-    onto = dendrite.name if any(g.name == dendrite.name for g in graph.groups) else name
+    # A program without dendrites has the weights onto its only compartment.
+    has_dendrite = any(group.name == dendrite.name for group in graph.groups)
+    held_by = dendrite.name if has_dendrite else name
     return Numbers(
-        (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)),
-        (*numbers.beside_chip(graph, inputs, alpha, onto), *pulls),
+        groups=(alpha_numbers, refractory_numbers, GroupNumbers(exactly(soma, 0.0), soma)),
+        synapses=(*numbers.beside_chip(graph, inputs, alpha_numbers, held_by), *self_synapses),
     )
 
 
@@ -186,10 +218,13 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
     """Lay out a leaky integrate-and-fire neuron in one compartment."""
     name = q.population.name
     chip = numbers.chip_group(levels.compartments.group(name))
-    threshold = neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK))
-    keeps = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
+    # A potential that equals the threshold spikes only with the rule ">=".
+    slack = SLACK if neuron.rule == ">" else -SLACK
+    threshold = neuron.threshold * q.scale * (1 + slack)
     exact = replace(
-        _exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale, floor=_floor(neuron, q)
+        _exactly(chip, 1.0 - neuron.decay_u, 1.0 - neuron.decay_v, threshold),
+        bias=neuron.bias * q.scale,
+        floor=_floor(neuron, q),
     )
     group = GroupNumbers(exact, chip)
     synapses = numbers.exact_synapses(levels.network, name, name, q.scale)
@@ -200,23 +235,29 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
 @forms_of.register
 def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Numbers]:
     """Lay out a dendrite that is never reset, from which own spikes take the drop, and a memoryless soma."""
-    graph, name = levels.compartments, q.population.name
-    dendrite, soma = (numbers.chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
+    graph = levels.compartments
+    name = q.population.name
+    dendrite = numbers.chip_group(graph.group(f"{name}/dendrite"))
+    soma = numbers.chip_group(graph.group(name))
     threshold = neuron.threshold * q.scale * (1 + SLACK)
     keep_u, keep_v = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
     exact = replace(_exactly(dendrite, keep_u, keep_v, threshold), floor=_floor(neuron, q))
     membrane = GroupNumbers(exact, dendrite)
-    top = GroupNumbers(_exactly(soma, soma.keep_u, soma.keep_v, threshold), soma)
+    soma_numbers = GroupNumbers(_exactly(soma, soma.keep_u, soma.keep_v, threshold), soma)
     drop = neuron.drop * q.scale
     synapses = numbers.exact_synapses(levels.network, name, dendrite.name, q.scale)
-    for delay, taken in ((0, -drop), (1, drop * keep_u)):
-        # Recurrent weights with the same delay share its synapse.
-        beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
-        weights = taken if beside is None else beside.weights + np.diag(taken)
-        synapses = [s for s in synapses if s is not beside] + [
-            TwinSynapses(name, dendrite.name, weights, delay)
-        ]
-    same = Numbers((membrane, top), numbers.beside_chip(graph, synapses, membrane, dendrite.name))
+    # The drop goes through the current, which keeps a share of it; that is cancelled one step later.
+    for delay, own_weight in ((0, -drop), (1, drop * keep_u)):
+        # The chip's weights are looked up by source and delay, so recurrent weights of the same delay are added.
+        recurrent = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
+        weights = own_weight
+        if recurrent is not None:
+            weights = recurrent.weights + np.diag(own_weight)
+        synapses = [s for s in synapses if s is not recurrent]
+        synapses.append(TwinSynapses(name, dendrite.name, weights, delay))
+    same = Numbers(
+        (membrane, soma_numbers), numbers.beside_chip(graph, synapses, membrane, dendrite.name)
+    )
     return same, same
 
 

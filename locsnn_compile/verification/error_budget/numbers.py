@@ -1,7 +1,7 @@
-"""Groups and synapses in exact numbers and in the chip's, side by side.
+"""Groups of compartments and their synapses in exact numbers and in the chip's, side by side.
 
-Exact numbers are also in units of the registers, but real: a float weight times the scale and the gain of its kernel,
-``exp(-1 / tau)`` as what a decay keeps, theta times the scale as the threshold.
+Exact numbers are real numbers, but in the units of the registers: a weight is the float weight times the scale and the
+gain of its kernel, a decay keeps ``exp(-1 / tau)``, and the threshold is theta times the scale.
 """
 
 import numpy as np
@@ -31,22 +31,26 @@ class GroupNumbers(Frozen, eq=False):
 
     @property
     def gain_ratio(self) -> FloatArray:
-        """The gain that compensates for the rounding of both decays, (n,); weights for the chip's decays include it."""
+        """The factor of weights, (n,), that compensates best for the rounding of both decays."""
         exact, chip = self.exact, self.chip
         return best_gain(exact.keep_u, exact.keep_v, chip.keep_u, chip.keep_v)
 
     @property
     def bias_ratio(self) -> FloatArray:
-        """The same for biases, (n,): it keeps the level at which a bias settles."""
+        """The factor of biases, (n,), with which the voltage settles at the same value with rounded decays."""
         lost = 1.0 - self.exact.keep_v
         return np.divide(1.0 - self.chip.keep_v, lost, out=np.ones(len(lost)), where=lost > 0)
 
 
 class SynapseNumbers(Frozen, eq=False):
-    """Synapses with one delay between two groups, exact or rounded, each for exact decays and for the chip's.
+    """Synapses with one delay between two groups, with four versions of their weights.
 
-    ``exact.weights`` are for exact decays, and ``exact_fitted`` compensate for rounded ones. ``chip`` are the weights
-    on the chip, and ``chip_fitted`` have the same rounding errors for exact decays.
+    | weights | for exact decays | for the chip's decays |
+    | --- | --- | --- |
+    | exact | ``exact.weights`` | ``exact_fitted`` |
+    | rounded | ``chip_fitted`` | ``chip``, those on the chip |
+
+    Weights for the chip's decays compensate for the rounding of these decays, see :attr:`GroupNumbers.gain_ratio`.
     """
 
     exact: TwinSynapses
@@ -55,14 +59,18 @@ class SynapseNumbers(Frozen, eq=False):
     chip_fitted: Matrix
 
     def weights(self, *, rounded: bool, chip_decays: bool) -> Matrix:
-        """Return one of the four matrices."""
+        """Return one of the four versions."""
+        if rounded and chip_decays:
+            return self.chip
         if rounded:
-            return self.chip if chip_decays else self.chip_fitted
-        return self.exact_fitted if chip_decays else self.exact.weights
+            return self.chip_fitted
+        if chip_decays:
+            return self.exact_fitted
+        return self.exact.weights
 
 
 class Numbers(Sums, eq=False):
-    """Groups, children before their parents, and synapses."""
+    """The groups of some populations, dendrites before somas, and the synapses onto them; numbers can be added."""
 
     groups: tuple[GroupNumbers, ...] = ()
     synapses: tuple[SynapseNumbers, ...] = ()
@@ -71,30 +79,42 @@ class Numbers(Sums, eq=False):
 def beside_chip(
     graph: CompartmentGraph, exact: list[TwinSynapses], target: GroupNumbers, held_by: str
 ) -> tuple[SynapseNumbers, ...]:
-    """Pair exact weights onto ``target`` with the chip's onto ``held_by``; weights that rounded to 0 are 0."""
-    pairs, ratio = [], target.gain_ratio
-    held_by_chip = chip_weights(graph, held_by)
+    """Pair exact weights onto ``target`` with those onto the chip's group ``held_by``, as arrays of the same form."""
+    ratio = target.gain_ratio
+    on_chip = chip_weights(graph, held_by)
+    pairs = []
     for s in exact:
-        weights = held_by_chip.get((s.source, s.delay))
+        weights = on_chip.get((s.source, s.delay))
         if weights is None:
-            chip = s.weights * 0
+            chip = s.weights * 0  # all rounded to 0, so the chip has no synapses
         elif sparse.issparse(s.weights):
             chip = weights
+        elif s.weights.ndim == 1:
+            chip = weights.diagonal()
         else:
-            chip = weights.diagonal() if s.weights.ndim == 1 else weights.toarray()
-        pairs.append(SynapseNumbers(s, times(s.weights, ratio), chip, times(chip, 1.0 / ratio)))
+            chip = weights.toarray()
+        pairs.append(
+            SynapseNumbers(
+                exact=s,
+                exact_fitted=times(s.weights, ratio),
+                chip=chip,
+                chip_fitted=times(chip, 1.0 / ratio),
+            )
+        )
     return tuple(pairs)
 
 
 def exact_synapses(
     network: Network, population: str, target: str, gain: FloatArray
 ) -> list[TwinSynapses]:
-    """Return the float weights onto a population, times a gain (n,), as synapses onto a group: one entry per delay."""
+    """Return the float weights onto a population, times a gain (n,), as synapses onto a group.
+
+    There is one entry per source and delay.
+    """
     weights_from: dict[tuple[str, int], Matrix] = {}
     for projection in network.into(population):
-        assert isinstance(
-            projection, Projection
-        )  # check_network: only float weights reach float neurons
+        # check_network: only float weights reach float neurons.
+        assert isinstance(projection, Projection)
         for delay, weights in by_delay(projection.weights, projection.delay):
             weights_from = added(weights_from, {(projection.source, delay): times(weights, gain)})
     return [
@@ -104,19 +124,22 @@ def exact_synapses(
 
 
 def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:
-    """Return effective weights onto a group, CSR (n_target, n_source) by source and delay, summed over formats."""
+    """Return effective weights onto a group, CSR (n_target, n_source), by source and delay.
+
+    Several lists of synapses, in formats of their own, can join the same ends with the same delay; they are added.
+    """
     size = {node.name: node.size for node in graph.nodes}
     weights_from: dict[tuple[str, int], Matrix] = {}
     for s in graph.synapses:
-        if s.target == target:
-            weights = loihi.charge_of(s.mantissa, s.exponent).astype(np.float64)
-            for delay in np.unique(s.delay):
-                has_delay = s.delay == delay
-                ends = (s.target_index[has_delay], s.source_index[has_delay])
-                part = sparse.csr_array(
-                    (weights[has_delay], ends), shape=(size[target], size[s.source])
-                )
-                weights_from = added(weights_from, {(s.source, int(delay)): part})
+        if s.target != target:
+            continue
+        weights = loihi.charge_of(s.mantissa, s.exponent).astype(np.float64)
+        for delay in np.unique(s.delay):
+            has_delay = s.delay == delay
+            ends = (s.target_index[has_delay], s.source_index[has_delay])
+            shape = (size[target], size[s.source])
+            of_delay = sparse.csr_array((weights[has_delay], ends), shape=shape)
+            weights_from = added(weights_from, {(s.source, int(delay)): of_delay})
     return weights_from
 
 
@@ -133,7 +156,7 @@ def chip_group(group: Compartments) -> TwinGroup:
         **picked(group, "name", "size", "refractory", "joined_to"),
         keep_u=loihi_inverse.share_kept(group.decay_u),
         keep_v=loihi_inverse.share_kept(group.decay_v),
-        # v >= this is v > the threshold for any real v.
+        # A twin spikes where v >= threshold, the chip where v > threshold: take the next float above.
         threshold=np.nextafter(loihi.threshold_of(group.threshold.astype(np.float64)), np.inf),
         bias=loihi.bias_of(group.bias_mantissa, group.bias_exponent).astype(np.float64),
         vmin=group.vmin.astype(np.float64),

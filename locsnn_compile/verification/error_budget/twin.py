@@ -2,6 +2,10 @@
 
 With every switch on and the chip's integers as parameters, all values are integers below 2^53, which float64 holds
 exactly, so the twin equals the simulator bit for bit. With every switch off, it is the real-valued recursion.
+
+The error budget runs about fifteen twins, which differ in their switches and parameters, on the same recordings. They
+are run side by side: the compartments of all twins are the columns of a few large arrays (:class:`_Block`), so that a
+step is a few calls of numpy for all of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,16 +24,18 @@ from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, 
 from locsnn_compile.network.projections import Matrix, sparse_spikes
 
 STACKED_ENTRIES = 1 << 14
-"""Matrices with at most this many entries are stacked: a call takes longer than its product, and a copy is small."""
+"""Matrices with at most this many entries are stacked into one product: for small ones, the call itself takes longer
+than the product, and the copy is small. Chosen by hand."""
 
 
 class TwinGroup(Frozen, eq=False):
     """``size`` compartments; every parameter is an array (size,), in units of the registers.
 
     They take the step of :mod:`hw_model.arithmetic.loihi`, but spike where v >= threshold, and ``keep_u`` and
-    ``keep_v`` are shares. What a decay leaves is truncated toward zero only if ``truncates``. Only if ``limited``, q
-    and u wrap and v is clipped to ``vmin..vmax``; if not, v has no limit but a ``floor`` (size,). With ``joined_to``,
-    compartment i adds its v to compartment i of that group, and neither spikes nor is reset.
+    ``keep_v`` are shares 0..1. Two switches: if ``truncates``, u and v are truncated toward zero after they decay. If
+    ``limited``, q and u wrap and v is clipped to ``vmin..vmax``; if not, v has no limit except its ``floor`` (size,).
+    With ``joined_to``, the group is dendrites: compartment i adds its v to compartment i of that group, and neither
+    spikes nor is reset.
     """
 
     name: str
@@ -48,7 +54,7 @@ class TwinGroup(Frozen, eq=False):
 
 
 class TwinSynapses(Frozen, eq=False):
-    """Weights (n_target, n_source), dense or CSR, or (n,) from each neuron onto itself, or onto what is joined to it.
+    """Weights (n_target, n_source), dense or CSR, or (n,) from each neuron onto itself or a dendrite of its own.
 
     A spike in step t arrives at step ``t + 1 + delay``.
     """
@@ -60,7 +66,7 @@ class TwinSynapses(Frozen, eq=False):
 
 
 class Twin(Frozen, eq=False):
-    """The compartments of one phase, children before their parents, and the synapses between them."""
+    """The compartments of one phase, dendrites before their somas, and the synapses onto them."""
 
     groups: tuple[TwinGroup, ...]
     synapses: tuple[TwinSynapses, ...]
@@ -68,7 +74,10 @@ class Twin(Frozen, eq=False):
 
 
 class TwinTrace(Frozen, eq=False):
-    """``spikes[name]`` (batch, steps, n) of groups that spike; ``potential[name]`` is v as the threshold saw it."""
+    """What a twin does: ``spikes[name]`` (batch, steps, n) of groups that spike, and potentials that were asked for.
+
+    ``potential[name]`` (batch, steps, n) is v before a reset.
+    """
 
     spikes: dict[str, ByteArray]
     potential: dict[str, FloatArray]
@@ -99,6 +108,7 @@ def run_twins(
         for block in (*joined, spiking)
         for key, columns in block.columns.items()
     }
+    # With the number of their twin, and without delays so long that nothing arrives before the end.
     synapses = [
         (number, s)
         for number, twin in enumerate(twins)
@@ -124,7 +134,7 @@ def run_twins(
             fired = np.hstack(spikes).astype(np.bool_)
         spiking.reset(fired)
         sent = fired.astype(np.float64)
-        # What neurons send to those of the same number is added first: in another order, sums round differently.
+        # Always in this order: float sums in another order round differently.
         _send_to_itself(onto_itself, sent, step)
         _send_to_others(onto_others, sent, step)
     return _traces(len(twins), spiking, potential)
@@ -135,7 +145,10 @@ def _add_charge_of_lines(
     lines: Mapping[str, ByteArray],
     place_of: "Mapping[_Key, _Place]",
 ) -> None:
-    """Add what the inputs send in all steps, which depends on no neuron, to the charges; twins may share weights."""
+    """Add the charges that the input lines cause in all steps; they do not depend on any neuron.
+
+    Twins that share a matrix of weights share the product.
+    """
     batch, steps = next(iter(lines.values())).shape[:2]
     sparse_lines = {}
     for name, played in lines.items():
@@ -147,7 +160,8 @@ def _add_charge_of_lines(
             continue
         key = (s.source, s.delay, id(s.weights))
         if key not in charge_of:
-            # Few lines spike, so their spikes are sparse, whatever the weights are.
+            # Few lines spike, so a sparse product is faster, even with dense weights. Rows are ordered by step, so the
+            # spikes that act before the end are the first rows.
             spikes_that_act = sparse_lines[s.source][: batch * (steps - loihi.acts_at(0, s.delay))]
             products = spikes_that_act @ s.weights.T
             charge = products.toarray() if sparse.issparse(products) else products
@@ -159,7 +173,10 @@ def _add_charge_of_lines(
 def _weights_onto_itself(
     synapses: "Sequence[tuple[int, TwinSynapses]]", place_of: "Mapping[_Key, _Place]"
 ) -> "dict[_Block, FloatArray]":
-    """Return the weights from neurons onto those of the same number, (delays, 1, columns), by block."""
+    """Return the weights from neurons onto themselves or their dendrites, (delays, 1, columns), by block.
+
+    All blocks have a neuron and its dendrites in the same column, so these weights multiply column by column.
+    """
     onto_itself = [(number, s) for number, s in synapses if s.weights.ndim == 1]
     delays = 1 + max((s.delay for _, s in onto_itself), default=0)
     weights: dict[_Block, FloatArray] = {}
@@ -174,7 +191,7 @@ def _weights_onto_itself(
 def _weights_onto_others(
     synapses: "Sequence[tuple[int, TwinSynapses]]", place_of: "Mapping[_Key, _Place]", twins: int
 ) -> "list[_Onto]":
-    """Return all other weights, those from one source one after the other."""
+    """Return all other weights, in the order of their twins and sources."""
     by_twin: list[dict[str, list[_Onto]]] = [{} for _ in range(twins)]
     for number, s in synapses:
         if s.weights.ndim > 1:
@@ -191,7 +208,7 @@ def _weights_onto_others(
 
 
 def _update(joined: "Sequence[_Block]", spiking: "_Block", step: int) -> None:
-    """Take the step of all compartments up to the threshold: children first, which add their v to their parents."""
+    """Take the step of all compartments up to the threshold: dendrites first, which add their v to their somas."""
     spiking.joined[:] = 0.0
     for block in joined:
         block.update(step)
@@ -200,11 +217,11 @@ def _update(joined: "Sequence[_Block]", spiking: "_Block", step: int) -> None:
 
 
 def _send_to_itself(weights: "Mapping[_Block, FloatArray]", sent: FloatArray, step: int) -> None:
-    """Add the charge of spikes (batch, columns) to neurons of the same number, in the steps in which it acts."""
+    """Add the charge of spikes (batch, columns) onto the neurons' own columns, in the steps in which it acts."""
     for block, by_delay in weights.items():
         first = loihi.acts_at(step, 0)
-        later = block.charge[first : first + len(by_delay)]
-        later += by_delay[: len(later)] * sent[:, : block.size]
+        charge_of_steps = block.charge[first : first + len(by_delay)]  # a view; shorter at the end
+        charge_of_steps += by_delay[: len(charge_of_steps)] * sent[:, : block.size]
 
 
 def _send_to_others(weights: "Sequence[_Onto]", sent: FloatArray, step: int) -> None:
@@ -218,6 +235,7 @@ def _send_to_others(weights: "Sequence[_Onto]", sent: FloatArray, step: int) -> 
         if sparse.issparse(onto.weights):
             charge = (onto.weights @ spikes.T).T
         else:
+            # Weights are stacked, (twins, n_target, n_source): one product for all their twins.
             by_twin = spikes.reshape(batch, len(onto.weights), -1).transpose(1, 2, 0)
             charge = (onto.weights @ by_twin).transpose(2, 0, 1).reshape(batch, -1)
         onto.block.charge[acts_at, :, onto.columns] += charge
@@ -226,7 +244,7 @@ def _send_to_others(weights: "Sequence[_Onto]", sent: FloatArray, step: int) -> 
 def _traces(
     twins: int, spiking: "_Block", potential: "Mapping[_Key, FloatArray]"
 ) -> list[TwinTrace]:
-    """Return what each twin did."""
+    """Return the trace of each twin, cut from the columns of the blocks."""
     traces = [TwinTrace({}, {}) for _ in range(twins)]
     for (number, name), columns in spiking.columns.items():
         traces[number].spikes[name] = np.ascontiguousarray(spiking.spikes[:, :, columns])
@@ -236,11 +254,11 @@ def _traces(
 
 
 def _blocks(twins: Sequence[Twin], batch: int, steps: int, registers: Registers) -> "list[_Block]":
-    """Return blocks of the groups that are joined to others, and as the last block the others, which spike.
+    """Divide the groups of all twins into blocks; the last block has those that spike, the others have dendrites.
 
-    The first block has the first child of every group that has any, the next block the second ones. Groups with more
-    children come first, so all blocks have a group and what is joined to it in the same columns. Apart from that the
-    twins' groups of one name are neighbours.
+    The first block has the first dendrites of every group that has any, the next block the second ones, and so on.
+    Groups with more dendrites come first, so a group and its dendrites are in the same columns of their blocks. Apart
+    from that, the groups of one name in all twins are neighbours, so that their weights can be stacked.
     """
     groups = {(i, group.name): group for i, twin in enumerate(twins) for group in twin.groups}
     children: dict[_Key, list[_Key]] = {
@@ -251,18 +269,23 @@ def _blocks(twins: Sequence[Twin], batch: int, steps: int, registers: Registers)
             children[i, group.joined_to].append((i, name))
     names = list(dict.fromkeys(name for _, name in groups))
     ordered = sorted(children, key=lambda key: (-len(children[key]), names.index(key[1])))
-    ranks = [
+    most_children = len(children[ordered[0]])
+    keys_of_blocks = [
         [children[key][k] for key in ordered if k < len(children[key])]
-        for k in range(len(children[ordered[0]]))
+        for k in range(most_children)
     ]
+    keys_of_blocks.append(ordered)
     return [
         _Block({key: groups[key] for key in keys}, batch, steps, registers)
-        for keys in (*ranks, ordered)
+        for keys in keys_of_blocks
     ]
 
 
 def _stacked(by_twin: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]":
-    """Stack small dense weights of neighbouring twins, (twins, n_target, n_source), and keep the order of each twin."""
+    """Stack small dense weights of neighbouring twins, (twins, n_target, n_source), and keep the order of each twin.
+
+    Sorted by their number within the twin, then by column, the same weights of all twins follow each other.
+    """
     numbered = [
         item for by_source in by_twin for item in enumerate(chain.from_iterable(by_source.values()))
     ]
@@ -280,13 +303,12 @@ def _stacked(by_twin: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]
 
 
 def _fits_behind(stack: "_Onto", layer: "_Onto") -> bool:
-    """Tell whether weights are like those of a stack, from and onto the columns next to them."""
-    is_neighbour = (stack.senders.stop, stack.columns.stop) == (
-        layer.senders.start,
-        layer.columns.start,
+    """Return whether weights continue a stack: same delay, block and shape, and the columns right after it."""
+    follows = (
+        stack.senders.stop == layer.senders.start and stack.columns.stop == layer.columns.start
     )
-    is_alike = (stack.acts_after, stack.block) == (layer.acts_after, layer.block)
-    return is_neighbour and is_alike and stack.weights.shape[1:] == layer.weights.shape[1:]
+    is_alike = stack.acts_after == layer.acts_after and stack.block == layer.block
+    return follows and is_alike and stack.weights.shape[1:] == layer.weights.shape[1:]
 
 
 def _behind(stack: "_Onto", layer: "_Onto") -> "_Onto":
@@ -303,7 +325,7 @@ _Key = tuple[int, str]
 
 
 class _Place(NamedTuple):
-    """Where the registers of a group lie."""
+    """Where the registers of a group are: in some ``columns`` of a block."""
 
     block: "_Block"
     columns: slice
@@ -335,9 +357,10 @@ class _Onto(NamedTuple):
 
 
 class _OnFloats:
-    """The operations of a step in float64; every one that the chip rounds or limits can be switched off by column.
+    """The operations of a step in float64 (:class:`hw_model.arithmetic.loihi.Operations`).
 
-    Charges are in the unit of u.
+    Truncation and wrapping can be switched off by column: ``truncates`` and ``limited`` (batch, n). Charges are in the
+    unit of u.
     """
 
     def __init__(self, truncates: BoolArray, limited: BoolArray, registers: Registers) -> None:
@@ -346,27 +369,30 @@ class _OnFloats:
         self._charge_bits = registers.charge_bits
         self._current_bits = registers.current_bits
         self._current: FloatArray | None = None
-        """What was last within the register of u."""
+        """The last current after wrapping, to recognise it."""
 
     def wrap_charge(self, q: FloatArray) -> FloatArray:
         """Return q within its register."""
         return self._wrapped(q, self._charge_bits)
 
     def wrap_current(self, u: FloatArray) -> FloatArray:
-        """Return u, or u + bias, within the register of u; without a bias u comes a second time, and is within."""
+        """Return u, or u + bias, within the register of u.
+
+        Without a bias, the step calls this a second time with the same array, which is already wrapped.
+        """
         if u is not self._current:
             self._current = self._wrapped(u, self._current_bits)
         return self._current
 
     def charged(self, q: FloatArray) -> FloatArray:
-        """Return q itself."""
+        """Return q itself: charges are in the unit of u already."""
         return q
 
     def kept(self, x: FloatArray, keep: FloatArray) -> FloatArray:
-        """Return keep x; ``keep`` is a share here, and not one of 4096 parts."""
-        left = x * keep
-        np.trunc(left, out=left, where=self._truncates)
-        return left
+        """Return ``keep * x``; ``keep`` is a share 0..1 here, not a number of 4096ths as on the chip."""
+        remaining = x * keep
+        np.trunc(remaining, out=remaining, where=self._truncates)
+        return remaining
 
     def clip(self, v: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
         """Return v within low..high, in half the time of np.clip."""
@@ -374,7 +400,7 @@ class _OnFloats:
         return np.minimum(raised, high, out=raised)
 
     def select(self, condition: BoolArray | Always, chosen: Any, otherwise: Any) -> Any:
-        """Return one where the condition holds, and the other where not."""
+        """Return ``chosen`` where the condition holds, and ``otherwise`` elsewhere."""
         if condition is ALWAYS:
             return chosen
         if isinstance(otherwise, np.ndarray):
@@ -385,7 +411,7 @@ class _OnFloats:
         return selected
 
     def _wrapped(self, x: FloatArray, bits: int) -> FloatArray:
-        """Return ``x``, wrapped where limited to ``bits`` bits plus sign in two's complement; fractions are kept."""
+        """Return ``x``, wrapped to ``bits`` bits plus sign in two's complement where limited; fractions are kept."""
         half = float(half_range(bits))
         if x.max() < half and x.min() >= -half:
             return x  # nearly always, and np.mod is slow
@@ -395,7 +421,10 @@ class _OnFloats:
 
 
 class _Block:
-    """Registers of groups side by side: arrays (batch, n); ``charge`` (steps, batch, n)."""
+    """The registers of groups side by side: arrays (batch, n), in which each group has its ``columns``.
+
+    ``charge`` (steps, batch, n) are the charges that arrive in each step. ``joined`` is what dendrites add to v.
+    """
 
     def __init__(
         self, by_key: Mapping[_Key, TwinGroup], batch: int, steps: int, registers: Registers
@@ -407,24 +436,23 @@ class _Block:
         self._spiking = groups[0].joined_to is None
 
         def by_column(values: Sequence[AnyArray]) -> AnyArray:
+            """Return values of groups, (size,) each, side by side, and repeated for every recording."""
             return np.tile(np.concatenate(values), (batch, 1))
 
         limited = by_column([np.full(group.size, group.limited) for group in groups])
         truncates = by_column([np.full(group.size, group.truncates) for group in groups])
         bias = by_column([group.bias for group in groups])
-        endless = [np.full(group.size, -np.inf) for group in groups]
-        floor = by_column(
-            [
-                none if group.floor is None else group.floor
-                for group, none in zip(groups, endless, strict=True)
-            ]
-        )
+        floors: list[FloatArray] = []
+        for group in groups:
+            no_floor = np.full(group.size, -np.inf)
+            floors.append(no_floor if group.floor is None else group.floor)
+        floor = by_column(floors)
         self._arithmetic = _OnFloats(truncates, limited, registers)
         self._parameters = Parameters(
             keep_u=by_column([group.keep_u for group in groups]),
             keep_v=by_column([group.keep_v for group in groups]),
             bias=bias if bias.any() else NOTHING,
-            # A spike where v > this is one where v >= the threshold of the group.
+            # The step spikes where v > threshold, a twin where v >= threshold: take the next float below.
             threshold=np.nextafter(by_column([group.threshold for group in groups]), -np.inf),
             refractory=by_column([group.refractory for group in groups]),
             vmin=np.where(limited, by_column([group.vmin for group in groups]), floor),
@@ -440,8 +468,9 @@ class _Block:
         self._fired = np.zeros((batch, self.size), dtype=np.bool_)
 
     def update(self, step: int) -> None:
-        """Accumulate, decay and join; afterwards v is what the threshold sees."""
-        ops, parameters = self._arithmetic, self._parameters
+        """Take the step up to the threshold: decay, charge and dendrites; afterwards v is what the threshold sees."""
+        ops = self._arithmetic
+        parameters = self._parameters
         response = loihi.respond(ops, parameters, self._u, self.v, self.charge[step], self.joined)
         self._u = response.u
         self.v = response.v
