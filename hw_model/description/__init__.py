@@ -1,1 +1,2 @@
-"""What a chip is: registers, limits, mesh, and named profiles of energy and time."""
+"""What a chip is, as its YAML file describes it: registers, limits, mesh, and profiles of energy
+and time."""

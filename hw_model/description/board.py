@@ -1,4 +1,8 @@
-"""A board description: device, clock, serial line and pins, read from YAML."""
+"""Boards that the open core can be placed on: FPGA, clock, serial line and pins, read from YAML.
+
+A description is checked before any tool runs, so that a mistake in a file is one message that names
+its key. The files of boards that ship lie in ``hw_model/boards``.
+"""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -23,20 +27,27 @@ PACKAGES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "ice40": {"up5k": ("sg48", "uwg30")},
 }
-"""Packages by family and size, as nextpnr calls them."""
+"""Packages of FPGAs, by family and size, in the words of nextpnr."""
 TARGETS = {
     "ecp5": {"12k": "ecp5-25f", "25k": "ecp5-25f", "45k": "ecp5-25f", "85k": "ecp5-85f"},
     "ice40": {"up5k": "ice40up5k"},
 }
-"""The core that each device is given where a program has none."""
+"""The target whose core an FPGA gets, by family and size, unless a program was compiled for another
+one.
+
+A 45k, for which there is no core of its own, gets the core of the 25k.
+"""
 USUAL_BAUD = 1_000_000
+"""Bits per second of the serial line, unless a board gives another rate."""
 CYCLES_PER_BIT = 8
-"""The fewest cycles of the core's clock that the serial line needs per bit: ``BIT`` of uart_rx.sv."""
+"""The fewest cycles of the core's clock per bit of the serial line: ``BIT`` of uart_rx.sv is at
+least this."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
-# It goes into comments of files that tools read, where the end of a line would end the comment.
+# A description goes into comments of generated files, so it must not hold the end of a line.
 _DESCRIPTION = re.compile(r"[A-Za-z0-9 ,.()/+-]{1,100}")
 _SITE = re.compile(r"[A-Z]{0,2}[0-9]{1,3}")
-# The clock of the core is called clk and its frequency: no pin may be.
+# The port of the board's clock is called clk and its frequency, so no other pin may have such a
+# name.
 _HELD_NAME = re.compile(r"[a-z](?!lk[0-9])[a-z0-9_]{0,39}")
 _SIGNALS = {
     "clk",
@@ -51,13 +62,18 @@ _SIGNALS = {
     "button",
     "button_n",
 }
-"""Names in the top of a board, beside that of the clock: ``clk`` and a number."""
+"""Names in the top module of a board (``boards/top.sv.in``), which pins of a user must not have."""
 _BAUD_ERROR = 0.02
-"""Share by which the board's bits may be off: half of the 4 % that uart_rx.sv takes, for the host may be off too."""
+"""The share by which the board's rate may be off: half of the 4 % that uart_rx.sv tolerates, as the
+host may be off too."""
 
 
 class Pin(Frozen):
-    """A pin of the device, its electrical settings, and the level at which its signal is on."""
+    """A pin of the device, its electrical settings, and the level at which its signal is on
+    (``active``).
+
+    A file may give just the name of the pin, in place of a mapping.
+    """
 
     pin: str
     active: Annotated[str, ("high", "low")] = "high"
@@ -69,7 +85,10 @@ class Pin(Frozen):
 
     @staticmethod
     def from_plain(plain: Any) -> Any:
-        """Return the mapping that a site alone stands for; sites of some packages are numbers."""
+        """Return the mapping that the name of a pin alone stands for.
+
+        YAML reads the pins of some packages as numbers, which become names here.
+        """
         if isinstance(plain, str | int) and not isinstance(plain, bool):
             return {"pin": str(plain)}
         if isinstance(plain, dict) and type(plain.get("pin")) is int:
@@ -78,7 +97,7 @@ class Pin(Frozen):
 
 
 class Device(Frozen):
-    """The device in words of nextpnr; only an ECP5 has a speed grade, 6 if none is given."""
+    """The FPGA, in the words of nextpnr. Only an ECP5 has a speed grade; it is 6 if none is given."""
 
     family: Annotated[str, tuple(PACKAGES)]
     size: str
@@ -87,7 +106,8 @@ class Device(Frozen):
 
 
 class Clock(Frozen):
-    """The clock of the board, and that of the core, which a PLL makes if it is another."""
+    """The clock of the board, and the frequency of the core, which a PLL makes if it is another
+    one."""
 
     pin: Pin
     mhz: Annotated[float, between(1, 400)]
@@ -95,12 +115,13 @@ class Clock(Frozen):
 
     @property
     def core(self) -> float:
-        """Frequency of the core in MHz."""
+        """The frequency of the core in MHz."""
         return self.mhz if self.core_mhz is None else self.core_mhz
 
 
 class Serial(Frozen):
-    """Pins of the serial line, as the device sees it, and its bits per second."""
+    """The pins of the serial line, named as the FPGA sees them (it receives on ``rx``), and the
+    bits per second."""
 
     rx: Pin
     tx: Pin
@@ -108,7 +129,13 @@ class Serial(Frozen):
 
 
 class Leds(Frozen):
-    """Lights: a program is there; a recording runs; turns with every answer; an error since reset."""
+    """The lights of a board, which are on or change as follows; a board may lack any of them.
+
+    - ``loaded``: a program is loaded
+    - ``running``: a recording runs
+    - ``answered``: toggles with every answer
+    - ``failed``: there was an error since the reset
+    """
 
     loaded: Pin | None = None
     running: Pin | None = None
@@ -117,7 +144,12 @@ class Leds(Frozen):
 
 
 class Board(Frozen):
-    """A board for the open core, as ``hw_model/boards/*.yaml`` describes it."""
+    """A board for the open core, as ``hw_model/boards/*.yaml`` describes it.
+
+    - ``reset``: the pin of a button that resets the core; None if there is none
+    - ``held_high``: pins that the top module drives high all the time, by a name of the user's
+      choice, such as the enable of another chip on the board
+    """
 
     name: Annotated[str, Must(_NAME.fullmatch, "of a-z, 0-9 and '-', at most 40 characters")]
     device: Device
@@ -133,21 +165,22 @@ class Board(Frozen):
 
     @property
     def target(self) -> str:
-        """Name of the target whose core the device takes, unless a program was compiled for another."""
+        """The name of the target whose core the FPGA gets, unless a program was compiled for
+        another one."""
         return TARGETS[self.device.family][self.device.size]
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """Names of the targets whose core its family takes."""
+        """The names of all targets whose cores are for the FPGA's family."""
         return tuple(TARGETS[self.device.family].values())
 
     @property
     def lights(self) -> Mapping[str, Pin]:
-        """The LEDs that there are, by what they show."""
+        """The pins of the lights that the board has, by what they show."""
         return {name: pin for name, pin in vars(self.leds).items() if pin is not None}
 
     def pins(self) -> Iterator[tuple[str, Pin]]:
-        """Yield every pin with its key."""
+        """Yield every pin of the board with its key in the description."""
         yield "clock.pin", self.clock.pin
         yield "serial.rx", self.serial.rx
         yield "serial.tx", self.serial.tx
@@ -162,7 +195,7 @@ class Board(Frozen):
 def board(name_or_path: str) -> Board:
     """Return a board, given the name of a description that ships or the path of a YAML file.
 
-    What cannot be read or is not possible on the device is an ``InputError``.
+    Raise an ``InputError`` if the file cannot be read, or describes what its FPGA cannot do.
     """
     if name_or_path in BOARDS:
         text = (files("hw_model") / "boards" / f"{name_or_path}.yaml").read_text("utf-8")
@@ -170,6 +203,7 @@ def board(name_or_path: str) -> Board:
     path = Path(name_or_path)
     described = parse_board(read_description(path, "board", "the example of the manual"), path.name)
     if described.name in BOARDS:
+        # Commands would take the name for the board that ships.
         what = f"a board of the name {described.name!r} ships"
         raise InputError(f"{path.name}: name", what, fix="Give it another name.")
     return described
@@ -186,6 +220,7 @@ def parse_board(text: str, where: str) -> Board:
 
 
 def _check_device(device: Device, where: str) -> None:
+    """Refuse sizes and packages that the family does not have, and a speed grade of an iCE40."""
     sizes = PACKAGES[device.family]
     what = f"the core cannot go to {device.family} of the size {device.size!r}"
     check_known(f"{where}: device.size", what, device.size, sizes)
@@ -202,12 +237,16 @@ def _check_clock(described: Board, where: str) -> None:
     clock = described.clock
     if clock.core == clock.mhz:
         return
-    dividers = ecp5_pll if described.device.family == "ecp5" else ice40_pll
-    dividers(clock.mhz, clock.core, f"{where}: clock.core_mhz")
+    # Only the error matters here: board_sources.py computes the dividers again.
+    find_dividers = ecp5_pll if described.device.family == "ecp5" else ice40_pll
+    find_dividers(clock.mhz, clock.core, f"{where}: clock.core_mhz")
 
 
 def _check_pins(described: Board, where: str) -> None:
-    """Refuse sites that are none or used twice, and settings that the family does not have."""
+    """Refuse names that are no pin or used twice, and settings that the family does not have.
+
+    Whether the package has a pin is left to nextpnr, which knows all packages.
+    """
     for name in described.held_high:
         if not _HELD_NAME.fullmatch(str(name)) or name in _SIGNALS:
             fix = "Give a name of a-z, 0-9 and '_', which no other signal has."
@@ -230,6 +269,7 @@ def _check_pins(described: Board, where: str) -> None:
 
 
 def _check_ice40_pin(pin: Pin, place: str) -> None:
+    """Refuse settings that a pin of an iCE40 does not have."""
     settings = {
         "drive_ma": pin.drive_ma is not None,
         "pull: down": pin.pull == "down",
@@ -241,7 +281,8 @@ def _check_ice40_pin(pin: Pin, place: str) -> None:
 
 
 def _check_baud(described: Board, where: str) -> None:
-    """Refuse a line that is too fast for the clock, or whose bits are not whole cycles by far."""
+    """Refuse a rate that is too fast for the core's clock, or that the clock cannot make closely
+    enough."""
     place = f"{where}: serial.baud"
     baud = described.serial.baud
     core_hz = described.clock.core * 1e6
@@ -250,7 +291,7 @@ def _check_baud(described: Board, where: str) -> None:
         what = f"it is too fast for a core of {described.clock.core:g} MHz"
         measured = f"{baud} against {highest} bits per second"
         raise InputError(place, what, measured=measured, fix="Lower it.")
-    cycles_per_bit = int(core_hz / baud + 0.5)
+    cycles_per_bit = int(core_hz / baud + 0.5)  # rounded, as top_uart.sv does
     actual = core_hz / cycles_per_bit
     if abs(actual / baud - 1) > _BAUD_ERROR:
         what = f"a core of {described.clock.core:g} MHz cannot keep it"

@@ -1,4 +1,9 @@
-"""A chip description: register widths, limits, mesh, and named energy and time profiles, read from YAML."""
+"""A chip as its YAML file describes it: registers, limits, mesh, and profiles of energy and time.
+
+The description serves Loihi-like meshes and the open core. Chips with another arithmetic (Xylo,
+SpiNNaker) have descriptions of their own. Numbers that contradict each other are refused when a
+file is read.
+"""
 
 from collections.abc import Mapping
 from dataclasses import field, replace
@@ -26,15 +31,16 @@ from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
 from hw_model.values import Frozen, IntArray, Shown
 
 _OTHERS = {"xylo-": "a Xylo", "spinnaker": "a SpiNNaker"}
-"""What names of chips with other descriptions begin with, and what these chips are."""
+"""How the names of chips with other descriptions begin, and what messages call these chips."""
 MAX_CORES = 1 << 20
+"""The most cores of a board that can be simulated. Chosen by hand."""
 
 
 class Registers(Frozen):
     """Register widths in bits (sign not counted) and the largest settings.
 
-    Within these ranges, products with decays (2^40 * 2^12) and sums of joined voltages (2^40 * 2^20) are exact in 64
-    bits.
+    The ranges keep the simulator exact in 64 bits: products with decays need 40 + 12 bits, and sums
+    of joined voltages 40 + 20, as a core has at most 2^20 compartments.
     """
 
     charge_bits: Annotated[int, between(9, 40)]
@@ -49,7 +55,7 @@ class Registers(Frozen):
 
     @property
     def weight_bits(self) -> tuple[int, ...]:
-        """Widths of weights that synapse formats may have."""
+        """The widths of weights, in bits, that synapse formats may have."""
         return tuple(bits for bits in WEIGHT_BITS if bits <= self.weight_bits_max)
 
     @property
@@ -110,22 +116,30 @@ class Limits(Frozen):
 
 
 class SynapseMemory(Frozen):
-    """The cost of an axon's synapse list in memory words."""
+    """What an axon's list of synapses takes of the memory of synapses.
+
+    A list is stored in runs of up to ``run_length`` synapses. A run has a header of
+    ``run_header_bits``, then its synapses, and takes whole words of ``word_bits``.
+    """
 
     word_bits: Annotated[int, between(1, 4_096)]
     run_length: Annotated[int, between(1, 65_536)]
     run_header_bits: Annotated[int, between(0, 1_024)]
 
     def words(self, synapses: IntArray, bits: IntArray | int) -> IntArray:
-        """Return the words of lists, given the number of synapses and their bits; every run is rounded up to a word."""
-        full = synapses // self.run_length
-        rest = synapses % self.run_length
-        header = self.run_header_bits
-        word = self.word_bits
-        of_full, of_rest = (
-            -(-(header + run * np.asarray(bits)) // word) for run in (self.run_length, rest)
-        )
-        words: IntArray = full * of_full + (rest > 0) * of_rest
+        """Return the words of lists, given the number of their synapses and the bits of a synapse."""
+        full_runs = synapses // self.run_length
+        remaining_synapses = synapses % self.run_length
+        words_of_full_run = self._words_of_run(self.run_length, bits)
+        words_of_last_run = self._words_of_run(remaining_synapses, bits)
+        has_last_run = remaining_synapses > 0
+        words: IntArray = full_runs * words_of_full_run + has_last_run * words_of_last_run
+        return words
+
+    def _words_of_run(self, synapses: IntArray | int, bits: IntArray | int) -> IntArray:
+        """Return the words of a run of synapses, rounded up."""
+        run_bits = self.run_header_bits + synapses * np.asarray(bits)
+        words: IntArray = -(-run_bits // self.word_bits)
         return words
 
 
@@ -141,9 +155,11 @@ class TransposeBuffer(Frozen):
 class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it.
 
-    ``open_core`` holds the sizes of this project's core, if the chip is one; ``memory_words`` says which memories are
-    smaller, and ``macros`` what memories can be made of. Clock cycles of such a chip are exact. An FPGA has no energy
-    profile, but a core in the cells of a process may have one.
+    A board may have several ``chips``, side by side. ``open_core`` holds the sizes of this
+    project's core, if the chip is one; ``memory_words`` then says which memories are smaller than
+    these sizes would make them, and ``macros`` which macros memories can be made of. Clock cycles
+    of such a chip are exact. An FPGA has no energy profile, but a core in the cells of a process
+    may have one.
     """
 
     name: Text
@@ -168,19 +184,25 @@ class Chip(Shown, eq=True):
         return self.chips * self.limits.cores_per_chip
 
     def tile_of(self, slot: int) -> tuple[int, int]:
-        """Return (column, row) of a core's tile on the board; cores fill tiles row by row, chips lie side by side."""
+        """Return (column, row) of a core's tile on the board, given the core's number (``slot``) on
+        the board.
+
+        Cores fill tiles row by row; chips lie side by side.
+        """
         chip, core = divmod(slot, self.limits.cores_per_chip)
         row, column = divmod(core // self.mesh.cores_per_tile, self.mesh.columns)
         return chip * self.mesh.columns + column, row
 
     def hops(self, source_slot: int, target_slot: int) -> tuple[int, int]:
-        """Return (east-west, north-south) hops between two cores of the board."""
-        (x0, y0), (x1, y1) = self.tile_of(source_slot), self.tile_of(target_slot)
-        return abs(x0 - x1), abs(y0 - y1)
+        """Return (east-west, north-south) hops between the tiles of two cores of the board."""
+        source_column, source_row = self.tile_of(source_slot)
+        target_column, target_row = self.tile_of(target_slot)
+        return abs(source_column - target_column), abs(source_row - target_row)
 
     @property
     def default_profile(self) -> str | None:
-        """The name of the energy profile that reports show first, which is the first in the chip file; None if none."""
+        """The name of the energy profile that reports show first: the first in the chip file. None
+        if there is none."""
         return next(iter(self.profiles), None)
 
     @property
@@ -220,7 +242,7 @@ def chip(name_or_path: str | Path) -> Chip:
 
 @cache
 def _shipped(name: str) -> Chip:
-    """Return a chip that ships; its file is read once."""
+    """Return a chip that ships, whose file is read only once."""
     return parse_chip((files("hw_model") / "chips" / f"{name}.yaml").read_text("utf-8"), where=name)
 
 

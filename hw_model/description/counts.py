@@ -17,21 +17,22 @@ class Counts(Sums, Mapping[str, int]):
     transpose_events: int = 0
     """Events that went through the transpose buffer to a location phase."""
     events_dropped: int = 0
-    """Events in rows after the last simulated step: never played, counted in every phase that misses them."""
+    """Events in rows after the last simulated step. They are never played, and count in every phase
+    that misses them."""
     synaptic_ops: int = 0
     """Weights added: one for every synapse of every delivered spike, including those of the last step."""
     synaptic_ops_after_end: int = 0
-    """Those whose charge was due after the last step."""
+    """Synaptic operations whose charge was due after the last step, so it had no effect."""
     neuron_updates: int = 0
-    """Compartments, including dendrites, times steps of their phase."""
+    """Updates of compartments, dendrites included: compartments times steps of their phase."""
     neuron_updates_active: int = 0
-    """Those with any charge, current, voltage, bias or joined voltage to work on."""
+    """Updates with any charge, current, voltage, bias or joined voltage to work on."""
     spikes: int = 0
     """Spikes of compartments, not counting input events."""
     axon_packets: int = 0
     """Packets sent by compartments: one for each spike and destination core."""
     packets_within_tile: int = 0
-    """Those whose destination is in the sender's tile."""
+    """Packets of compartments whose destination is in the sender's tile."""
     input_packets: int = 0
     """Packets that bring input events to cores; they come from outside, so their hops are not counted."""
     hops_x: int = 0
@@ -99,4 +100,5 @@ BY_CORE = (
     "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "packets_within_tile",
     "hops_x", "hops_y",
 )  # fmt: skip
-"""Counts that are kept by step and core. Synapses count at the receiving core, packets and hops at the sending one."""
+"""Counts that are kept by step and core. Synapses count at the receiving core, packets and hops at
+the sending core."""

@@ -1,4 +1,10 @@
-"""The sizes of the open core, as a chip file gives them: what its memories hold, and what they can be made of."""
+"""The sizes of the open core, as a chip file gives them, and the macros that its memories can be
+made of.
+
+The open core is the neuromorphic core of this project, in SystemVerilog (``hw_model/rtl``). One
+core runs all cores of a program, phase after phase. Its memories are fixed when it is built, so a
+chip file says how large they are.
+"""
 
 from typing import Annotated, NamedTuple
 
@@ -8,20 +14,31 @@ from hw_model.values import Frozen
 
 
 class Sizes(Frozen):
-    """Parameters of the open core: the words of its memories, its slots (a power of two), and the widths of two sums.
+    """Parameters of the open core, as ``locsnn_core.sv`` has them.
 
-    - ``word``: rows of a recording in a word of the bitmap, a power of two
-    - ``join``: bits of the sum of joined voltages; 0 if no compartments are joined
+    - ``axons``: sources of spikes: channels, rows of visits and compartments
+    - ``synapses``: two of them are in a word
+    - ``compartments``: of all phases together
+    - ``slots``: places for the charges of steps to come, a power of two: the longest delay and 2
+    - ``charge``: bits of a charge under way, sign included, in units of 64
+    - ``join``: bits of a sum of joined voltages, sign included; 0 if no compartments are joined
+    - ``bitmap``: words of the buffer of events
+    - ``visits``: readings of a channel from the buffer, of all phases together
+    - ``entries``: compartments that are read out
+    - ``word``: rows (steps) of a recording in a word of the bitmap, a power of two
     - ``phase_words``: eight for each phase, a power of two
-    - ``one_port``: 1 if the buffer of events is a memory of one port
-    - ``later``: bits of slots that few compartments leave: with them, a second phase hears its events when they arrive,
-      unless phases share places
-    - ``groups``: 1 if rows of a recording may share a source of spikes, where all that they reach is the same
-    - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
+    - ``step``: bits in which a list stores a target, as the step from the target before; 0 if it
+      stores targets in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
       each phase has its own
     - ``sums``: if parents share the words of their sums, how many wait for children at a time, a power of two; 0 if
-      each has its own
+      each parent has its own
+    - ``one_port``: 1 if the buffer of events is a memory of one port
+    - ``later``: with ``later`` bits more for slots, in memory of charges that a program of few
+      compartments leaves unused, a second phase hears its events when they arrive; not if phases
+      share places
+    - ``groups``: 1 if rows of a recording may share a source of spikes, where their synapses are
+      the same
     """
 
     axons: Annotated[int, between(2, 1 << 24)]
@@ -29,6 +46,7 @@ class Sizes(Frozen):
     compartments: Annotated[int, between(2, 1 << 20)]
     slots: Annotated[int, between(2, 1 << 16)]
     charge: Annotated[int, between(16, 64)]
+    # A voltage has 24 bits with its sign, and a sum of voltages needs more.
     join: Annotated[int, Must(lambda v: (v == 0) | (v >= 24) & (v <= 64), "0, or from 24 to 64")]
     bitmap: Annotated[int, between(2, 1 << 24)]
     visits: Annotated[int, between(2, 1 << 20)]
@@ -44,9 +62,11 @@ class Sizes(Frozen):
 
 
 class MemoryWords(Frozen):
-    """The words of the memories that may be smaller than the parameters of the core would make them.
+    """The words of the memories that may be smaller on a chip than the parameters of the core would
+    make them.
 
-    - ``weights``: groups that are read out
+    - ``weights``: populations that are read out
+    - ``phases``: eight for each phase
     - ``states``: compartments, or those of one phase if the core has ``places``
     - ``sums``: a power of two; no two parents that wait for children at a time have numbers that differ by it
     """
@@ -58,7 +78,8 @@ class MemoryWords(Frozen):
 
 
 class MemoryUse(NamedTuple):
-    """The words of a memory that a program fills, all of them, and the bits of a word."""
+    """How full a memory is: the words that a program fills, the words there are, and the bits of a
+    word."""
 
     used_words: int
     words: int
@@ -66,9 +87,12 @@ class MemoryUse(NamedTuple):
 
 
 class Macro(Frozen):
-    """A memory that a process offers: its square micrometres, and the picojoules to read and to write a row.
+    """A memory macro that a process offers.
 
-    The figures hold for at most this many ``banks`` next to each other.
+    - ``words``, ``bits``, ``ports``: its size
+    - ``area``: square micrometres
+    - ``read_pj``, ``write_pj``: picojoules to read and to write a row
+    - ``banks``: the figures hold for at most as many of them next to each other
     """
 
     words: Annotated[int, between(1, 1 << 20)]
@@ -81,7 +105,11 @@ class Macro(Frozen):
 
 
 def check_sizes(core: Sizes, slots: int, where: str) -> None:
-    """Refuse fewer slots than the chip's registers need, and sizes that must be powers of two but are not."""
+    """Refuse fewer slots than the chip's registers need, and sizes that must be powers of two but
+    are not.
+
+    ``slots`` is what the registers need. n is a power of two, or 0, if ``n & n - 1`` is 0.
+    """
     shared_by = "places" if core.places else "compartments"
     size: int = getattr(core, shared_by)
     if core.slots < slots or (core.slots & core.slots - 1) or (size & size - 1):

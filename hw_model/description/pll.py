@@ -1,4 +1,9 @@
-"""Dividers of the PLLs of both families, computed from the frequencies of the board and of the core."""
+"""Find the dividers of a PLL that make the core's clock from the clock of a board, for both FPGA
+families.
+
+All dividers that keep within the limits of the data sheet are tried. Frequencies are fractions, so
+that a result is exact or is known to be off.
+"""
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -8,7 +13,8 @@ from hw_model.errors import InputError
 from hw_model.values import Frozen
 
 TOLERANCE_HZ = 1
-"""Largest difference from the frequency asked for: files, and our own advice, give MHz with six decimals."""
+"""The largest difference from the wanted frequency. Files, and the advice of our own messages, give
+MHz with six decimals, so a hertz is the best they can say."""
 
 
 class Range(Frozen):
@@ -42,7 +48,7 @@ ICE40_DIVF = range(128)
 ICE40_DIVQ = range(1, 7)
 """Values of the parameters of these names; the output is divided by 2 to the power of DIVQ."""
 ICE40_FILTERS = ((17, 1), (26, 2), (44, 3), (66, 4), (101, 5), (133, 6))
-"""The filter of the loop by the frequency at the phase detector: up to so many MHz, this one."""
+"""The setting of the loop filter by the frequency at the phase detector: (highest MHz, setting)."""
 
 
 class Ecp5Pll(Frozen):
@@ -55,7 +61,7 @@ class Ecp5Pll(Frozen):
 
     @property
     def oscillator_mhz(self) -> Fraction:
-        """Frequency inside the PLL."""
+        """The frequency inside the PLL."""
         return self.input_mhz / self.reference * self.feedback
 
     @property
@@ -118,13 +124,14 @@ def ice40_pll(input_mhz: float, core_mhz: float, where: str) -> Ice40Pll:
 
 
 def _exact(mhz: float) -> Fraction:
-    """Return a frequency as the decimals say it, which a binary fraction only comes near to."""
+    """Return a frequency exactly as it is written in decimals; the float only comes near to it."""
     return Fraction(repr(mhz))
 
 
 def _ecp5_dividers(input_mhz: Fraction) -> Iterator[Ecp5Pll]:
-    # The oscillator has at most 800 MHz / 10 MHz = 80 times the frequency at the detector, which one divider of the
-    # feedback, of 128 at most, can make.
+    """Yield all settings of an ECP5's PLL that its limits allow."""
+    # The feedback divider CLKOP_DIV alone is enough: the oscillator runs at up to 800 MHz, at most
+    # 80 times the 10 MHz at the detector, and the divider goes up to 128.
     for reference in ECP5_DIVIDERS:
         if not ECP5_DETECTOR.holds(input_mhz / reference):
             continue
@@ -138,6 +145,7 @@ def _ecp5_dividers(input_mhz: Fraction) -> Iterator[Ecp5Pll]:
 
 
 def _ice40_dividers(input_mhz: Fraction) -> Iterator[Ice40Pll]:
+    """Yield all settings of an iCE40's PLL that its limits allow."""
     for divr in ICE40_DIVR:
         if not ICE40_DETECTOR.holds(input_mhz / (divr + 1)):
             continue
@@ -153,7 +161,11 @@ def _ice40_dividers(input_mhz: Fraction) -> Iterator[Ice40Pll]:
 def _best(
     dividers: Iterable[P], core_mhz: float, input_mhz: float, oscillator: Range, where: str
 ) -> P:
-    """Return the nearest to a frequency; of several, the one whose oscillator is furthest from its limits."""
+    """Return the dividers whose output is nearest to a frequency.
+
+    Of several that are as near, the one whose oscillator is furthest from its limits. Raise an
+    ``InputError`` if there are none, or none near enough.
+    """
     target = _exact(core_mhz)
     best = min(
         dividers,

@@ -10,8 +10,9 @@ from hw_model.values import Frozen, Shown
 Range = tuple[
     Annotated[float | None, between(0, 1 << 40)], Annotated[float | None, between(0, 1 << 40)]
 ]
-"""Least and largest possible value of a constant; None: not known."""
+"""The least and the largest possible value of a constant; None if it is unknown."""
 End = Literal["least", "most"]
+"""An end of a range."""
 
 
 Text = Annotated[str, Must(lambda text: 0 < len(text) <= 500, "of 1 to 500 characters")]
@@ -25,13 +26,14 @@ class Barrier(Frozen):
     all_tiles: Cost
 
     def ns(self, tiles: int, all_tiles: int) -> float:
-        """Interpolate linearly between the two published values."""
+        """Return the time for a number of tiles, interpolated linearly between the two published
+        values."""
         share = (tiles - 1) / max(all_tiles - 1, 1)
         return self.one_tile + share * (self.all_tiles - self.one_tile)
 
 
 class StaticPower(Frozen):
-    """Power that a whole chip draws whatever it does, in milliwatts."""
+    """The power that a whole chip draws whatever it does, in milliwatts."""
 
     chip_mw: Cost
     source: Text
@@ -42,9 +44,10 @@ class StaticPower(Frozen):
 
 
 class NotIncluded(Frozen):
-    """Something that a profile does not price, with an upper bound if one is known.
+    """Something that a profile does not price, with an upper bound of its energy if one is known.
 
-    The bound is a number of picojoules for each count in ``bound_pj``, and ``bound_recording_pj`` for every recording.
+    The bound is the sum of ``bound_pj``, picojoules for each unit of a count, and
+    ``bound_recording_pj`` for every recording.
     """
 
     what: Text
@@ -54,7 +57,7 @@ class NotIncluded(Frozen):
 
     @staticmethod
     def from_plain(value: Any) -> Any:
-        """Return the entries of a file, which may also have just the text."""
+        """Return the mapping that a plain text in a file stands for: something without a bound."""
         return {"what": value} if isinstance(value, str) else value
 
 
@@ -83,18 +86,21 @@ class Profile(Shown, eq=True):
         return self.sources.get(count, self.source)
 
     def with_times(self, end: End) -> "Profile | None":
-        """Return the profile with every time at one end of its range; None if such an end is not known."""
-        ends = {name: found[end == "most"] for name, found in self.time_ns_range.items()}
+        """Return the profile with every time at one end of its range, or None if the end of any
+        range is unknown."""
+        index = 1 if end == "most" else 0
+        ends = {name: time_range[index] for name, time_range in self.time_ns_range.items()}
         if None in ends.values():
             return None
         return replace(self, time_ns={**self.time_ns, **ends}, time_ns_range={})  # type: ignore[dict-item]
 
 
-_WHY, _BASIS = (
-    "no power model of such devices is public",
-    "cycle-exact model of the RTL core at the placed clock",
-)
 UNPRICED = Profile(
-    _WHY, _BASIS, energy_pj={}, time_ns={}, barrier_ns=Barrier(0.0, 0.0), not_included=()
+    source="no power model of such devices is public",
+    basis="cycle-exact model of the RTL core at the placed clock",
+    energy_pj={},
+    time_ns={},
+    barrier_ns=Barrier(0.0, 0.0),
+    not_included=(),
 )
 """The profile of an open core without one: its clock cycles are counted, and nothing is priced."""

@@ -1,5 +1,6 @@
-"""Read the YAML files of chips, energy profiles and boards."""
+"""Read the YAML files of chips, energy profiles and boards, and check profiles."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -14,7 +15,7 @@ T = TypeVar("T")
 _YAML = (".yaml", ".yml")
 _SHIPPED = "a chip that ships"
 LONGEST_NAME = 100
-"""Letters of the name of a chip."""
+"""The most letters of the name of a chip. Chosen by hand."""
 ChipName = Annotated[
     str,
     Must(
@@ -23,12 +24,14 @@ ChipName = Annotated[
     ),
 ]
 MAX_FILE_BYTES = 1 << 20
+"""The longest description, in bytes; the files that ship have 11 kB at most."""
 TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
 """Counts that a profile may give a time."""
 
 
 def is_yaml_path(name_or_path: str | Path) -> bool:
-    """Tell the path of a user's file of a chip or a profile from a name."""
+    """Return whether a text is the path of a user's file, and not the name of a chip or a profile
+    that ships."""
     return str(name_or_path).endswith(_YAML)
 
 
@@ -40,7 +43,7 @@ def read_chip_file(path: Path) -> str:
 def read_description(path: Path, what: str, example: str) -> str:
     """Return the text of a file that describes a chip, a profile or a board.
 
-    ``example``: files that it should be like.
+    ``what`` it describes, and an ``example`` that it should be like, are named in errors.
     """
     missing = f"Give the path of a {what} YAML file."
     content = read_bytes(
@@ -53,13 +56,14 @@ def read_description(path: Path, what: str, example: str) -> str:
 def parse(kind: type[T], text: str, where: str, like: str = _SHIPPED, **given: Any) -> T:
     """Read a record from YAML text; every missing, unknown or mistyped key is an ``InputError``.
 
-    ``like``: what errors tell to compare the text with.
+    Errors advise to compare the text with ``like``. ``given`` are fields that are not read from the
+    text.
     """
     return RecordReader(where).record(kind, plain_values(text, where, like), **given)
 
 
 def plain_values(text: str, where: str, like: str = _SHIPPED) -> object:
-    """Return the plain values of a description."""
+    """Return the plain values of a description: mappings, lists, numbers and texts."""
     return load_yaml(text, where, "it is not YAML{line}", f"Compare it with {like}.")
 
 
@@ -70,53 +74,68 @@ _NOT_PRICED = {
         "Give power that does not depend on work as static_power.",
     ),
 }
-"""Counts without a price: why, and what to do instead."""
+"""Counts that no profile may price: why not, and what to do instead."""
 
 
 def check_profile(profile: Profile, where: str) -> None:
-    """Refuse no prices, prices of what no chip counts, ranges beside their constant, and sources of no constant.
+    """Raise an ``InputError`` if a profile cannot be right.
 
-    A hop is priced once, and a barrier of more tiles takes no less time.
+    It has to price something, and may only price what is counted. Ranges and sources must belong to
+    constants, and a range must contain its constant. A hop is priced once, and a barrier of more
+    tiles takes no less time.
     """
     if not profile.energy_pj:
         what = "it prices nothing, so everything would take 0 pJ"
         raise InputError(f"{where}: energy_pj", what, fix="Price a count.")
-    for key, names, known, what in (
-        ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
-        ("time_ns", profile.time_ns, TIMED, "is not counted"),
-        *(
-            ("not_included", left_out.bound_pj, COUNT_NAMES, "is not counted")
-            for left_out in profile.not_included
-        ),
-        ("energy_pj_range", profile.energy_pj_range, profile.energy_pj, "has no constant"),
-        ("time_ns_range", profile.time_ns_range, profile.time_ns, "has no constant"),
-        ("sources", profile.sources, {**profile.energy_pj, **profile.time_ns}, "has no constant"),
-    ):
-        for name in names:
-            if name in _NOT_PRICED:
-                what, fix = _NOT_PRICED[name]
-                raise InputError(f"{where}: {key}", f"{name!r} {what}", fix=fix)
-            check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
+    _check_names(profile, where)
     if "hops" in profile.energy_pj and not {"hops_x", "hops_y"}.isdisjoint(profile.energy_pj):
-        what, fix = (
-            "'hops' are hops_x and hops_y together, which would be priced twice",
-            "Price either.",
-        )
-        raise InputError(f"{where}: energy_pj", what, fix=fix)
-    one = profile.barrier_ns.one_tile
-    every = profile.barrier_ns.all_tiles
+        what = "'hops' are hops_x and hops_y together, which would be priced twice"
+        raise InputError(f"{where}: energy_pj", what, fix="Price either.")
     check_most(
-        one,
-        every,
+        profile.barrier_ns.one_tile,
+        profile.barrier_ns.all_tiles,
         f"{where}: barrier_ns",
         "one tile takes longer than all tiles",
         unit="ns",
         fix="Correct it.",
     )
+    _check_ranges(profile, where)
+
+
+def _check_names(profile: Profile, where: str) -> None:
+    """Refuse names that a profile may not have: of no count, of counts without a price, of no
+    constant."""
+    constants = {**profile.energy_pj, **profile.time_ns}
+    # Key of the profile, the names it has there, the names it may have, and what is wrong with
+    # others.
+    rows: list[tuple[str, Collection[str], Collection[str], str]] = [
+        ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
+        ("time_ns", profile.time_ns, TIMED, "is not counted"),
+    ]
+    for entry in profile.not_included:
+        rows.append(("not_included", entry.bound_pj, COUNT_NAMES, "is not counted"))
+    rows += [
+        ("energy_pj_range", profile.energy_pj_range, profile.energy_pj, "has no constant"),
+        ("time_ns_range", profile.time_ns_range, profile.time_ns, "has no constant"),
+        ("sources", profile.sources, constants, "has no constant"),
+    ]
+    for key, names, allowed, what in rows:
+        for name in names:
+            if name in _NOT_PRICED:
+                reason, fix = _NOT_PRICED[name]
+                raise InputError(f"{where}: {key}", f"{name!r} {reason}", fix=fix)
+            check_known(f"{where}: {key}", f"{name!r} {what}", name, allowed)
+
+
+def _check_ranges(profile: Profile, where: str) -> None:
+    """Refuse ranges that do not contain their constant."""
     for key in ("energy_pj", "time_ns"):
-        for name, (low, high) in getattr(profile, f"{key}_range").items():
+        for name, (least, most) in getattr(profile, f"{key}_range").items():
             constant = getattr(profile, key)[name]
-            if not (low or 0.0) <= constant <= (constant if high is None else high):
-                what = f"the constant {constant:g} is not within {'' if low is None else f'{low:g} '}to"
-                end = "" if high is None else f" {high:g}"
-                raise InputError(f"{where}: {key}_range.{name}", f"{what}{end}", fix="Correct it.")
+            is_too_low = constant < (least or 0.0)
+            is_too_high = most is not None and constant > most
+            if is_too_low or is_too_high:
+                from_least = "" if least is None else f"{least:g} "
+                to_most = "" if most is None else f" {most:g}"
+                what = f"the constant {constant:g} is not within {from_least}to{to_most}"
+                raise InputError(f"{where}: {key}_range.{name}", what, fix="Correct it.")

@@ -1,6 +1,11 @@
-"""Families of chips: where their descriptions lie, and what kind of description it is.
+"""Families of chips, one for each type of chip description.
 
-To add a family, write how its chips are described in a room of its own, and add its row here.
+Chips whose arithmetic differs need descriptions with other keys: a mesh or open core is a ``Chip``,
+a Xylo a ``XyloChip``, a SpiNNaker a ``SpinnakerChip``. Given the name of a chip or the path of a
+chip file, this module finds the family, and so reads the right kind of description. ``locsnn
+targets`` lists all families.
+
+To add a family, describe its chips in a package of its own, and add its row here.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,14 +32,15 @@ ChipT = TypeVar("ChipT", bound=AnyChip)
 
 @dataclass(frozen=True)
 class ChipFamily(Generic[ChipT]):
-    """Chips that are described alike.
+    """Chips whose descriptions have the same keys.
 
-    - ``prefix``: what the names of its chips begin with, such as ``xylo-``; empty for the family of
-      all other names
+    - ``prefix``: how the names of its chips begin, such as ``xylo-``; empty for the family of all
+      other names
     - ``description``: the class of its chips, whose fields are the keys of their files
-    - ``names``: of those that ship
-    - ``chip``, ``document``: a chip by its name, and the text that describes it
-    - ``in_words``: what ``locsnn targets`` says of a chip
+    - ``names``: returns the names of its chips that ship
+    - ``chip``: returns a chip, by its name or the path of its file
+    - ``document``: returns the YAML text that describes a chip that ships, by its name
+    - ``in_words``: returns what ``locsnn targets`` says about a chip
     """
 
     prefix: str
@@ -45,11 +51,11 @@ class ChipFamily(Generic[ChipT]):
     in_words: Callable[[ChipT], str]
 
     def keys_in(self, document: Mapping[Any, Any]) -> int:
-        """Return how many keys of a chip file are those of this family."""
+        """Return how many of the family's keys a chip file has."""
         return sum(key in document for key in self.description.__dataclass_fields__)
 
     def lines(self, name: str) -> str:
-        """Return what there is to say of a chip that ships."""
+        """Return the lines of ``locsnn targets`` about a chip that ships."""
         named_chip = self.chip(name)
         return f"{name}: {named_chip.description}\n  {self.in_words(named_chip)}"
 
@@ -78,7 +84,7 @@ MESHES = ChipFamily(
     document=_mesh_document,
     in_words=_mesh_in_words,
 )
-"""Meshes and open cores, as :data:`hw_model.targets.TARGETS` tells them apart, and chip files."""
+"""Meshes and open cores, which :data:`hw_model.targets.TARGETS` tells apart."""
 XYLOS = ChipFamily(
     prefix="xylo-",
     description=XyloChip,
@@ -97,12 +103,13 @@ SPINNAKERS = ChipFamily(
 )
 AnyFamily = ChipFamily[Chip] | ChipFamily[XyloChip] | ChipFamily[SpinnakerChip]
 FAMILIES: tuple[AnyFamily, ...] = (MESHES, XYLOS, SPINNAKERS)
-"""In the order of ``locsnn targets``."""
+"""All families, in the order in which ``locsnn targets`` lists them."""
 
 
 def family_of(name: str) -> AnyFamily:
-    """Return the family of a chip by its name, or of the path of a chip file."""
+    """Return the family of a chip, given its name or the path of its file."""
     if is_yaml_path(name):
+        # The name of a file may be anything, so its keys decide.
         return _family_of_file(Path(name))
     for family in FAMILIES:
         if family.prefix and name.startswith(family.prefix):
@@ -112,10 +119,11 @@ def family_of(name: str) -> AnyFamily:
 
 @checked
 def _family_of_file(path: Path) -> AnyFamily:
-    """Return the family with whose files a chip file has most keys in common; meshes, where all have as many."""
+    """Return the family that a chip file shares most keys with; of families that share as many, the
+    first."""
     document = plain_values(read_chip_file(path), path.name)
     if not isinstance(document, Mapping):
-        return MESHES  # whose reader refuses it
+        return MESHES  # not a description at all, which the reader of meshes refuses
     keys: Mapping[Any, Any] = document
     return max(FAMILIES, key=lambda family: family.keys_in(keys))
 

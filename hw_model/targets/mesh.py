@@ -1,4 +1,5 @@
-"""Chips of many cores at the places of a mesh, as Loihi is."""
+"""Targets that are a mesh of cores, like Loihi: limits are checked by mapping, times come from a
+profile."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,7 +15,11 @@ from hw_model.values import ByteArray
 
 
 class MeshTarget(Target):
-    """A mesh of cores: mapping has checked every limit, and a profile has the times."""
+    """A mesh of cores.
+
+    Mapping gives a program as many cores as it needs, and checks the limits of each. Times are
+    counts of a simulation, priced by the chip's first profile.
+    """
 
     called = "a mesh of cores"
     has_mesh = True
@@ -23,7 +28,8 @@ class MeshTarget(Target):
 
     @classmethod
     def describes(cls, chip: Chip) -> bool:
-        """Tell whether a chip is a mesh, which all are that are not something else."""
+        """Return True: every chip that no other kind describes is a mesh, so this kind is asked
+        last."""
         return True
 
     @property
@@ -38,12 +44,12 @@ class MeshTarget(Target):
 
     @property
     def basis_of_times(self) -> str:
-        """What the profile says."""
+        """What times rest on, as the first profile says."""
         return self.chip.costs.basis
 
     @property
     def room(self) -> str:
-        """Chips, cores, and what a core holds."""
+        """The chips and cores of the board, and what a core holds."""
         limits = self.chip.limits
         chips = counted(self.chip.chips, "chip")
         cores = counted(limits.cores_per_chip, "core")
@@ -54,14 +60,15 @@ class MeshTarget(Target):
         )
 
     def check_fits(self, program: ChipProgram, rows: int) -> None:
-        """Refuse nothing: mapping has checked the limits of every core."""
+        """Refuse nothing, as mapping has checked the limits of every core."""
 
     def cores_used(self, program: ChipProgram) -> int:
-        """Return the cores of the program."""
+        """Return the number of the program's cores."""
         return len(program.cores)
 
     def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
-        """Return the cores in use, and for each limit of a core the most that any core uses."""
+        """Return how many cores are in use and, for each limit of a core, the most that any core
+        uses."""
         limits = self.chip.limits
         cores = program.cores
         most_compartments = max(core.compartments for core in cores)
@@ -89,7 +96,7 @@ class MeshTarget(Target):
         activity: Mapping[str, Sequence[StepActivity]],
         spikes: Mapping[str, ByteArray],
     ) -> tuple[list[Latency], dict[str, PhaseUsage]]:
-        """Return times by the chip's first profile, and the use of cores and links."""
+        """Return the times by the chip's first profile, and the use of cores and links."""
         return measure(program, activity, self.chip.costs)
 
     def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:

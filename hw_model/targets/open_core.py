@@ -1,6 +1,8 @@
-"""This project's own core, on the boards and in the cells that it was made for.
+"""Targets that are the open core: this project's own core, on an FPGA or in the cells of a process.
 
-What knows its SystemVerilog is imported only when a program is for it.
+One core hosts all cores of a program, phase after phase, so limits are about the program as a
+whole. Modules that know the core's SystemVerilog (``hw_model/rtl``) are imported only where a
+program is for it, as they take time to load.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,11 +20,13 @@ from hw_model.targets.target import LimitUse, Target
 from hw_model.values import ByteArray
 
 _CHOSEN_BY_THE_CHIP = ("word", "one_port")
-"""Parameters of the core that say how its memories are built, so that no program fills them."""
+"""Parameters of the core that say how its memories are built; no program fills them, so reports
+leave them out."""
 
 
 class OpenCoreTarget(Target):
-    """One core with exact cycles, which hosts all that a program names cores."""
+    """The open core, which hosts all cores of a program. Its times are exact: the cycles of its
+    SystemVerilog."""
 
     called = "an open core"
     has_mesh = False
@@ -31,35 +35,42 @@ class OpenCoreTarget(Target):
 
     @classmethod
     def describes(cls, chip: Chip) -> bool:
-        """Tell whether a chip's file has the sizes of the core."""
+        """Return whether the description of a chip has the sizes of an open core."""
         return chip.open_core is not None
 
     @property
     def sizes(self) -> Sizes:
         """The parameters of the core."""
-        assert self.chip.open_core is not None  # `describes` looks at it
+        assert (
+            self.chip.open_core is not None
+        )  # otherwise the chip is not of this kind, see `describes`
         return self.chip.open_core
 
     @property
     def joins(self) -> bool:
-        """Whether the core has a sum of joined voltages."""
+        """Whether the core is built with sums of joined voltages."""
         return self.sizes.join > 0
 
     @property
     def timed(self) -> bool:
-        """Cycles are exact."""
+        """True: cycles are always known."""
         return True
 
     @property
     def basis_of_times(self) -> str:
-        """Cycles of a clock as placed or, in cells of a process, as analysed."""
+        """What times rest on: exact cycles, of a clock that placement reached on an FPGA or an
+        analysis found for cells.
+
+        Only a core in cells has energy profiles.
+        """
         if self.chip.profiles:
             return "cycle-exact model of the RTL core at the analysed clock"
         return UNPRICED.basis
 
     @property
     def room(self) -> str:
-        """The sizes of its memories; what is known of its costs comes after the last comma."""
+        """The sizes of its memories, ending in a comma, after which :attr:`in_words` adds the
+        costs."""
         sizes = self.sizes
         return (
             f"a program may have {sizes.compartments} compartments, {sizes.axons} sources of "
@@ -67,17 +78,18 @@ class OpenCoreTarget(Target):
         )
 
     def check_fits(self, program: ChipProgram, rows: int) -> None:
-        """Refuse what the core does not have, or has too few of."""
+        """Raise a ``TargetError`` if the core lacks something that the program needs, or has too
+        few of it."""
         from hw_model.rtl.device import on_core
 
         on_core(program, rows, self.chip)
 
     def cores_used(self, program: ChipProgram) -> int:
-        """Return the one core."""
+        """Return 1: one core hosts the program."""
         return 1
 
     def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
-        """Return what is needed of each parameter of the core that a program fills."""
+        """Return how much of each of the core's sizes a program needs."""
         from hw_model.rtl.device import on_core, uses
 
         needs = on_core(program, rows, self.chip).needs
@@ -88,7 +100,7 @@ class OpenCoreTarget(Target):
         }
 
     def memories_used(self, program: ChipProgram, rows: int) -> dict[str, MemoryUse]:
-        """Return how full a program makes each memory of the core."""
+        """Return how full a program makes each memory of the core, by the memory's name."""
         from hw_model.rtl.device import on_core
         from hw_model.rtl.memory_use import memory_uses
 
@@ -101,14 +113,14 @@ class OpenCoreTarget(Target):
         activity: Mapping[str, Sequence[StepActivity]],
         spikes: Mapping[str, ByteArray],
     ) -> tuple[list[Latency], dict[str, PhaseUsage]]:
-        """Return the exact times, cycle by cycle, and the use of the program's cores."""
+        """Return the exact time of each recording, and how much the program's cores are used."""
         from hw_model.rtl.device import latencies
 
         _, usage = measure(program, activity, self.chip.costs)
         return latencies(program, recordings, spikes), usage
 
     def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
-        """Return bounds on the exact cycles."""
+        """Return bounds on the exact times."""
         from hw_model.rtl.worst_case import worst_case_on_core
 
         return worst_case_on_core(program, rows, events_per_step)
@@ -116,7 +128,8 @@ class OpenCoreTarget(Target):
     def memory_accesses(
         self, program: ChipProgram, rows: int, counts: Counts, recordings: int
     ) -> dict[str, dict[str, float]]:
-        """Return the memory accesses that the counts of some recordings stand for, on average."""
+        """Return the memory accesses and multiplications per recording, on average, from counts of
+        some recordings."""
         from hw_model.rtl.device import activity, on_core
 
         return activity(on_core(program, rows, self.chip), counts, recordings)

@@ -1,7 +1,11 @@
-"""Programs of any arithmetic: one row for each kind.
+"""Programs of all kinds of chips, in one table: how each kind is read from files and played.
 
-To add a kind, write its program, its files and what plays it in a room of its own, and add its
-row here.
+Chips with another arithmetic have another kind of program: a ``ChipProgram`` for meshes and open
+cores, a ``XyloProgram``, a ``SpinnakerProgram``. Commands that take any program look up its row
+here.
+
+To add a kind, write its program, its files and its engine in a package of its own, and add its row
+here.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,10 +37,11 @@ ProgramT = TypeVar("ProgramT", ChipProgram, XyloProgram, SpinnakerProgram)
 
 
 class PlayedProgram(Frozen, eq=False):
-    """What recordings do, whatever plays them.
+    """The results of playing recordings, the same for all kinds of programs.
 
-    ``spikes`` (batch, steps, n) by population are 1 where a neuron spiked, once or more often;
-    ``scores`` are those of the classes (batch, classes), None without a readout.
+    - ``spikes`` (batch, steps, n), by population: 1 where a neuron spiked in a step, once or more
+      often
+    - ``scores`` (batch, classes): the scores of the classes; None without a readout
     """
 
     spikes: Mapping[str, ByteArray]
@@ -44,14 +49,15 @@ class PlayedProgram(Frozen, eq=False):
 
 
 class GroupSize(NamedTuple):
-    """Neurons of a population, and the synapses onto it."""
+    """The number of neurons of a population, and of synapses onto it."""
 
     neurons: int
     synapses: int
 
 
 class ProgramContents(Frozen, eq=False):
-    """What a program holds: its ``cores``, its ``groups`` by population, and its arrays by name."""
+    """What a program holds: the number of its ``cores``, the size of each population, and its
+    arrays by name."""
 
     cores: int
     groups: Mapping[str, GroupSize]
@@ -60,14 +66,15 @@ class ProgramContents(Frozen, eq=False):
 
 @dataclass(frozen=True)
 class ProgramKind(Generic[ProgramT]):
-    """Programs that are read and played alike.
+    """A kind of programs: the same class, files and engine.
 
-    - ``format``: what their files say they are
-    - ``program``: their class
-    - ``read``: makes one of its files; ``InputError`` for anything missing, damaged or newer
-    - ``play``: plays recordings (batch, steps, channels), each from rest, in an engine; both give
-      the same
-    - ``contents``: what one holds; None for a kind whose cores a report tells in full
+    - ``format``: the name of the kind in its files
+    - ``program``: the class of its programs
+    - ``read``: makes a program from its files; raises an ``InputError`` for anything missing,
+      damaged or newer
+    - ``play``: plays recordings (batch, steps, channels), each from rest, in one of two engines,
+      which give the same results
+    - ``contents``: returns what a program holds; None for a kind whose cores a report shows in full
     """
 
     format: str
@@ -77,7 +84,7 @@ class ProgramKind(Generic[ProgramT]):
     contents: Callable[[ProgramT], ProgramContents] | None = None
 
 
-# Reading a program needs no engine.
+# The functions below import engines when they are called, as reading a program needs none.
 
 
 def _play_chip(program: ChipProgram, recordings: ByteArray, engine: Engine) -> PlayedProgram:
@@ -144,14 +151,14 @@ PROGRAM_KINDS: tuple[ProgramKind[Any], ...] = (
 
 @checked
 def load_any_program(folder: str | Path) -> AnyProgram:
-    """Read a program of any arithmetic; anything missing, damaged or newer is an ``InputError``."""
+    """Read a program of any kind; raise an ``InputError`` for anything missing, damaged or newer."""
     pair = read_pair(Path(folder))
-    # What is no program at all is refused by the reader of the first kind.
+    # The reader of the first kind also refuses files that are of no known kind.
     kind = next((row for row in PROGRAM_KINDS if row.format == pair.kind), CHIP)
     program: AnyProgram = kind.read(pair)
     return program
 
 
 def kind_of(program: AnyProgram) -> ProgramKind[Any]:
-    """Return the row of a program."""
+    """Return the row of the table that a program belongs to."""
     return next(kind for kind in PROGRAM_KINDS if isinstance(program, kind.program))

@@ -1,4 +1,4 @@
-"""What the compiler asks of a target, whatever its kind."""
+"""The questions that the compiler and the report ask about a target, whatever its kind."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -16,21 +16,22 @@ from hw_model.values import ByteArray, Frozen
 
 
 class LimitUse(NamedTuple):
-    """How much of a limit is used; of the limits of a core, by the core that uses most of it."""
+    """How much of a limit is used. For a limit of a core, this is the use of the core that uses
+    most."""
 
     used: int
     limit: int
 
 
 class Target(Frozen, ABC):
-    """A chip as something to compile for.
+    """A chip as a target of the compiler. Its subclasses are the kinds of targets.
 
-    - ``called``: what messages call the kind
-    - ``has_mesh``: it has cores at places of a mesh, with memories and times of their own
-    - ``times_cores``: its times are known step by step and core by core, not for whole recordings
-      alone
-    - ``advises_strategies``: where a program does not fit, other strategies are tried for the
-      advice
+    - ``called``: what messages call the kind, such as ``a mesh of cores``
+    - ``has_mesh``: whether it has cores at places of a mesh, with memories and times of their own
+    - ``times_cores``: whether its times are known step by step and core by core, and not only for
+      whole recordings
+    - ``advises_strategies``: whether, for a program that does not fit, other strategies are tried,
+      so that the error can name one that fits
     """
 
     chip: Chip
@@ -42,7 +43,7 @@ class Target(Frozen, ABC):
     @classmethod
     @abstractmethod
     def describes(cls, chip: Chip) -> bool:
-        """Tell whether a chip is of this kind."""
+        """Return whether a chip is of this kind."""
 
     @property
     @abstractmethod
@@ -57,16 +58,17 @@ class Target(Frozen, ABC):
     @property
     @abstractmethod
     def basis_of_times(self) -> str:
-        """What times rest on, in words."""
+        """What times rest on, in words: a publication, a model, a measurement."""
 
     @property
     @abstractmethod
     def room(self) -> str:
-        """What a program may have, in words, up to where :attr:`in_words` adds its costs."""
+        """What a program may have, in words; :attr:`in_words` appends what is known of its costs."""
 
     @property
     def in_words(self) -> str:
-        """What a program may have, and what is known of its costs."""
+        """What a program may have, and what is known of its costs, in words, for ``locsnn
+        targets``."""
         costs = "energy is not known"
         if self.chip.profiles:
             costs = f"energy profiles: {', '.join(self.chip.profiles)}"
@@ -74,7 +76,10 @@ class Target(Frozen, ABC):
 
     @abstractmethod
     def check_fits(self, program: ChipProgram, rows: int) -> None:
-        """Refuse what mapping did not check, for recordings of ``rows`` rows: ``TargetError``."""
+        """Raise a ``TargetError`` if a program does not fit in a way that mapping does not check.
+
+        ``rows``: the steps of the recordings that it is for.
+        """
 
     @abstractmethod
     def cores_used(self, program: ChipProgram) -> int:
@@ -82,10 +87,11 @@ class Target(Frozen, ABC):
 
     @abstractmethod
     def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
-        """Return what a program uses of each limit, by the limit's name."""
+        """Return how much a program uses of each limit, by the limit's name."""
 
     def memories_used(self, program: ChipProgram, rows: int) -> dict[str, MemoryUse]:
-        """Return how full each memory is, by its name; nothing where only limits are known."""
+        """Return how full each memory is, by its name; an empty dictionary if only limits are
+        known."""
         return {}
 
     @abstractmethod
@@ -104,10 +110,15 @@ class Target(Frozen, ABC):
 
     @abstractmethod
     def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
-        """Bound the time of any recording of ``rows`` rows with so many events in a row at most."""
+        """Bound the time of any recording of ``rows`` rows (steps) with at most so many events per
+        row."""
 
     def memory_accesses(
         self, program: ChipProgram, rows: int, counts: Counts, recordings: int
     ) -> dict[str, dict[str, float]] | None:
-        """Return memory accesses and multiplications per recording; None if they are not known."""
+        """Return memory accesses and multiplications per recording, by kind; None if they are
+        unknown.
+
+        ``counts`` are totals of a number of ``recordings``.
+        """
         return None
