@@ -196,9 +196,8 @@ def _load(cache: Any, module: str, signature: Any, target: Any) -> Any:
     It replaces a method of numba that first imports everything that only compiling needs, which takes a
     fifth of a second.
     """
-    rtsys.initialize(
-        target
-    )  # loaded code needs numba's runtime, which compiling would have started
+    # The runtime of numba, on which loaded code relies.
+    rtsys.initialize(target)
     code = cache._load_overload(signature, target)
     if code is None and compiled_ahead(module):
         # A helper process has compiled it in the meantime.

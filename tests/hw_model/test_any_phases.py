@@ -1,4 +1,8 @@
-"""The engines on programs of several phases: batches, parts, files and single recordings give the same to the last bit."""
+"""Random programs of several phases: the fast engine gives the same integers as the reference, however it is called.
+
+Batches, parts of batches, single recordings, and programs that were saved and loaded are compared. Counts are
+compared with sums of Python's own over the recorded spikes (:mod:`tests.support.plain_counts`).
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,14 @@ from tests.support.plain_counts import COUNTED, counts_of
 
 KINDS = ("spikes", "u", "v", "potential")
 PROBE = (*KINDS, "activity")
+IN_PARTS = QUICK[:12]
+"""Programs that are also played recording by recording, which is slow; chosen by hand."""
+SEEDS_OF_A_TEST = 30
+"""Programs of one long test, so that processes can share them."""
 
 
 def check_equal(result: hw.SimulationResult, expected: hw.SimulationResult) -> None:
-    """Every array, count, event and score; only the steps that an engine skips may differ."""
+    """Compare every array, count, event and score. Only the number of skipped steps may differ."""
     for kind in KINDS:
         arrays = getattr(result, kind)
         expected_arrays = getattr(expected, kind)
@@ -45,12 +53,12 @@ def check_equal(result: hw.SimulationResult, expected: hw.SimulationResult) -> N
 
 
 def without_skips(result: hw.SimulationResult) -> list[hw.Counts]:
-    """The counts of each recording but the steps that an engine skips."""
+    """Return the counts of each recording, with skipped steps set to 0."""
     return [replace(counts, skipped_steps=0) for counts in result.per_recording]
 
 
 def check_engines(case: any_phases.Case) -> hw.SimulationResult:
-    """With and without skipping, a second time, and a recording at a time, against the reference."""
+    """Check the fast engine against the reference: with skipping, without, again, and one recording at a time."""
     expected = hw.simulate(case.program, case.spikes, case.steps, ENGINES[1], PROBE)
     for skip in (True, False, True):
         check_equal(
@@ -63,7 +71,7 @@ def check_engines(case: any_phases.Case) -> hw.SimulationResult:
 
 
 def plain_with_skips(case: any_phases.Case) -> hw.SimulationResult:
-    """What is played where nothing can be compiled."""
+    """Return what the engine "fast" gives where numba cannot compile loops."""
     play = partial(reference.run_phase, skip=True)
     return simulation.play_recordings(case.program, case.spikes, case.steps, PROBE, play, Player())
 
@@ -81,16 +89,16 @@ def test_the_plain_engine_counts_the_steps_that_the_fast_one_skips(seed: int) ->
 def test_recordings_that_do_not_fit_at_once_are_played_in_parts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    whole = [plain_with_skips(any_phases.case(seed)) for seed in QUICK[:12]]
+    at_once = [plain_with_skips(any_phases.case(seed)) for seed in IN_PARTS]
     monkeypatch.setattr(reference, "NUMBERS_AT_ONCE", 1)
-    for seed, expected in zip(QUICK[:12], whole, strict=True):
+    for seed, expected in zip(IN_PARTS, at_once, strict=True):
         result = plain_with_skips(any_phases.case(seed))
         check_equal(result, expected)
         assert result.per_recording == expected.per_recording
 
 
 def check_each_recording_alone(case: any_phases.Case, of_batch: hw.SimulationResult) -> None:
-    """Every recording by itself, with probes and without."""
+    """Check every recording played alone, with probes and without, against the batch."""
     for b, counts in enumerate(of_batch.per_recording):
         recording = {name: array[b] for name, array in case.spikes.items()}
         probed = hw.simulate(case.program, recording, case.steps, probe=KINDS)
@@ -104,7 +112,7 @@ def check_each_recording_alone(case: any_phases.Case, of_batch: hw.SimulationRes
 
 
 def check_totals(case: any_phases.Case, result: hw.SimulationResult) -> None:
-    """Counts are sums over events and spikes, and energy is their sum by what each costs."""
+    """Check counts against sums over events and spikes, and energy against counts times costs."""
     totals: Counter[str] = Counter()
     for b, counts in enumerate(result.per_recording):
         plain = counts_of(case, result.spikes, b)
@@ -125,6 +133,7 @@ def check_totals(case: any_phases.Case, result: hw.SimulationResult) -> None:
 
 
 def check(seed: int, folder: Path) -> None:
+    """Check the random program of a seed, its recordings one by one, its totals, and its file."""
     case = any_phases.case(seed)
     result = check_engines(case)
     check_each_recording_alone(case, result)
@@ -137,17 +146,17 @@ def check(seed: int, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", QUICK)
-def test_engines_and_totals(seed, tmp_path):
+def test_both_engines_agree_and_counts_are_sums(seed, tmp_path):
     check(seed, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("seed", QUICK)
-def test_a_batch_after_one_recording(seed):
-    """Machine code is kept for the kinds of arrays that one recording has; a batch must have the same.
+def test_a_batch_after_one_recording_runs_the_same_machine_code(seed):
+    """Machine code is kept for the types of arrays of one recording; those of a batch must be the same.
 
-    No other test has played this program: what the engine lays out for it is kept, too.
+    Programs are drawn anew, because the engine also keeps the layout of a program that another test has played.
     """
     case = any_phases.drawn(seed)
     one_recording = {name: array[:1] for name, array in case.spikes.items()}
@@ -160,16 +169,16 @@ def test_a_batch_after_one_recording(seed):
 @pytest.mark.minutes
 @pytest.mark.parametrize(
     "seeds",
-    [MANY[at : at + 30] for at in range(0, len(MANY), 30)],
+    [MANY[at : at + SEEDS_OF_A_TEST] for at in range(0, len(MANY), SEEDS_OF_A_TEST)],
     ids=lambda seeds: f"from {seeds[0]}",
 )
-def test_engines_and_totals_of_many(seeds, tmp_path):
+def test_both_engines_agree_and_counts_are_sums_in_many_programs(seeds, tmp_path):
     for seed in seeds:
         check(seed, tmp_path / str(seed))
 
 
-def test_what_the_quick_seeds_meet():
-    """Every count but the open core's cycles, and every kind of phase, in some seed."""
+def test_the_quick_seeds_meet_every_count_and_every_kind_of_phase():
+    """Some seed has every count except the open core's cycles, and every kind of phase: nothing is tested in vain."""
     met: Counter[str] = Counter(dict.fromkeys(hw.Counts(), 0))
     for case in map(any_phases.case, QUICK):
         met.update(hw.simulate(case.program, case.spikes, case.steps, probe=()).counts)

@@ -1,4 +1,4 @@
-"""Sessions and early stops of programs of several phases, against whole runs from the start."""
+"""Random programs of several phases: sessions and early stops, against the reference on whole recordings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.support.any_phases import MANY, QUICK
 
 
 def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int]) -> StepScores:
-    """Push the rows between the cuts to a session that has forgotten all, and put together what it says."""
+    """Reset a session, push a recording cut into parts, and return the concatenated scores of its steps."""
     session.reset()
     rows = len(next(iter(recording.values())))
     ends = [0, *sorted(cuts), rows]
@@ -24,21 +24,23 @@ def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int
         session.push({name: array[low:high] for name, array in recording.items()})
         for low, high in pairwise(ends)
     ]
-    spikes = {name: np.concatenate([p.spikes[name] for p in parts]) for name in parts[0].spikes}
-    potential = {
-        name: np.concatenate([p.potential[name] for p in parts]) for name in parts[0].potential
-    }
+    spikes = {}
+    for name in parts[0].spikes:
+        spikes[name] = np.concatenate([part.spikes[name] for part in parts])
+    potential = {}
+    for name in parts[0].potential:
+        potential[name] = np.concatenate([part.potential[name] for part in parts])
     return StepScores(spikes, potential, np.concatenate([part.scores for part in parts]))
 
 
 def check_so_far(case: any_phases.Case, step: int, session_scores: StepScores) -> None:
-    """What a session says after a step is what the reference counts of the recording until then, silence after it.
+    """Check a session after a step against the reference, on the recording up to this step with silence behind it.
 
-    Phases that play rows as they come have run so many steps; transposed ones run to their end.
+    Phases that play rows as they arrive have run up to this step; transposed ones run to their end.
     """
-    heard = (np.arange(case.rows) <= step)[:, None]
+    is_read = (np.arange(case.rows) <= step)[:, None]
     so_far = {
-        name: np.where(heard, array, 0).astype(np.uint8) for name, array in case.first.items()
+        name: np.where(is_read, array, 0).astype(np.uint8) for name, array in case.first.items()
     }
     whole = hw.simulate(case.program, so_far, engine=ENGINES[1], probe=("spikes", "potential"))
     scores = np.zeros(session_scores.scores.shape[1])
@@ -65,6 +67,7 @@ def check_so_far(case: any_phases.Case, step: int, session_scores: StepScores) -
 
 
 def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
+    """Check a session at some steps, cut at any rows, and at its end against a simulation."""
     session = hw.Session(case.program)
     scores = pushed(session, case.first, [])
     for step in {0, case.rows - 1, *r.integers(case.rows, size=2).tolist()}:
@@ -86,7 +89,10 @@ def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
 
 
 def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generator) -> None:
-    """While the first phase plays rows as they come, those that have not come yet may be any and change no winner."""
+    """Check a proven stop: random rows after it never change the winner.
+
+    It applies while the first phase still plays rows as they arrive.
+    """
     first = case.program.phases[0]
     steps_done = int(proven.steps[0])
     ends = (
@@ -96,7 +102,7 @@ def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generato
     )
     if case.program.inputs_of(first.name)[0].positions is not None or steps_done >= ends:
         return
-    for density in (0.0, 0.05, 0.3, 0.7, 1.0):
+    for density in (0.0, 0.05, 0.3, 0.7, 1.0):  # share of events among the bins of the rows to come
         later = {name: np.repeat(array[:1], 32, axis=0) for name, array in case.spikes.items()}
         for array in later.values():
             array[:, steps_done:] = r.random(array[:, steps_done:].shape) < density
@@ -106,7 +112,7 @@ def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generato
 
 
 def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
-    """Proven, at a margin and in silence: each says what a run of what was read says."""
+    """Check stops that are proven, at a margin, and in silence, each against runs of the rows that it has read."""
     program = case.program
     spikes = case.spikes
     final = hw.simulate(program, spikes).prediction
@@ -126,8 +132,8 @@ def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
         silent = hw.stop_in_silence(program, spikes, silence)
         # Silence follows a recording that is shorter than a phase over time.
         longer = ((0, 0), (0, silent.all_steps - case.rows), (0, 0))
-        heard = (np.arange(silent.all_steps) < silent.steps[:, None])[..., None]
-        read = {name: np.pad(array, longer) * heard for name, array in spikes.items()}
+        is_read = (np.arange(silent.all_steps) < silent.steps[:, None])[..., None]
+        read = {name: np.pad(array, longer) * is_read for name, array in spikes.items()}
         assert silent.prediction.tolist() == hw.simulate(program, read).prediction.tolist()
         for b, step in enumerate(silent.steps.tolist()):
             last = [array[b, max(0, step - silence) : step].any() for array in spikes.values()]
@@ -136,7 +142,7 @@ def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
 
 
 def check(seed: int) -> Counter[str]:
-    """Return what was met."""
+    """Check the program of a seed; return which cases it is."""
     case = any_phases.case(seed)
     r = np.random.default_rng([seed, 1])
     if not case.rows:
@@ -163,15 +169,15 @@ def check(seed: int) -> Counter[str]:
 @pytest.mark.parametrize(
     "seeds",
     [QUICK[at : at + 4] for at in range(0, len(QUICK), 4)],
-    ids=lambda its: f"from {its[0]}",
+    ids=lambda seeds: f"from {seeds[0]}",
 )
-def test_sessions_and_stops(seeds):
+def test_sessions_and_stops_agree_with_whole_runs(seeds):
     for seed in seeds:
         check(seed)
 
 
 @pytest.mark.minutes
-def test_sessions_and_stops_of_many():
+def test_sessions_and_stops_agree_with_whole_runs_in_many_programs():
     met = sum(map(check, MANY), Counter())
     assert (
         min(met["sessions"], met["mixed phases"], met["proven in between"], met["one phase"]) >= 10

@@ -1,4 +1,8 @@
-"""Both engines, sessions, proofs of range and early stops on everything that a chip file and the builder allow."""
+"""Programs drawn by hypothesis from everything that a chip file and the builder allow.
+
+Both engines must agree in every integer. Proven ranges, sessions and early stops are checked against
+what the reference engine does.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ from tests.support.any_program import SETTINGS
 from tests.support.early_stops import possible_futures, with_stream_per_phase
 from tests.support.session_programs import check_session_after_every_step, largest_potential_so_far
 
-# What was drawn names the whole chip.
+# hypothesis prints the drawn program, which includes the whole chip.
 pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
 
 PROBE = ("spikes", "u", "v", "potential", "activity")
@@ -28,7 +32,7 @@ EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 
 
 def check_engines(drawn: any_program.Drawn) -> hw.SimulationResult:
-    """Every probe, count and event of both engines, with and without skipping."""
+    """Compare every probe, count and event of both engines, with and without skipping; return the reference's result."""
     slow = hw.simulate(drawn.program, drawn.spikes, engine=ENGINES[1], probe=PROBE)
     for skip in (True, False):
         fast = hw.simulate(drawn.program, drawn.spikes, probe=PROBE, skip=skip)
@@ -43,14 +47,14 @@ def check_engines(drawn: any_program.Drawn) -> hw.SimulationResult:
 
 
 def check_ranges(program: hw.ChipProgram, result: hw.SimulationResult) -> None:
-    """What is proven of a compartment holds in this run."""
+    """Check that the proven bounds of every compartment hold in this run."""
     for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
         for piece in core.slices:
             on_core = slice(piece.offset, piece.offset + piece.size)
             in_group = slice(piece.start, piece.stop)
             u = result.u[piece.group][..., in_group]
             v = result.potential[piece.group][..., in_group]
-            # Nothing is proven of the current of what may wrap.
+            # Where u may wrap, nothing is proven about it.
             cannot_wrap = proven.cannot_wrap[on_core]
             highest_u = proven.u.high[on_core][cannot_wrap]
             lowest_u = proven.u.low[on_core][cannot_wrap]
@@ -67,7 +71,7 @@ def check_ranges(program: hw.ChipProgram, result: hw.SimulationResult) -> None:
 
 
 def check_program(drawn: any_program.Drawn) -> Counter[str]:
-    """Return what was met."""
+    """Check engines, ranges and a session on a program; return how often each event and feature occurred."""
     result = check_engines(drawn)
     check_ranges(drawn.program, result)
     session = hw.Session(drawn.program)
@@ -91,7 +95,10 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
 
 
 def check_streams(drawn: any_program.Drawn) -> Counter[str]:
-    """A session against whole runs after every step, and a proven stop against recordings that go on otherwise."""
+    """Check a session against whole runs after every step, and a proven stop against other continuations.
+
+    Return how often each feature occurred.
+    """
     program = drawn.program
     recording = drawn.spikes[0]
     session = hw.Session(program)
@@ -110,15 +117,15 @@ def check_streams(drawn: any_program.Drawn) -> Counter[str]:
 
 
 def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Counter[str]:
+    """Check as many drawn programs, with lists of 32-bit words and of wide ones; return how often each feature occurred."""
     met: Counter[str] = Counter()
 
     @settings(SETTINGS, max_examples=examples, phases=phases)
     @given(strategy, st.sampled_from([32, 32, 12]))
     def run(drawn, bits):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(
-                links, "WORD_BITS", bits
-            )  # 12 are too few for most: their lists are wide ones
+            # 12 bits are too few for most synapses, so their lists have wide words.
+            patch.setattr(links, "WORD_BITS", bits)
             met.update(check(drawn))
             for phase in drawn.program.phases:
                 kinds = lay_out.fast_layout(drawn.program, phase.name).tables.links.kind.tolist()
@@ -131,7 +138,7 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
 
 
 @pytest.mark.slow
-def test_any_program():
+def test_engines_ranges_and_sessions_agree_on_any_program():
     met = draw_and_check(check_program, any_program.programs(), 40)
     for what in (*EVENTS, "spikes", "joined compartments", "fans of more than 255", "biases of more than 31 bits",
                  "predict by potentials", "wide lists", "lists", "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
@@ -139,7 +146,7 @@ def test_any_program():
 
 
 def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
-    """The program with one value for all compartments of every core."""
+    """Return a program in which all compartments of every core have the same value of some parameters."""
     cores = [
         replace(core, **{key: np.full(core.compartments, value) for key, value in values.items()})
         for core in program.cores
@@ -156,7 +163,7 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
     ],
 )
 def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
-    """32 bits where joins, or biases, need 64: what the draws are for."""
+    """With a bound that ignores joins or biases, some program runs in 32 bits but needs 64: the draws must find one."""
     bound = lay_out._largest_sum
     monkeypatch.setattr(
         lay_out, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest)
@@ -168,7 +175,7 @@ def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
 
 
 @pytest.mark.slow
-def test_any_hybrid():
+def test_sessions_and_proven_stops_agree_on_any_hybrid():
     met = draw_and_check(check_streams, any_program.hybrid_programs(), 25)
     for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed", "wide lists",
                  "lists"):  # fmt: skip

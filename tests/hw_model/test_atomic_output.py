@@ -1,4 +1,8 @@
-"""Output is wholly old or wholly new, whenever its writer is killed; what else a folder holds stays."""
+"""Files and folders are written whole or not at all, whenever the writer is killed, and other files in a folder stay.
+
+Folders are replaced by exchanging two names or, where the system or the folder does not allow it, by a second way or
+a journal. Each way is a ``mode`` of these tests.
+"""
 
 import json
 import os
@@ -19,6 +23,7 @@ WRITER = Path(__file__).with_name("kill_writer.py")
 
 
 def kill_writers(mode, folder):
+    """Run ``kill_writer.py``, which kills writers at many moments, and return what each left behind."""
     process = subprocess.run(
         [sys.executable, str(WRITER), mode, str(folder)],
         capture_output=True,
@@ -49,10 +54,11 @@ def mode(request, monkeypatch):
 
 
 def names(folder):
+    """Return the paths of everything in a folder."""
     return sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*"))
 
 
-def test_what_else_a_folder_holds_stays(mode, tmp_path):
+def test_other_files_of_a_folder_stay_when_its_own_are_replaced(mode, tmp_path):
     out = tmp_path / "out"
     folders.replace_entries(out, {"a": b"1", "deep/b": b"1", "deep/c": b"1"})
     (out / "points").mkdir()
@@ -101,10 +107,10 @@ def test_a_folder_that_is_linked_to_stays_linked_to(tmp_path):
 
 def test_the_folder_that_somebody_works_in_stays_that_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    number = tmp_path.stat().st_ino
+    inode = tmp_path.stat().st_ino
     for content in (b"1", b"2"):
         folders.replace_entries(Path("."), {"a": content, "deep/b": content})
-    assert tmp_path.stat().st_ino == number
+    assert tmp_path.stat().st_ino == inode
     assert names(tmp_path) == ["a", "deep", "deep/b"]
     assert Path("a").read_bytes() == b"2"
 
@@ -133,13 +139,14 @@ def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_stay(tmp_path
 
 
 def test_the_longest_name_can_be_written(tmp_path):
-    name = "ü" * 127
+    name = "ü" * 127  # 254 bytes in UTF-8, of 255 that a name may have
     replace_file(tmp_path / name, b"1", "out")
     folders.replace_entries(tmp_path / ("f" + name), {"a": b"1"})
     assert names(tmp_path) == sorted([name, f"f{name}", f"f{name}/a"])
 
 
 def program(weight):
+    """Return a program all of whose weights are ``weight``."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 2)
     h = builder.add_compartments("h", 2, decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=10)

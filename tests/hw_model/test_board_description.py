@@ -1,4 +1,7 @@
-"""Descriptions of boards: those that ship, those of one's own, and what is refused in one line."""
+"""Descriptions of FPGA boards: the ones that ship, one of a user, and every mistake with its whole message.
+
+Dividers of PLLs are compared with values computed by hand from the data sheets' formulas.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +71,7 @@ def test_the_dividers_of_an_ice40_are_those_by_hand(
 
 
 def written(folder: Path, **changes: object) -> str:
-    """Return the path of a description in which keys such as ``clock__mhz`` have other values."""
+    """Write a description in which keys such as ``clock__mhz`` have other values, and return its path."""
     described = yaml.safe_load(yaml.safe_dump(OWN))
     for path, value in changes.items():
         *groups, key = path.split("__")
@@ -126,7 +129,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("changes", "message"), REFUSED.values(), ids=REFUSED)
-def test_what_a_board_cannot_be_is_one_line(tmp_path: Path, changes, message) -> None:
+def test_a_mistake_in_a_board_is_one_line(tmp_path: Path, changes, message) -> None:
     with pytest.raises(hw.InputError) as caught:
         board(written(tmp_path, **changes))
     assert str(caught.value) == f"own.yaml: {message}"

@@ -1,4 +1,4 @@
-"""What a program written by hand may not be: every limit and mistake, with its whole message."""
+"""Programs built by hand: every limit of a chip and every mistake of a caller is refused with its whole message."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +14,7 @@ CHIP = hw.chip("loihi-sim")
 
 
 def build(chip=CHIP, *, inputs=2, size=1, weights=None, parameters=None, dendrites=0, **synapses):
+    """Build a program of one group driven by one input, with some joined dendrites; weights are 2 by default."""
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", inputs)
     n = builder.add_compartments("n", size, **{"threshold": 10, **(parameters or {})})
@@ -25,6 +26,7 @@ def build(chip=CHIP, *, inputs=2, size=1, weights=None, parameters=None, dendrit
 
 
 def limited(**limits):
+    """Return loihi-sim with other limits."""
     return replace(CHIP, limits=replace(CHIP.limits, **limits))
 
 
@@ -56,7 +58,7 @@ LIMIT_ERRORS = [
     [row[1:] for row in LIMIT_ERRORS],
     ids=[row[0] for row in LIMIT_ERRORS],
 )
-def test_limits(arguments, message):
+def test_a_limit_of_the_chip_is_refused_with_its_way_out(arguments, message):
     with pytest.raises(hw.TargetError) as caught:
         build(**arguments)
     assert str(caught.value) == message
@@ -76,6 +78,7 @@ def test_lower_limits_beyond_the_register_keep_their_form(vmin):
 
 
 def fan_out(chip, *, senders, targets):
+    """Build a program in which every one of ``senders`` compartments reaches every one of ``targets``."""
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 1)
     few = builder.add_compartments("few", senders, threshold=1)
@@ -121,7 +124,7 @@ MISTAKES = [
 @pytest.mark.parametrize(
     ("arguments", "message"), [row[1:] for row in MISTAKES], ids=[row[0] for row in MISTAKES]
 )
-def test_mistakes(arguments, message):
+def test_a_mistake_in_a_call_is_refused_with_its_way_out(arguments, message):
     with pytest.raises(hw.InputError) as caught:
         build(**arguments)
     assert str(caught.value) == message
@@ -144,7 +147,7 @@ def test_mistakes(arguments, message):
     ],
     ids=["channels", "graded", "nan", "stream", "no recordings", "no rows", "steps", "many steps", "rows", "engine", "probe"],
 )  # fmt: skip
-def test_what_cannot_be_played(spikes, options, message):
+def test_recordings_and_options_that_cannot_be_simulated(spikes, options, message):
     with pytest.raises(hw.InputError) as caught:
         hw.simulate(build(), spikes, **options)
     assert str(caught.value) == message
@@ -175,19 +178,18 @@ def test_joins_without_a_public_meaning(operation):
     ],
     ids=["a population twice", "an input", "two sizes", "nothing"],
 )
-def test_what_cannot_be_read_out(named, message):
+def test_populations_that_cannot_be_read_out(named, message):
     with pytest.raises(hw.InputError) as caught:
         read_out(named)
     assert str(caught.value) == message
 
 
 def read_out(named):
+    """Build a program that reads out some of its nodes: input x, groups n and m."""
     builder = hw.ProgramBuilder(CHIP)
     nodes = {"x": builder.add_input("x", 2)}
-    nodes |= {
-        name: builder.add_compartments(name, size, threshold=1)
-        for name, size in {"n": 2, "m": 3}.items()
-    }
+    nodes["n"] = builder.add_compartments("n", 2, threshold=1)
+    nodes["m"] = builder.add_compartments("m", 3, threshold=1)
     builder.read_out(*(nodes[name] for name in named))
     return builder.build()
 
@@ -253,17 +255,18 @@ def test_sparse_and_dense_weights_make_the_same_program():
     assert results[0].counts == results[1].counts
 
 
-def test_scores_are_the_spikes_of_what_is_read_out():
-    b = hw.ProgramBuilder(hw.chip("loihi-sim"))
-    x = b.add_input("x", 2)
-    read = [
-        b.add_compartments(name, 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=1)
-        for name in ("first", "second")
-    ]
-    for node, weights in zip(read, ([[20, 20], [0, 20]], [[0, 0], [20, 0]]), strict=True):
-        b.connect(x, node, weights)
-    b.read_out(*read)
-    assert hw.simulate(b.build(), [[1, 0], [1, 0], [0, 1], [0, 0]]).scores.tolist() == [3.0, 3.0]
+def test_scores_are_sums_of_spikes_over_the_groups_read_out():
+    """Class 0 has three spikes of the first group; class 1 has one of the first and two of the second."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 2)
+    parameters = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "threshold": 1}
+    first = builder.add_compartments("first", 2, **parameters)
+    second = builder.add_compartments("second", 2, **parameters)
+    builder.connect(x, first, [[20, 20], [0, 20]])
+    builder.connect(x, second, [[0, 0], [20, 0]])
+    builder.read_out(first, second)
+    result = hw.simulate(builder.build(), [[1, 0], [1, 0], [0, 1], [0, 0]])
+    assert result.scores.tolist() == [3.0, 3.0]
 
 
 def test_zeros_make_no_synapse_and_are_counted():
