@@ -1,6 +1,7 @@
-"""Compiled functions that look at the kinds of their arguments once only are given the same in every call.
+"""Machine code that is called without a check of its arguments gets the same types in every call.
 
-Arguments of another kind would be read as if they were of that kind: numbers nobody gave.
+Arguments of other types would be read as if they were of the first call's types: garbage. Recordings of
+every type, order in memory and container are played while a stand-in watches the types.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from hw_model.engine import compiled, events
 from hw_model.streaming import location_phase, session, time_phase
 from tests.support.hybrids import random_hybrid
 
-FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)
+FIRST = np.zeros((1, 2), np.int64)
+"""Room for where the list of each row begins."""
+CHANNEL = np.zeros(40, np.int32)
+"""Room for the channels of events."""
 KINDS: dict[str, Callable[[np.ndarray], object]] = {
     "bytes": lambda rows: rows,
     "booleans": lambda rows: rows.astype(bool),
@@ -31,19 +35,22 @@ KINDS: dict[str, Callable[[np.ndarray], object]] = {
 
 
 class OfOneKind:
-    """Calls a compiled function as :func:`compiled.called` does, where it may; ``given`` are the kinds by function."""
+    """Stands in for :func:`compiled.called` and :func:`compiled.entry`, and asserts that types never change.
+
+    ``kinds_of`` holds the types of the arguments of the first call, by function.
+    """
 
     def __init__(self) -> None:
-        self.given: dict[object, tuple[object, ...]] = {}
+        self.kinds_of: dict[object, tuple[object, ...]] = {}
 
     def __call__(self, function: Callable[..., object], *arguments: object) -> object:
-        self._check(function, arguments, self.given.setdefault(function, _kinds(arguments)))
+        self._check(function, arguments, self.kinds_of.setdefault(function, _kinds(arguments)))
         return compiled.called(function, *arguments)
 
     def entry(self, function: Callable[..., object], *arguments: object) -> Callable[..., object]:
         code = compiled.entry(function, *arguments)
         first = _kinds(arguments)
-        self.given[function] = first
+        self.kinds_of[function] = first
 
         def checked(*given: object) -> object:
             self._check(function, given, first)
@@ -78,18 +85,17 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         program, recording = random_hybrid(seed, channels_per_step=1 + seed % 3)
         expected = hw.simulate(program, recording, engine="reference")
         rows = KINDS[kind](recording)
-        for found in (
-            hw.simulate(program, rows),
-            hw.simulate(program, KINDS[kind](np.stack([recording] * 2))),
-        ):
-            assert all(np.array_equal(found.spikes[name], np.broadcast_to(spikes, found.spikes[name].shape))
-                       for name, spikes in expected.spikes.items())  # fmt: skip
+        alone = hw.simulate(program, rows)
+        batch = hw.simulate(program, KINDS[kind](np.stack([recording] * 2)))
+        for name, spikes in expected.spikes.items():
+            assert np.array_equal(alone.spikes[name], spikes), name
+            assert np.array_equal(batch.spikes[name], np.stack([spikes] * 2)), name
         at_once = hw.Session(program).push(rows)
         by_row = hw.Session(program)
         scores = np.concatenate([by_row.push(row).scores for row in rows])
         assert np.array_equal(at_once.scores, scores)
         assert np.array_equal(scores[-1], expected.scores)
-    assert {function.__name__ for function in watched.given} == {
+    assert {function.__name__ for function in watched.kinds_of} == {
         "list_into",
         "_transpose",
         "weigh",
@@ -119,7 +125,7 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         "long channels",
     ],
 )
-def test_another_kind_is_found(watched, planted, place):
+def test_arguments_of_other_types_are_noticed_by_this_test(watched, planted, place):
     right = np.zeros(4, np.uint8), 4, FIRST, CHANNEL
     watched(events.list_into, *right)
     with pytest.raises(AssertionError, match="list_into is given"):
@@ -131,13 +137,12 @@ def test_another_kind_is_found(watched, planted, place):
     assert str(caught.value).splitlines()[0] == f"list_into is given {other} after {first}"
 
 
-def test_in_the_tests_every_entry_looks_at_what_it_is_given(monkeypatch):
+def test_entries_check_their_arguments_in_the_tests_only(monkeypatch):
     right = (np.zeros(4, np.uint8), 4, FIRST, CHANNEL)
     wrong = (np.zeros(8, np.uint8)[::2], 4, FIRST, CHANNEL)
     code = compiled.entry(events.list_into, *right)
-    assert code(np.frombuffer(bytes(4), np.uint8), *right[1:]) == code(
-        *right
-    )  # read-only: it lies in memory as others
+    # Read-only arrays are accepted, as they lie in memory like others.
+    assert code(np.frombuffer(bytes(4), np.uint8), *right[1:]) == code(*right)
     with pytest.raises(TypeError) as caught:
         code(*wrong)
     assert str(caught.value) == "list_into: made for array(uint8, 1d, C), given array(uint8, 1d, A)"

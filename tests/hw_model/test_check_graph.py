@@ -1,4 +1,5 @@
-"""Every parameter of compartments at the ends of its range, and one beyond; and joints that cannot be."""
+"""Checks of a graph of compartments: every parameter at the ends of its range and one beyond, impossible joins, and
+phases that cannot begin at the first touch."""
 
 from __future__ import annotations
 
@@ -13,10 +14,9 @@ from hw_model.mapping.graph import CompartmentGraph, Input, Phase
 CHIP = hw.chip("loihi-sim")
 
 
-DECAY, SCALE = (
-    "Give an effective decay, what is subtracted from 4096.",
-    "Raise the bias exponent or scale the bias down.",
-)
+DECAY = "Give an effective decay, what is subtracted from 4096."
+SCALE = "Raise the bias exponent or scale the bias down."
+# Lowest value, highest value, and the way out in the message.
 RANGES = {
     "decay_u": (0, 4096, DECAY),
     "decay_v": (0, 4096, DECAY),
@@ -28,15 +28,15 @@ RANGES = {
 
 
 def graph(group: int = 0, **changes: object) -> CompartmentGraph:
-    """Two groups of two compartments, of which the second joins the first; ``changes`` are of one of them."""
+    """Return two groups of two compartments, the second joined to the first, with ``changes`` in one group."""
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 2)
     soma = b.add_compartments("soma", 2, threshold=5)
     b.connect(x, b.add_compartments("dendrite", 2, threshold=5, joined_to=soma), [[20, 0], [0, 20]])
-    made = b.graph()
-    groups = list(made.groups)
+    unchanged = b.graph()
+    groups = list(unchanged.groups)
     groups[group] = replace(groups[group], **changes)
-    return replace(made, groups=tuple(groups))
+    return replace(unchanged, groups=tuple(groups))
 
 
 @pytest.mark.parametrize("name", RANGES)
@@ -56,7 +56,7 @@ def test_a_parameter_has_its_own_range(name):
     [{"joined_to": "nobody"}, {"joined_to": "dendrite"}, {"phase": "later"}],
     ids=["nobody", "itself", "a group of another phase"],
 )
-def test_joints_that_cannot_be(changes):
+def test_a_group_cannot_join_itself_or_a_group_of_another_phase(changes):
     made = graph(1, **changes)
     made = replace(made, synapses=(), phases=(*made.phases, replace(made.phases[0], name="later")))
     with pytest.raises(hw.InputError) as error:
@@ -67,6 +67,7 @@ def test_joints_that_cannot_be(changes):
 
 
 TURNED = Input("turned", 2, "time", "x", positions=[0, 1])
+"""An input through the transpose buffer, which makes a phase over time a mixed one."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Every rule of a program holds for one that was built, and says no to one entry that breaks it."""
+"""Every rule that a program must obey: a built program obeys all, and one broken entry is refused by the rule's message."""
 
 from __future__ import annotations
 
@@ -34,6 +34,9 @@ def built() -> ChipProgram:
 PROGRAM = built()
 
 
+# Each of these returns the program with one thing changed.
+
+
 def core(index: int, **changes) -> ChipProgram:
     cores = list(PROGRAM.cores)
     cores[index] = replace(cores[index], **changes)
@@ -45,6 +48,7 @@ def axons(index: int, **changes) -> ChipProgram:
 
 
 def entry(array: np.ndarray, index: int, value: int) -> np.ndarray:
+    """Return a copy of an array with one entry changed."""
     changed = np.array(array)
     changed[index] = value
     return changed
@@ -93,6 +97,7 @@ def two_phases(program: ChipProgram) -> ChipProgram:
 
 TIME = PROGRAM.phases[0]
 WAYS = PROGRAM.input_routes[0]
+# A program, and the place and the table that the message names.
 BROKEN = {
     "two phases of one name": (phases(TIME, TIME), "phases", "names"),
     "an axis that is none": (phases(replace(TIME, axis="space")), "phases", "axes"),
@@ -211,7 +216,7 @@ def test_the_last_value_of_a_range_is_in_it(sound):
     ],
 )
 def test_each_limit_of_a_core_is_its_own(limit, most, where, what):
-    """It alone is as small as the program allows; one less is refused, and says which limit it is."""
+    """With one limit as small as the program allows, it is accepted; with one less, the message names this limit."""
 
     def limited(value: int) -> ChipProgram:
         return replace(PROGRAM, chip=replace(CHIP, limits=replace(LOIHI.limits, **{limit: value})))

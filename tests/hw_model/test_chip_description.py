@@ -1,4 +1,4 @@
-"""Chip files: the one that ships, and every way to get one's own wrong."""
+"""Chip files: those that ship, a user's own, every mistake with its whole message, and memory at the largest numbers."""
 
 import math
 import re
@@ -18,6 +18,7 @@ DOCUMENT = yaml.safe_load(hw.chip("loihi-sim").document)
 
 
 def changed(path, value):
+    """Return the text of loihi-sim with one value changed, or removed with None."""
     document = yaml.safe_load(hw.chip("loihi-sim").document)
     place = document
     for key in path[:-1]:
@@ -29,6 +30,7 @@ def changed(path, value):
     return yaml.safe_dump(document)
 
 
+# Sizes of an open core that a chip file may have, except `slots`, which is too small for the delays of loihi-sim.
 CORE = {
     "axons": 1024, "synapses": 16384, "compartments": 512, "slots": 32, "charge": 18, "join": 28, "bitmap": 1024,
     "visits": 256, "entries": 128,
@@ -41,7 +43,7 @@ def on_core(sizes):
     return yaml.safe_dump({key: value for key, value in document.items() if key != "profiles"})
 
 
-def test_the_chip_that_ships():
+def test_loihi_sim_has_the_sizes_of_its_file():
     chip = hw.chip("loihi-sim")
     assert (chip.registers.voltage_max, chip.registers.slots, chip.cores, chip.mesh.tiles) == (
         8388607,
@@ -67,20 +69,20 @@ def test_the_small_chip_has_the_registers_of_the_large_one():
     assert tiny.hops(0, 15) == (1, 1)
 
 
-def test_a_file_that_starts_from_one_that_ships(tmp_path, capsys):
+def test_a_copy_of_a_chip_that_ships_is_the_same_chip(tmp_path, capsys):
     for name in hw.chip_names():
         path = tmp_path / f"{name}.yaml"
         path.write_text(hw.chip(name).document)
         assert hw.chip(path) == hw.chip(name)
 
 
-def test_a_chip_file_of_ones_own(tmp_path):
+def test_a_users_chip_file_is_read(tmp_path):
     path = tmp_path / "board.yaml"
     path.write_text(changed(["chips"], 4))
     assert hw.chip(path).cores == 512
 
 
-def test_numbers_with_an_exponent(tmp_path):
+def test_numbers_with_an_exponent_and_no_point_are_numbers(tmp_path):
     """YAML 1.1 takes ``1e-1`` for text and ``1.0e-1`` for a number; a person means the number."""
     path = tmp_path / "fast.yaml"
     text = hw.chip("tiny-sim").document
@@ -179,7 +181,7 @@ WHOLE_NUMBERS = [
 
 
 def largest_allowed(section, key):
-    """Return the largest number that a chip file may have there, by what the refusal of too large a one says."""
+    """Return the largest number that a chip file may have there, as the message for a larger one says."""
     with pytest.raises(hw.InputError) as caught:
         parse_chip(changed([section, key], 2**39), "my.yaml")
     assert str(caught.value).startswith(
@@ -191,11 +193,16 @@ def largest_allowed(section, key):
 @pytest.mark.slow
 @pytest.mark.parametrize(("section", "key", "value"), WHOLE_NUMBERS)
 def test_memory_does_not_grow_with_a_number_of_the_chip_file(section, key, value):
-    """Everything is done once on the largest chip that a file may describe in one number."""
+    """Simulating and writing test vectors takes less than 64 MB with the largest value of any one number.
+
+    Memory that grew with such a number would exceed it by far.
+    """
     most = largest_allowed(section, key)
     document = yaml.safe_load(changed([section, key], most))
     if key != "run_header_bits":
-        document["synapse_memory"]["run_header_bits"] += 40
+        document["synapse_memory"]["run_header_bits"] += (
+            40  # so that the header of a list holds larger numbers
+        )
     if key == "cores_per_chip":
         document["mesh"] = {"columns": most, "rows": 1, "cores_per_tile": 1}
     use_everything(document)  # loops are compiled, which takes memory of its own
@@ -210,6 +217,7 @@ def test_memory_does_not_grow_with_a_number_of_the_chip_file(section, key, value
 
 
 def use_everything(document):
+    """Parse a chip, build a small recurrent program, simulate it with both engines, and make its test vectors."""
     chip = parse_chip(yaml.safe_dump(document), "my.yaml")
     b = hw.ProgramBuilder(chip)
     x = b.add_input("x", 3)

@@ -1,4 +1,4 @@
-"""Which parts are worked on together, and in which order."""
+"""The order of updates: nodes in a circle of edges come together, and sources before targets; against networkx."""
 
 import networkx as nx
 import numpy as np
@@ -31,8 +31,9 @@ def test_the_order_is_that_of_networkx(seed):
     graph = nx.DiGraph()
     graph.add_nodes_from(range(count))
     graph.add_edges_from(edges.tolist())
-    whole = nx.condensation(graph)
+    circles = nx.condensation(graph)
     order = nx.lexicographical_topological_sort(
-        whole, key=lambda one: min(whole.nodes[one]["members"])
+        circles, key=lambda circle: min(circles.nodes[circle]["members"])
     )
-    assert sources_first(count, edges) == [sorted(whole.nodes[one]["members"]) for one in order]
+    expected = [sorted(circles.nodes[circle]["members"]) for circle in order]
+    assert sources_first(count, edges) == expected

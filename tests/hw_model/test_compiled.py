@@ -1,4 +1,7 @@
-"""What is kept of compiled loops is thrown away when any loop they hold has changed."""
+"""The cache of compiled loops: where it lies, when it is invalid, damaged files, and helpers that compile ahead.
+
+Most tests run a copy of the package in a process, with a loop of their own, and look at the files that it leaves.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +32,18 @@ def wrapped(x):
 
 
 def test_all_folders_with_loops_are_named():
-    holds = re.compile(
+    """The formulas of the arithmetic are compiled into loops of other rooms, and have no decorators."""
+    loop = re.compile(
         r"^@(compiled|shared|inner|absorbed|intrinsic|kernel)|intrinsic", re.MULTILINE
     )
-    found = {path.parent.name for path in PACKAGE.rglob("*.py") if holds.search(path.read_text())}
-    assert found | {"arithmetic"} == set(hw_model.engine.compiled.FOLDERS_OF_LOOPS)
+    with_loops = {
+        path.parent.name for path in PACKAGE.rglob("*.py") if loop.search(path.read_text())
+    }
+    assert with_loops | {"arithmetic"} == set(hw_model.engine.compiled.FOLDERS_OF_LOOPS)
 
 
 def test_private_parts_of_numba_are_used_in_one_file():
-    """Of numba, others use what its documentation describes; of llvmlite, they write instructions with ``ir``."""
+    """Other files use only documented parts of numba, and of llvmlite ``ir``, to write instructions."""
     private = re.compile(
         r"\bnumba\.(?!njit\b|typeof\b|config\b)\w+|import .*numba\.core|from numba"
     )
@@ -50,23 +56,26 @@ def test_private_parts_of_numba_are_used_in_one_file():
 
 
 def run(folder, *, limits="true", **environment):
-    """Run a loop of a copy of the package in a process, and return what it gives."""
+    """Run a loop of a copy of the package in a process, and return its result: 5, if charges wrap at 2^24.
+
+    ``limits`` is a shell command that runs before.
+    """
     if not (folder / "user.py").exists():
         shutil.copytree(PACKAGE, folder / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
         (folder / "user.py").write_text(USER)
     python = (
         f"{sys.executable} -c 'import numpy, user; print(user.wrapped(numpy.int32(2**24 + 5)))'"
     )
-    given = {
+    variables = {
         key: value
         for key, value in os.environ.items()
         if key not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
     }
-    given |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"} | environment
+    variables |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"} | environment
     process = subprocess.run(
         ["bash", "-c", f"{limits}; {python}"],
         cwd=folder,
-        env=given,
+        env=variables,
         capture_output=True,
         text=True,
         timeout=100,
@@ -84,13 +93,14 @@ def kept_in(folder):
 def test_a_change_in_another_file_is_seen(tmp_path):
     cache = str(tmp_path / "cache")
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 5
+    # Without the wrap in another file, the loop of this one returns the charge itself.
     source = tmp_path / "hw_model/engine/chunks.py"
     source.write_text(source.read_text().replace("((x & (half * 2 - 1)) ^ half) - half", "x"))
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 2**24 + 5
 
 
-def no_folder_of_its_own(folder):
-    """Let nothing be written next to the functions, not even by root."""
+def block_pycache(folder):
+    """Put a file where ``__pycache__`` would be, so that nothing can be written next to the functions, even by root."""
     folder.mkdir()
     (folder / "__pycache__").write_text("a file")
 
@@ -109,7 +119,7 @@ def no_folder_of_its_own(folder):
 def test_code_is_kept_in_the_first_folder_that_can_be_written(tmp_path, writable, place):
     package = tmp_path / "package"
     if "own" not in writable:
-        no_folder_of_its_own(package)
+        block_pycache(package)
     package.mkdir(exist_ok=True)
     home = package / "home" if "home" in writable else "/proc/self/home"
     named = package / "named" if "named" in writable else "/proc/self/named"
@@ -120,7 +130,7 @@ def test_code_is_kept_in_the_first_folder_that_can_be_written(tmp_path, writable
 
 @pytest.mark.slow
 def test_where_there_is_no_room_for_code_it_is_used_and_not_kept(tmp_path):
-    """No file may be larger than nothing."""
+    """With ``ulimit -f 0``, a file cannot grow beyond 0 bytes."""
     assert run(tmp_path, limits="ulimit -f 0", NUMBA_CACHE_DIR=str(tmp_path / "cache")) == 5
     assert not any(path.stat().st_size for path in (tmp_path / "cache").rglob("*.nb?"))
 
@@ -138,12 +148,13 @@ def blank(path):
 
 
 def one_bit(path):
-    """Change a bit of the last code."""
+    """Change a bit at the end of the code."""
     content = bytearray(path.read_bytes())
-    content[-40] ^= 1
+    content[-40] ^= 1  # behind the code are the 32 bytes of its checksum
     path.write_bytes(content)
 
 
+# Kind of file (code or index), what happens to it, and the reason in the log.
 DAMAGES = [
     ("nbc", cut, "pickle data was truncated|its checksum differs"),
     ("nbc", blank, "its checksum differs"),
@@ -163,8 +174,8 @@ if __name__ == "__main__":
 )
 
 
-def played(folder):
-    """Run the loop of a copy of the package in a process; return what it gives, and what it logs without times."""
+def run_logged(folder):
+    """Run the loop of a copy of the package in a process; return its output, and its log without times."""
     environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / "cache")}
     process = subprocess.run(
         [sys.executable, "logged.py"],
@@ -183,11 +194,11 @@ def with_code(tmp_path_factory):
     folder = tmp_path_factory.mktemp("with_code")
     shutil.copytree(PACKAGE, folder / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
     (folder / "logged.py").write_text(LOGGED)
-    assert played(folder) == (
+    assert run_logged(folder) == (
         "5\n",
         "compiling __main__ for this machine, once\ncompiled in some s\n",
     )
-    assert played(folder) == ("5\n", "")
+    assert run_logged(folder) == ("5\n", "")
     return folder
 
 
@@ -196,16 +207,17 @@ def with_code(tmp_path_factory):
 def test_damaged_code_is_dropped_and_compiled_anew(kind, damage, why, with_code):
     (path,) = (with_code / "cache").rglob(f"*.{kind}")
     damage(path)
-    output, log = played(with_code)
+    output, log = run_logged(with_code)
     assert output == "5\n"
     assert re.fullmatch(
         rf"compiled code of \S*wrapped\S* is damaged, and is dropped: ({why})\n"
         r"compiling __main__ for this machine, once\ncompiled in some s\n",
         log,
     )
-    assert played(with_code) == ("5\n", "")
+    assert run_logged(with_code) == ("5\n", "")
 
 
+# A helper process that compiles `twice`, its loops, and a program that prints which loops it compiles itself.
 AHEAD = """\
 import sys
 from other.loops import twice
@@ -242,16 +254,17 @@ print(user.wrapped(5), twice(3))
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("code", "cores", "said"),
+    ("exit_code", "cores", "stdout"),
     first_quick([(0, 2, "wrapped 5 6"), (1, 2, "wrapped twice 5 6"), (0, 1, "wrapped twice 5 6")]),
     ids=["in another process", "which fails", "of one core"],
 )
-def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, said):
+def test_loops_of_a_package_are_compiled_beside_others(tmp_path, exit_code, cores, stdout):
+    """The helper compiles ``twice``; if it fails, or with one core, the program compiles it itself."""
     files = {
         "user": USER,
         "other/__init__": "",
         "other/loops": LOOPS,
-        "other/ahead": AHEAD.format(code=code),
+        "other/ahead": AHEAD.format(code=exit_code),
         "asks": ASKS,
     }
     shutil.copytree(PACKAGE, tmp_path / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
@@ -264,7 +277,7 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
         "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
     }
 
-    def asked():
+    def run_asks():
         process = subprocess.run(
             [sys.executable, "-c", start],
             cwd=tmp_path,
@@ -276,12 +289,12 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
         assert (process.returncode, process.stderr) == (0, "")
         return process.stdout.strip()
 
-    assert asked() == said
-    assert asked() == "5 6"
+    assert run_asks() == stdout
+    assert run_asks() == "5 6"
 
 
 @pytest.mark.parametrize(
-    ("kept", "cache", "starts"),
+    ("files", "cache", "starts"),
     [
         pytest.param([], None, True, id="nothing compiled"),
         pytest.param(["events.list_into-113.py311.nbi"], None, True, id="the tile is missing"),
@@ -290,10 +303,10 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
     ],
 )
 def test_helpers_start_at_once_where_nothing_is_compiled(
-    kept, cache, starts, tmp_path, monkeypatch
+    files, cache, starts, tmp_path, monkeypatch
 ):
     (tmp_path / "__pycache__").mkdir()
-    for name in kept:
+    for name in files:
         (tmp_path / "__pycache__" / name).touch()
     started = []
     monkeypatch.setattr(engine_ahead, "__file__", str(tmp_path / "ahead.py"))
@@ -316,7 +329,7 @@ def test_numba_keeps_the_tile_where_helpers_look_for_it(tmp_path):
 
 
 @pytest.mark.minutes
-def test_what_is_compiled_ahead_is_what_a_session_needs(tmp_path):
+def test_the_helper_compiles_exactly_the_loops_that_a_session_needs(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     subprocess.run([sys.executable, "-m", ahead.__name__], env=environment, check=True, timeout=300)
     before = sorted(tmp_path.rglob("*.nbc"))

@@ -1,4 +1,7 @@
-"""Breakdowns add up to their totals, to the integer; and latency equals a plain walk of every packet over the mesh."""
+"""Breakdowns of random programs add up to their totals, and counts and latency equal a plain walk of every packet.
+
+The walk (``walked_step_ns``) reads only the axon tables of the cores, and follows each packet link by link.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +75,7 @@ def test_counts_by_step_piece_and_way_add_up(seed):
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
-    """In exact arithmetic: every part is a count times the constant as it is written."""
+    """The sums are exact: fractions of the constants as they are written, times integers."""
     _, result = played_twice(seed)
 
     def pj(counts):
@@ -80,9 +83,9 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
             Fraction(str(cost)) * int(counts(name)) for name, cost in profile.energy_pj.items()
         )
 
-    whole = pj(lambda name: result.counts[name])
+    total_pj = pj(lambda name: result.counts[name])
     by_phase = [pj(lambda name, c=counts: c[name]) for counts in result.counts_by_phase.values()]
-    assert sum(by_phase) == whole
+    assert sum(by_phase) == total_pj
     activities = [activity for of_phase in result.activity.values() for activity in of_phase]
     by_core = [
         pj(lambda name, a=activity, c=core: a.count(name)[:, c].sum())
@@ -94,8 +97,8 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
         for activity in activities
         for step in range(len(activity.buffered))
     ]
-    assert sum(by_core) == sum(by_step) == whole
-    assert float(whole) == pytest.approx(
+    assert sum(by_core) == sum(by_step) == total_pj
+    assert float(total_pj) == pytest.approx(
         sum(hw.energy_pj(result.counts, profile).values()), rel=1e-12
     )
 
@@ -107,14 +110,14 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
 def test_times_by_part_step_path_and_phase_add_up(profile, seed):
     program, result = played_twice(seed)
     latencies, usage = measure(program, result.activity, profile)
-    whole = sum(of_recording.total_ns for of_recording in latencies)
+    all_ns = sum(of_recording.total_ns for of_recording in latencies)
     by_part = [ns for used in usage.values() for ns in used.parts_ns.values()]
     by_step = [used.step_ns.sum() for used in usage.values()]
     by_path = [ns for used in usage.values() for ns in used.paths_ns.values()]
     by_phase = [ns for of_recording in latencies for ns in of_recording.by_phase_ns.values()]
     added_up = [total_ns(program, result.activity, profile)]
     for breakdown in (by_part, by_step, by_path, by_phase, added_up):
-        assert sum(breakdown) == pytest.approx(whole, rel=1e-12)
+        assert sum(breakdown) == pytest.approx(all_ns, rel=1e-12)
     for i, of_recording in enumerate(latencies):
         activity = {phase: items[i] for phase, items in result.activity.items()}
         alone = latency(program, activity, profile)
@@ -146,7 +149,7 @@ def test_events_of_a_direct_input_are_not_read_from_the_buffer():
 
 
 def walked_step_ns(program, phase, item, spikes, profile, step):
-    """Return the time of a step, packet by packet, from the axons alone."""
+    """Return the time of a step by the rules of :mod:`hw_model.accounting.cost`, packet by packet, from the axons alone."""
     chip = program.chip
     cores = program.cores_of(phase)
     costs = profile.time_ns
@@ -227,7 +230,7 @@ def two_axons_of_a_neuron(core):
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
 def test_counts_equal_a_walk_of_every_spike(seed):
-    """From the tables of the cores alone: each list that a spike reaches, each packet and each link on its way."""
+    """The walk reads the tables of the cores alone: each list that a spike reaches, each packet, each link on its way."""
     program, recording = random_hybrid(seed)
     program = one_core_per_tile(program)
     if seed % 2:

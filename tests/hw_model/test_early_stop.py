@@ -1,4 +1,8 @@
-"""Early stops that are proven stand whatever follows, and come as early as the bound proves them."""
+"""Proven early stops: no continuation changes the winner, and none comes later than its bound allows.
+
+Continuations are played: random ones, all of a small layer, and those of real recordings. :class:`PlainBound` computes
+the bound a second time, in Python's integers.
+"""
 
 from __future__ import annotations
 
@@ -52,27 +56,27 @@ def test_no_future_changes_a_proven_winner(seed, channels_per_step):
 @settings(max_examples=90, deadline=None)
 @given(seed=SEEDS, first=st.sampled_from([None, None, 0, 2, 9]))
 def test_every_single_future_keeps_a_proven_winner(seed, first):
-    """All of them: small enough to be played."""
+    """All continuations of a small layer are played, or all of its last rows: up to 2^10."""
     program, recording = random_layer(seed)
     program = by_potentials(program, first)
     stops = hw.stop_when_proven(program, recording[None])
     steps_done = int(stops.steps[0])
-    rest = recording[steps_done:]
-    if rest.size > 10:
-        rest = rest[-10 // recording.shape[1] :]
-    all_rests = np.array(list(product((0, 1), repeat=rest.size)), dtype=np.uint8)
-    all_rests = all_rests.reshape(2**rest.size, *rest.shape)
-    played = np.repeat(recording[None], len(all_rests), axis=0)
-    played[:, len(recording) - len(rest) :] = all_rests
+    later_rows = recording[steps_done:]
+    if later_rows.size > 10:
+        later_rows = later_rows[-10 // recording.shape[1] :]
+    futures = np.array(list(product((0, 1), repeat=later_rows.size)), dtype=np.uint8)
+    futures = futures.reshape(2**later_rows.size, *later_rows.shape)
+    played = np.repeat(recording[None], len(futures), axis=0)
+    played[:, len(recording) - len(later_rows) :] = futures
     assert (hw.simulate(program, played).prediction == stops.prediction[0]).all()
 
 
 class PlainBound:
-    """What one population may still do after ``at`` steps, by the words of the proof's module, in Python's integers.
+    """What a population can still do after ``at`` steps, by the rules of the proof's module, in Python's integers.
 
-    In every step each compartment gets the sum of its positive weights, its most. A compartment that may wrap may
-    reach anything, so its soma may spike in any step in which it is free to. A voltage that the steps left at below 0
-    counts as 0 in the next step: a refractory period could have brought it there.
+    In every step each compartment gets its largest charge, the sum of its positive weights. A compartment that may wrap
+    may have any value, so its soma may spike in any step in which it is not refractory. A negative voltage counts as 0
+    in the next step, as a refractory period could have set it to 0.
     """
 
     def __init__(self, program: hw.ChipProgram, result: hw.SimulationResult, at: int) -> None:
@@ -89,10 +93,11 @@ class PlainBound:
         self.slices = {piece.group: piece for piece in self.core.slices}
 
     def after(self, name: str, steps: int) -> list[tuple[int, int]]:
-        """The most spikes and the largest potential of each neuron from step ``at`` to step ``steps``."""
+        """Return the most spikes and the largest potential of each neuron from step ``at`` to step ``steps``."""
         return [self.of_neuron(name, neuron, steps) for neuron in range(self.slices[name].size)]
 
     def of_neuron(self, name: str, neuron: int, steps: int) -> tuple[int, int]:
+        """Return the most spikes and the largest potential of one neuron: its soma and dendrites, the family."""
         core = self.core
         soma = self.slices[name].offset + neuron
         family = [c for c in range(core.compartments) if core.parent[c] == soma] + [soma]
@@ -118,7 +123,7 @@ class PlainBound:
         return spikes, largest
 
     def last_value(self, registers: dict[str, np.ndarray], compartment: int, neuron: int) -> int:
-        """A register of a neuron's compartment after ``at`` steps."""
+        """Return a register of a neuron's compartment after ``at`` steps."""
         if self.at == 0:
             return 0
         for piece in self.core.slices:
@@ -127,7 +132,7 @@ class PlainBound:
         raise AssertionError(compartment)
 
     def advance(self, family: list[int], soma: int, u: dict[int, int], v: dict[int, int]) -> None:
-        """Take the registers of a soma and of its dendrites, which come before it, a step on."""
+        """Advance the registers of the dendrites and then of their soma by a step."""
         core = self.core
         joined = 0
         for c in family:
@@ -140,44 +145,44 @@ class PlainBound:
 
 
 def kept(x: int, decay: int) -> int:
-    """What a decay leaves of a register: x (4096 - decay) / 4096, truncated toward zero."""
+    """Return x (4096 - decay) / 4096, truncated toward zero."""
     magnitude = abs(x) * (FORGETS_AT_ONCE - int(decay)) // FORGETS_AT_ONCE
     return magnitude if x >= 0 else -magnitude
 
 
 def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
-    """Try every step from the first on, with exact scores."""
+    """Return the first step after which the plain bound proves the winner, with exact scores."""
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential"))
     steps = len(recording)
     return next((at for at in range(steps) if is_proven(program, result, at, steps)), steps)
 
 
 def is_proven(program: hw.ChipProgram, result: hw.SimulationResult, at: int, steps: int) -> bool:
-    """Whether no class can come to win in the place of the one that leads after ``at`` steps."""
+    """Return whether no other class can win any more than the one that leads after ``at`` steps."""
     (name,) = program.readout.populations
     (float_weight,) = program.readout.weights
     weight = Fraction(float_weight)
-    # Scores of other weights are rounded, so that ties prove nothing.
+    # With other weights scores are rounded, so a tie proves nothing.
     is_exact = float(float_weight).is_integer()
     to_come = PlainBound(program, result, at).after(name, steps)
     first = program.readout.potentials_from
     if first is None:
-        given = result.spikes[name][:at].sum(axis=0, dtype=np.int64).tolist()
-        ends = [(n, n + spikes) for n, (spikes, _) in zip(given, to_come, strict=True)]
+        so_far = result.spikes[name][:at].sum(axis=0, dtype=np.int64).tolist()
+        ends = [(n, n + spikes) for n, (spikes, _) in zip(so_far, to_come, strict=True)]
     else:
         potentials = result.potential[name][first:at].T.tolist()
-        given = [max(of_class, default=0) for of_class in potentials]
+        so_far = [max(of_class, default=0) for of_class in potentials]
         lowest = int(program.cores[0].vmin)
         ends = [
             (max([*of_class, lowest]), max([*of_class, highest]))
             for of_class, (_, highest) in zip(potentials, to_come, strict=True)
         ]
         if first >= steps:
-            ends = [(0, 0)] * len(given)
-    # A negative weight turns the lowest into the highest.
+            ends = [(0, 0)] * len(so_far)
+    # A negative weight makes the lowest number the highest score.
     least = [min(weight * low, weight * high) for low, high in ends]
     most = [max(weight * low, weight * high) for low, high in ends]
-    scores = [weight * n for n in given]
+    scores = [weight * n for n in so_far]
     winner = scores.index(max(scores))
 
     def stays_behind(rival: int) -> bool:
@@ -268,7 +273,7 @@ def test_a_shorter_recording_is_followed_by_silence():
 
 
 @pytest.mark.parametrize(
-    ("use", "line"),
+    ("use", "message"),
     [
         (lambda p, x: hw.stop_when_proven(replace(p, readout=None), x), "program 'program': has no readout, so nothing wins. Read the spikes."),
         (lambda p, x: hw.stop_when_proven(p, x[:0]), "spikes: there is no recording, or it has no steps. Give some."),
@@ -282,11 +287,11 @@ def test_a_shorter_recording_is_followed_by_silence():
     ],
     ids=["no readout", "no recordings", "no steps", "no margin", "margin that is no number", "silence", "agreement", "not a number", "psi"],
 )  # fmt: skip
-def test_messages(use, line):
+def test_mistakes_are_refused_with_their_way_out(use, message):
     program, recordings = program_and_batch(4)
     with pytest.raises(hw.InputError) as caught:
         use(program, recordings)
-    assert str(caught.value) == line
+    assert str(caught.value) == message
 
 
 @pytest.mark.minutes

@@ -1,4 +1,4 @@
-"""An empty recording is played once for a program; later ones are given what it did, as copies."""
+"""A recording without events is simulated once per program; later ones get copies of the result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STEPS = 40
 
 
 def biased() -> hw.ChipProgram:
-    """Compartments that spike and clip by their bias alone."""
+    """Return compartments that spike and clip because of their biases, without any event."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 3)
     y = builder.add_compartments(
@@ -66,13 +66,13 @@ def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched)
         check_equal(result, plain)
         # A caller may write into its result: no other caller gets the same arrays.
         for array in arrays_in(result):
-            array[...] = 77
+            array[...] = 77  # a value that none of these arrays has
         for kinds in result.events.values():
             kinds.clear()
 
 
-def test_nothing_is_remembered_of_another_question():
-    """Rows, steps, probes, skipping, a batch or not, and any event make it another one."""
+def test_another_call_is_not_answered_from_memory():
+    """Other rows, steps, probes, skipping, or a batch, and any event make it another call."""
     program = biased()
     nothing = np.zeros((STEPS, 3), dtype=np.uint8)
     hw.simulate(program, nothing)
@@ -119,7 +119,7 @@ def test_an_empty_recording_is_played_once(monkeypatch, kind):
     assert hw.simulate(program, nothing).counts.input_events == 1
 
 
-def test_what_is_large_is_not_remembered(monkeypatch):
+def test_large_results_are_not_remembered(monkeypatch):
     monkeypatch.setattr(simulation, "MAX_REMEMBERED", 22 * STEPS - 1)
     before = simulation._result_of_silence.cache_info().misses
     assert hw.simulate(biased(), np.zeros((STEPS, 3), dtype=np.uint8)).counts.spikes > 0

@@ -1,4 +1,7 @@
-"""The two engines against each other and against an independent oracle: equal integers, on random programs."""
+"""Both engines give equal integers: against each other, against an independent oracle, and against numbers by hand.
+
+The oracle, :mod:`tests.support.loihi_oracle`, is a second implementation in plain Python that shares no code.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def test_engines_agree_on_every_probe_and_count(seed):
 
 
 def test_engines_agree_on_a_chip_of_other_registers():
-    """Late spikes, long rests, wide biases and a narrow voltage, at the ends of what a chip file may have."""
+    """Long delays, long refractory periods, wide biases and a narrow voltage, at the limits of a chip file."""
     registers = replace(
         CHIP.registers,
         voltage_bits=15,
@@ -99,7 +102,7 @@ def test_engines_agree_on_a_chip_of_other_registers():
 
 
 def joined_children(builder: hw.ProgramBuilder, parents: int = 1, chain: bool = False) -> None:
-    """Compartment ``soma`` and 300 children at the end of their range, joined to it or each to the next.
+    """Add compartment ``soma`` and 300 children at the end of their range, joined to it or, as a chain, each to the next.
 
     300 times a voltage of 23 bits does not fit 31 bits; 255 times it does.
     """
@@ -122,7 +125,7 @@ def joined_children(builder: hw.ProgramBuilder, parents: int = 1, chain: bool = 
 
 @pytest.mark.parametrize("chain", [False, True], ids=["fan", "chain"])
 def test_the_sum_of_many_joined_voltages(chain):
-    """Too wide for 32 bits after some steps: a fan had 13 spikes in 30 steps where there are 30."""
+    """The sum exceeds 32 bits after some steps. An engine that wrapped it would lose spikes."""
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
     joined_children(builder, chain=chain)
@@ -141,7 +144,7 @@ def test_the_sum_of_many_joined_voltages(chain):
 @pytest.mark.parametrize("row", [60, 63], ids=["", "to its last row"])
 @pytest.mark.parametrize("decay", [FORGETS_AT_ONCE, 256], ids=["at rest between", "decaying"])
 def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
-    """Events of one tile of 64 steps are due in the next, which has none; a third has nothing, and a fourth one more."""
+    """Events of one tile of 64 steps are due in the next, which has no events; the third is silent, the fourth has one."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     y = builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30)
@@ -168,7 +171,7 @@ def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
 
 @pytest.mark.minutes
 def test_a_chain_as_long_as_a_core():
-    """Each adds its v to the next; nothing that walks along it calls itself."""
+    """Each compartment adds its v to the next. Recursive code would exceed Python's limit on such a chain."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     last = node = builder.add_compartments(
@@ -194,7 +197,7 @@ def test_a_chain_as_long_as_a_core():
 
 
 def test_a_bias_wider_than_32_bits():
-    """It wraps in each step, and keeps the compartment busy, even where its low 32 bits are zero."""
+    """It wraps in each step, and keeps the compartment busy even if its low 32 bits are zero."""
     builder = hw.ProgramBuilder(
         replace(
             CHIP, registers=replace(CHIP.registers, bias_mantissa_bits=24, bias_exponent_max=24)
@@ -227,8 +230,8 @@ def test_a_bias_wider_than_32_bits():
     ],
     ids=["voltage alone", "all", "wide behind narrow", "narrow behind wide"],
 )
-def test_widths_by_hand(registers, bound):
-    """The ends of the registers, by the formulas of the description in Python's integers."""
+def test_registers_of_other_widths_wrap_and_clip_at_their_ends(registers, bound):
+    """Registers of other widths wrap and clip at their ends, by the formulas of the chip's description in Python."""
     chip = replace(CHIP, registers=replace(CHIP.registers, **registers))
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 1)
@@ -263,7 +266,10 @@ def test_widths_by_hand(registers, bound):
 
 
 def test_a_voltage_wider_than_a_factor():
-    """Products of 32-bit lanes take 15 bits of it, and 12 more: it falls by one charge more in every step."""
+    """Products in 32-bit lanes have factors of 15 bits and a sign, for voltages of up to 27 bits: 28 need 64-bit lanes.
+
+    v falls by one charge more in every step.
+    """
     builder = hw.ProgramBuilder(replace(CHIP, registers=replace(CHIP.registers, voltage_bits=28)))
     x = builder.add_input("x", 1)
     n = builder.add_compartments("n", 1, decay_u=KEEPS_ALL, decay_v=KEEPS_ALL, threshold=100)
@@ -364,7 +370,7 @@ def test_a_batch_equals_its_recordings_one_by_one():
 
 
 def test_silence_is_skipped_and_counted():
-    """Nothing before the first event, and nothing after the last trace of it has faded."""
+    """No step runs before the first event, and none after its last trace has faded."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     soma = builder.add_compartments(
@@ -394,7 +400,7 @@ def test_silence_is_skipped_and_counted():
 
 
 def test_a_refractory_sum_counts_on_while_its_dendrites_rest():
-    """A soma that only adds up: it is at rest when it may spike again, not when its dendrites are."""
+    """A soma that only adds its dendrites is at rest when it may spike again, not already when its dendrites rest."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     soma = builder.add_compartments(
@@ -412,7 +418,7 @@ def test_a_refractory_sum_counts_on_while_its_dendrites_rest():
 
 
 def test_a_charge_beyond_32_bits_is_counted_as_a_wrap():
-    """It is 2^32 less 2048 in units of 64: in 32 bits it would look like -2048, which does not wrap.
+    """The charge is 2^32 - 2048 in units of 64. In 32 bits it would be -2048, which does not wrap.
 
     8 * 16513 * (254 << 7) = 2^32 - 2048.
     """

@@ -1,4 +1,4 @@
-"""Lists of events: the compiled ones equal those of numpy, and both equal the recording."""
+"""Listing and transposing events: the compiled functions equal those of numpy, and both equal the recording."""
 
 from __future__ import annotations
 
@@ -54,7 +54,10 @@ def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
 
 
 def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
-    """A transposed input whose channels are visited in any order, some in the same step, some perhaps after the last step."""
+    """Return a random transposed input, and a number of steps that may end before its last visit.
+
+    Channels are visited in any order, several of them in the same step.
+    """
     r = np.random.default_rng(seed)
     channels_per_step = int(r.integers(1, channels + 1))
     at = r.permutation(channels)
@@ -119,11 +122,11 @@ VISITS = [
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
 @pytest.mark.parametrize(
-    ("positions", "first_lines", "lines", "steps", "wanted"),
+    ("positions", "first_lines", "lines", "steps", "lines_by_step"),
     [row[1:] for row in VISITS],
     ids=[row[0] for row in VISITS],
 )
-def test_events_become_lines(module, positions, first_lines, lines, steps, wanted):
+def test_events_become_lines(module, positions, first_lines, lines, steps, lines_by_step):
     recordings = np.zeros((2, 3, 3), dtype=np.uint8)
     recordings[1, [0, 0, 1, 1, 2], [0, 2, 0, 1, 2]] = 1
     first_lines = None if first_lines is None else read_only(first_lines)
@@ -131,7 +134,8 @@ def test_events_become_lines(module, positions, first_lines, lines, steps, wante
     lists = module.transpose(module.list_events("x", recordings), item, steps)
     assert lists.rows == steps
     assert not lists.first[0].any()
-    assert [part.tolist() for part in np.split(lists.channel, lists.first[1, 1:-1])] == wanted
+    spikes_by_step = np.split(lists.channel, lists.first[1, 1:-1])
+    assert [spikes.tolist() for spikes in spikes_by_step] == lines_by_step
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
@@ -171,10 +175,10 @@ def test_rows_of_every_length_are_listed(channels, density):
 @pytest.mark.parametrize(
     "shape",
     [(5, 300, 500), (2, 1100, 500), (40, 3, 500)],
-    ids=["some", "one at a time", "all together"],
+    ids=["some", "one at a time", "all together"],  # recordings that a thread lists at a time
 )
 def test_a_batch_is_listed_in_threads_as_one(shape, monkeypatch):
-    """Lists of more than a part begin where those of the parts before end; a byte beyond 1 in the last part is refused."""
+    """The lists of a part begin where those of earlier parts end, and a byte above 1 in the last part is refused."""
     monkeypatch.setattr(threads, "cores", lambda: 2)
     recordings = (np.random.default_rng(0).random(shape) < 0.02).astype(np.uint8)
     expected = playing.list_events("x", recordings)
@@ -199,17 +203,17 @@ r = np.random.default_rng(1)
 for channels in (*range(1, 70), 127, 128, 129, 200):
     for density in (0.03, 0.5, 1.0):
         recordings = (r.random((2, 5, channels)) < density).astype(np.uint8)
-        found = list_events("x", recordings)
+        lists = list_events("x", recordings)
         rows, channel = np.nonzero(recordings.reshape(10, -1))
-        assert found.channel.tolist() == channel.tolist(), channels
+        assert lists.channel.tolist() == channel.tolist(), channels
         ends = np.searchsorted(rows, np.arange(11))
-        assert np.array_equal(found.first, [ends[:6], ends[5:]]), channels
+        assert np.array_equal(lists.first, [ends[:6], ends[5:]]), channels
 from tests.support.hybrids import random_hybrid
 for seed in range(12):
     program, recording = random_hybrid(seed, channels_per_step=1 + seed % 3)
     pushed = hw.Session(program).push(recording)
-    wanted = hw.simulate(program, recording, engine="reference")
-    assert np.array_equal(pushed.scores[-1], wanted.scores), seed
+    expected = hw.simulate(program, recording, engine="reference")
+    assert np.array_equal(pushed.scores[-1], expected.scores), seed
 """
 
 
@@ -235,9 +239,7 @@ def test_lists_are_the_same_on_every_processor(moves, tmp_path):
         ("generic", "+avx512f", True),
     ],
 )
-def test_what_a_processor_can_do_is_that_of_the_one_compiled_for(
-    monkeypatch, name, features, moves
-):
+def test_features_are_those_of_the_processor_compiled_for(monkeypatch, name, features, moves):
     monkeypatch.setattr(config, "CPU_NAME", name)
     monkeypatch.setattr(config, "CPU_FEATURES", features)
     assert lanes.can.__wrapped__("avx512f") is moves

@@ -1,4 +1,4 @@
-"""Formats of synapses: how wide they are, what one can hold, and which share one first."""
+"""Synapse formats: how many bits they take, which two can be merged, and which are merged first."""
 
 from dataclasses import replace
 
@@ -14,12 +14,12 @@ CHIP = hw.chip("loihi-sim")
 PLAIN = SynapseFormat(weight_bits=4, sign_mode="mixed", exponent=0, delay_bits=2, index_bits=6)
 
 
-def test_bits_of_a_synapse():
+def test_a_synapse_takes_its_weight_delay_and_index_bits():
     assert SynapseFormat(5, "mixed", 0, 3, 10).bits_per_synapse == 18
 
 
 @pytest.mark.parametrize("field", ["weight_bits", "delay_bits", "index_bits"])
-def test_the_format_that_holds_two(field):
+def test_two_formats_are_held_by_the_wider_one(field):
     wider = replace(PLAIN, **{field: 8})
     assert PLAIN.widened(wider) == wider.widened(PLAIN) == wider
     assert PLAIN.joins(wider)
@@ -28,7 +28,7 @@ def test_the_format_that_holds_two(field):
 @pytest.mark.parametrize(
     "change", [{"exponent": 1}, {"sign_mode": "excitatory"}], ids=["exponent", "signs"]
 )
-def test_what_no_format_holds_together(change):
+def test_formats_of_other_exponents_or_signs_cannot_be_merged(change):
     assert not PLAIN.joins(replace(PLAIN, **change))
 
 
@@ -54,12 +54,12 @@ def test_dense_lists_of_one_format_are_lists_of_their_own():
     assert (core.axons.synapse_words, core.axons.formats[0].index_bits) == (4, 0)
 
 
-def test_those_share_a_format_that_add_the_fewest_bits():
-    """One synapse of 4 bits in a format of 7 adds 3 bits; a thousand of 7 bits in one of 8 would add a thousand."""
+def test_formats_that_add_the_fewest_bits_are_merged_first():
+    """One synapse of 4 bits in a format of 7 adds 3 bits; a thousand of 7 bits in a format of 8 would add a thousand."""
     wide, middle, narrow = (replace(PLAIN, weight_bits=bits) for bits in (8, 7, 4))
-    held = {wide: 10, middle: 1000, narrow: 1}
-    assert share_formats(held, 2) == {wide: wide, middle: middle, narrow: middle}
-    assert share_formats(held, 3) == {form: form for form in held}
+    synapses = {wide: 10, middle: 1000, narrow: 1}
+    assert share_formats(synapses, 2) == {wide: wide, middle: middle, narrow: middle}
+    assert share_formats(synapses, 3) == {form: form for form in synapses}
 
 
 @pytest.mark.parametrize("kept", [1, 3], ids=["doubled", "lost"])

@@ -1,4 +1,7 @@
-"""Inputs that visit several channels at one step: both engines, files, and what no file may hold."""
+"""Transposed inputs that visit several channels in one step: both engines agree, files hold them, bad files are refused.
+
+The documented file format is read by a few lines of the test's own, without the package.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ from tests.support.hybrids import random_hybrid
 )
 def test_both_engines_give_the_same(seed, channels_per_step, silence, extra):
     program, recording = random_hybrid(seed, channels_per_step, silence)
-    # Rows after those that the lines are for, in a batch of which one is silent.
+    # There are more rows than lines, and one recording of the batch is silent.
     rows = np.pad(recording, ((0, extra), (0, 0)), constant_values=1)
     batch = np.stack((rows, np.zeros_like(rows), rows[::-1]))
     probe = ("spikes", "u", "v", "potential", "activity")
@@ -99,7 +102,7 @@ def test_only_visits_together_make_an_array_of_first_lines(saved, tmp_path_facto
 
 
 def test_a_reader_that_knows_only_the_page_plays_the_lines(saved):
-    """The files alone tell how many events each input axon of a core gets in every step of the location phase."""
+    """The files alone say how many events each input axon of a core gets in every step of the location phase."""
     page = (Path(__file__).parents[2] / "docs/reference/program-format.md").read_text()
     assert {"positions", "first_lines"} <= set(re.findall(r"`([a-z_0-9]+)`", page))
     program, recording = random_hybrid(4, channels_per_step=2)
@@ -120,6 +123,7 @@ def test_a_reader_that_knows_only_the_page_plays_the_lines(saved):
 
 
 BROKEN = "input 'location/x': its {} do not make a program. Compile it again."
+# What is changed in the arrays of a program, and the message.
 CHANGES = [
     ("a step after the last", lambda a: a | {"input1/positions": a["input1/positions"] + 1}, BROKEN.format("positions")),
     ("a step before the first", lambda a: a | {"input1/positions": a["input1/positions"] - 1}, BROKEN.format("positions")),
@@ -164,7 +168,7 @@ def test_visits_that_no_program_has_are_refused(saved, change, message):
         ([0, 0, 1], [3, 0, 0], None),
     ],
 )  # fmt: skip
-def test_a_graph_has_rules_for_visits(positions, first_lines, message):
+def test_visits_must_fit_the_steps_and_lines_of_their_phase(positions, first_lines, message):
     lines = None if first_lines is None else read_only(first_lines)
     item = Input("x", 6, "location", "touch", read_only(positions), lines)
     graph = CompartmentGraph("visits", (Phase("location", "location", 3),), (item,), (), ())

@@ -1,4 +1,8 @@
-"""Phases that start at the first touch: both engines, sessions and stops against recordings that are cut by hand."""
+"""Phases that begin at the first touch: engines, sessions and early stops, against recordings that are cut by the test.
+
+A phase that waits for the touch must do what the same phase does when it starts at once with the recording from the
+touch on (:func:`check_phase`).
+"""
 
 from __future__ import annotations
 
@@ -20,11 +24,11 @@ from tests.support.session_programs import check_session_after_every_step, large
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
-"""Events of a row from which a phase starts; None: the phase starts at once. 1 is what networks use, so it is drawn more."""
+"""The events of a row with which a phase starts; None: it starts at once. Networks use 1, so it is drawn more often."""
 KINDS = ["as drawn", "late", "at the last step", "empty", "longer"]
 """Kinds of recordings, which :func:`recording_of_kind` makes."""
 REGISTERS = ("spikes", "u", "v", "potential")
-"""What both engines give of every compartment and step."""
+"""The arrays of every compartment and step in which both engines must agree."""
 PROBE = (*REGISTERS, "activity")
 DAVIES = hw.chip("loihi-sim").profile("davies2018")
 """Any profile that has times: the test compares two latencies of one profile, and so takes no number from it."""
@@ -33,14 +37,14 @@ DAVIES = hw.chip("loihi-sim").profile("davies2018")
 def starting_at_touch(
     program: hw.ChipProgram, time: int | None, location: int | None
 ) -> hw.ChipProgram:
-    """The program whose time and location phase start with the first row of so many events; None: at once."""
+    """Return a program whose phases start with the first row of that many events, or at once for None."""
     events = {"time": time, "location": location}
     phases = [replace(phase, align_events=events[phase.name]) for phase in program.phases]
     return replace(program, phases=tuple(phases))
 
 
 def recording_of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) -> np.ndarray:
-    """A recording whose events before some step are gone, or that goes on for longer than its program.
+    """Return a recording without its events before some step, or one that is longer than its program.
 
     ``as drawn``: none are gone; ``late``: those before a random step; ``at the last step``: all but
     those of the last step; ``empty``: all. ``longer``: silence, and then the recording twice.
@@ -60,17 +64,17 @@ def recording_of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) 
 
 
 def first_step_of(recording: np.ndarray, events: int | None) -> int:
-    """The step from which a phase runs that waits for ``events`` events in a row; all steps if none has so many."""
+    """Return the first step whose row has at least ``events`` events, or the number of steps if there is none."""
     if events is None:
         return 0
-    enough = np.flatnonzero(recording.sum(axis=1, dtype=np.int64) >= events)
-    return int(enough[0]) if len(enough) else len(recording)
+    touches = np.flatnonzero(recording.sum(axis=1, dtype=np.int64) >= events)
+    return int(touches[0]) if len(touches) else len(recording)
 
 
 def check_phase(
     program: hw.ChipProgram, result: hw.SimulationResult, recording: np.ndarray, name: str
 ) -> None:
-    """Compare a phase with the same phase that starts at once, played the recording from the touch on."""
+    """Compare a phase with the same phase that starts at once and plays the recording from the touch on."""
     (phase,) = (phase for phase in program.phases if phase.name == name)
     start = first_step_of(recording, phase.align_events)
     waits = phase.align_events is not None
@@ -104,13 +108,13 @@ def check_phase(
             compared = getattr(result, register)[group][compared_steps]
             assert np.array_equal(compared, array), (register, group)
 
-    # All counts are equal, but those of what is left out: steps and events before the touch, and skipped steps.
+    # All counts are equal, except those of steps and events before the touch, and of skipped steps.
     expected_counts = expected.counts_by_phase[name]
-    heard = expected_counts.input_events + expected_counts.transpose_events
+    events_played = expected_counts.input_events + expected_counts.transpose_events
     assert counts == replace(
         expected_counts,
         aligned_steps=counts.aligned_steps,
-        events_dropped=int(recording.sum()) - heard,
+        events_dropped=int(recording.sum()) - events_played,
         skipped_steps=counts.skipped_steps,
     )
     if waits:
@@ -182,9 +186,9 @@ def test_both_engines_play_a_recording_from_its_start_on(
     rows=st.sampled_from([1, 3, 80]),
 )
 def test_sessions_know_the_same_after_every_step(seed, time, location, kind, rows):
-    """The first events decide the start, however many rows are pushed at a time; and once more after a reset."""
+    """The start does not depend on how many rows are pushed at a time, and a reset forgets it."""
     program, recording = random_hybrid(seed)
-    # Read out are spikes, potentials from a step on, or potentials of one of the two populations.
+    # The readout counts spikes, or weighs potentials from some step on, of both populations or of one.
     potentials_from = [None, 0, 3, (None, 1), (2, None)][seed % 5]
     readout = replace(program.readout, potentials_from=potentials_from)
     program = replace(starting_at_touch(program, time, location), readout=readout)
@@ -197,7 +201,7 @@ def test_sessions_know_the_same_after_every_step(seed, time, location, kind, row
 
 
 def joined_in_time(pushed: list[hw.StepScores]) -> hw.StepScores:
-    """What a session said after each push, as if all rows had been pushed at once."""
+    """Return the scores of several pushes as one, as if all rows had been pushed at once."""
     spikes = {
         name: np.concatenate([scores.spikes[name] for scores in pushed])
         for name in pushed[0].spikes
@@ -211,8 +215,8 @@ def joined_in_time(pushed: list[hw.StepScores]) -> hw.StepScores:
 
 @pytest.mark.parametrize("first", [0, 1, 2, 3, 4, 9], ids=lambda first: f"from step {first}")
 @pytest.mark.parametrize("steps", [None, 1, 2, 9], ids=lambda steps: f"{steps} steps")
-def test_a_session_of_a_late_phase_that_ends_before_its_recording_or_with_it(steps, first):
-    """Potentials are below 0 while it runs, and 0 before and after."""
+def test_a_session_runs_a_late_phase_to_its_end_or_that_of_the_recording(steps, first):
+    """Its potentials are negative while it runs, and 0 before and after."""
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 1)
     y = b.add_compartments(
@@ -267,8 +271,8 @@ def test_a_batch_equals_its_recordings_one_by_one():
     r = np.random.default_rng(0)
     batch = np.stack([recording_of_kind(kind, recording, r) for kind in KINDS[:4]])
     together = hw.simulate(program, batch)
-    for i, one in enumerate(batch):
-        alone = hw.simulate(program, one)
+    for i, one_recording in enumerate(batch):
+        alone = hw.simulate(program, one_recording)
         assert together.per_recording[i] == alone.counts
         assert np.array_equal(together.scores[i], alone.scores)
 
@@ -316,7 +320,7 @@ def test_steps_before_the_touch_take_no_time():
 
 
 def spikes_and_late_potentials(builder: hw.ProgramBuilder) -> hw.ChipProgram:
-    """A program of two classes that adds the spikes of ``a`` and a hundredth of the largest potential of ``b``.
+    """Return a program of two classes that adds the spikes of ``a`` and a hundredth of the largest potential of ``b``.
 
     ``a`` is in a phase of 8 steps, which starts at once: its class 0 spikes in each step after an event of channel
     ``x``. ``b`` is what ``builder`` has, in a phase of 16 steps that starts with the first event of its own stream
@@ -339,9 +343,9 @@ def spikes_and_late_potentials(builder: hw.ProgramBuilder) -> hw.ChipProgram:
 
 
 def steps_until_class_0_is_proven(builder: hw.ProgramBuilder) -> list[int]:
-    """After how many steps class 0 of :func:`spikes_and_late_potentials` has won, with an event in every step of ``x``.
+    """Return after how many steps class 0 of :func:`spikes_and_late_potentials` is proven, with events in all steps of ``x``.
 
-    The stream ``late`` is silent for these eight steps, so the phase of ``b`` has not started; its future is open.
+    The stream ``late`` is silent for these eight steps, so the phase of ``b`` has not started, and may still do anything.
     Class 0 has t - 1 spikes after t steps.
     """
     silence = np.zeros((1, 8, 1), dtype=np.uint8)
@@ -352,9 +356,9 @@ def steps_until_class_0_is_proven(builder: hw.ProgramBuilder) -> list[int]:
 def test_a_dendrite_that_has_not_started_has_not_fallen():
     """The dendrite of class 1 falls by 64 in each step, but only from the touch on.
 
-    Until the touch it takes nothing from what class 1 may reach with one event: 6 * 64, a score of 3.84. Class 0 may
-    fall to vmin, -511, and so lose 5.11 of its score: of seven spikes 1.89 are left, less than 3.84. Nothing is proven
-    before the last step.
+    Until the touch it does not lower what class 1 may still reach with one event: 6 * 64, a score of 3.84. Class 0 may
+    fall to vmin, -511, and so lose 5.11 of its score: of seven spikes 1.89 are left, less than 3.84. So nothing is
+    proven before the last step.
     """
     builder = hw.ProgramBuilder(CHIP)
     b = builder.add_compartments(
@@ -368,7 +372,7 @@ def test_a_dendrite_that_has_not_started_has_not_fallen():
 
 
 def test_a_potential_is_0_until_the_touch():
-    """Class 1 only falls, once it has started, so it reaches no more than the 0 from before.
+    """Once it has started, class 1 only falls, so it never exceeds the 0 from before.
 
     Class 0 may fall to vmin, -511, and so lose 5.11 of its score. Its sixth spike, in the seventh step, exceeds that.
     """
@@ -415,7 +419,7 @@ def test_a_session_plays_two_phases_in_time():
 
 
 def test_a_reset_forgets_the_largest_potential():
-    """Before the touch of the second recording the potential is 0, more than what follows, and not that of the first."""
+    """Before the touch of the second recording the potential is 0: more than what follows, and less than the first's."""
     builder = hw.ProgramBuilder(CHIP)
     b = builder.add_compartments(
         "b", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=100_000, vmin=-511
@@ -437,7 +441,7 @@ def test_a_reset_forgets_the_largest_potential():
 
 
 def test_events_before_the_touch_are_not_played():
-    """One event, in a channel of its own, comes before the row with two that starts the recording."""
+    """A row with one event comes before the row with two events that starts the recording."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(
         "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10

@@ -1,4 +1,4 @@
-"""Arithmetic primitives against exact rational arithmetic."""
+"""The integer primitives of the arithmetic against exact fractions, and tables worked out by hand."""
 
 from fractions import Fraction
 from math import floor
@@ -20,7 +20,7 @@ from hw_model.arithmetic.fixed_point import (
 )
 
 registers = st.integers(-(2**24), 2**24)
-"""Values of registers of up to 24 bits. A decay d takes d of 4096 parts of one in a step."""
+"""Values of registers of up to 24 bits. A decay d removes d / 4096 of a register in a step."""
 
 
 @given(x=registers, d=st.integers(0, 4096))
@@ -30,16 +30,16 @@ def test_decay_truncates_toward_zero(x, d):
 
 
 @pytest.mark.parametrize(
-    ("x", "d", "left"),
+    ("x", "d", "expected"),
     [(-1, 0, -1), (-1, 1, 0), (1, 4095, 0), (-4097, 4095, -1), (2**23 - 1, 4096, 0), (8191, 2048, 4095), (-8191, 2048, -4095)],
     ids=["kept", "one lost", "one left of none", "negative keeps sign", "nothing left", "half", "half negative"],
 )  # fmt: skip
-def test_decay_table(x, d, left):
-    assert decay(np.array([x]), np.array([d]))[0] == left
+def test_decay_of_values_worked_out_by_hand(x, d, expected):
+    assert decay(np.array([x]), np.array([d]))[0] == expected
 
 
 def sign_bits(values, bits):
-    """Return the sign of each value ``bits`` times: all bits set below zero, none from zero on."""
+    """Return the highest ``bits`` bits of small values: all set if negative, else none."""
     return np.where(values < 0, 2**bits - 1, 0)
 
 
@@ -59,13 +59,13 @@ def test_a_high_part_fits_where_those_of_both_ends_do(largest, bits):
     assert high_part_fits(largest, bits) == fits
 
 
-def test_a_high_part_that_is_just_too_wide():
+def test_the_smallest_number_whose_high_part_is_too_wide():
     assert high_part_fits(2**19 - 1, 8)
     assert not high_part_fits(2**19, 8)
 
 
 def test_widths_and_exponents_are_those_of_the_chip():
-    """Of the table of formats in the chip's description."""
+    """They are written out from the table of formats in the chip's description."""
     assert WEIGHT_BITS == (1, 2, 3, 4, 5, 6, 8)
     assert [*WEIGHT_EXPONENTS] == [-8, -7, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6, 7]
 

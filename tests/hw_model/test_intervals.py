@@ -1,4 +1,7 @@
-"""The page of the arithmetic on intervals: they enclose every run, and the closed-form proof encloses them."""
+"""Proven ranges against interval arithmetic: intervals contain every run, and the closed-form ranges contain them.
+
+:mod:`tests.support.intervals` runs the step of the arithmetic on intervals instead of integers.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +20,14 @@ def test_no_run_leaves_its_intervals_and_no_interval_the_proof(seed):
     registers = program.chip.registers
     for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
         state = CoreIntervals(core, registers)
-        safe = proven.cannot_wrap
+        cannot_wrap = proven.cannot_wrap
         for step in range(len(spikes)):
             state.step()
-            u, v = (
-                np.concatenate([kind[p.group][step, p.start : p.stop] for p in core.slices])
-                for kind in (result.u, result.v)
-            )
+            u = np.concatenate([result.u[p.group][step, p.start : p.stop] for p in core.slices])
+            v = np.concatenate([result.v[p.group][step, p.start : p.stop] for p in core.slices])
             assert state.u.holds(u), (core.number, step)
             assert state.v.holds(v), (core.number, step)
-            assert (state.u.low[safe] >= proven.u.low[safe]).all()
-            assert (state.u.high[safe] <= proven.u.high[safe]).all()
+            assert (state.u.low[cannot_wrap] >= proven.u.low[cannot_wrap]).all()
+            assert (state.u.high[cannot_wrap] <= proven.u.high[cannot_wrap]).all()
             assert (state.v.high <= np.maximum(proven.v.high, 0)).all()
             assert (state.v.low >= np.minimum(proven.v.low, 0)).all()

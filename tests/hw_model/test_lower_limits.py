@@ -1,4 +1,4 @@
-"""Lower limits of voltages have the form 1 - 2^k: what a core holds, and the deepest within a floor."""
+"""Lower limits of voltages, which have the form 1 - 2^k: what a core stores, and the lowest above a given floor."""
 
 import numpy as np
 import pytest
@@ -28,15 +28,15 @@ def test_the_deepest_lower_limit_within_a_floor(depth, vmin):
 
 
 def test_a_lower_limit_beyond_the_register_is_the_end_of_the_register():
-    given = np.array([0, -1, -63, -LAST, 1 - 2**24, 1 - 2**31])
-    assert held_minimum(given, REGISTERS).tolist() == [0, -1, -63, -LAST, -LAST, -LAST]
+    limits = np.array([0, -1, -63, -LAST, 1 - 2**24, 1 - 2**31])
+    assert held_minimum(limits, REGISTERS).tolist() == [0, -1, -63, -LAST, -LAST, -LAST]
 
 
 def test_a_lower_limit_of_another_form_is_left_to_the_check_that_refuses_it():
-    given = np.array([-2, 1 - 2**32])
-    assert held_minimum(given, REGISTERS).tolist() == given.tolist()
+    limits = np.array([-2, 1 - 2**32])
+    assert held_minimum(limits, REGISTERS).tolist() == limits.tolist()
 
 
-def test_registers_say_between_which_numbers_they_wrap():
+def test_the_ends_of_registers_follow_from_their_bits():
     assert (REGISTERS.half_charge, REGISTERS.half_current) == (2**21, 2**23)
     assert (REGISTERS.voltage_max, REGISTERS.bias_mantissa_max) == (2**23 - 1, 2**12 - 1)

@@ -1,4 +1,4 @@
-"""``.npy`` files that nobody vouches for: which kinds of values are read, and how many."""
+"""Untrusted ``.npy`` files: which types of values are read, how many, and the whole message for all others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FIX = "Write it again with numpy.save."
 
 
 def claiming(shape: tuple[int, ...], dtype: np.dtype) -> bytes:
-    """Return a file without values whose header claims some."""
+    """Return a file whose header claims values that it does not have."""
     content = io.BytesIO()
     header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(content, header)
@@ -23,6 +23,7 @@ def claiming(shape: tuple[int, ...], dtype: np.dtype) -> bytes:
 
 
 def written(array: np.ndarray) -> bytes:
+    """Return the file that numpy writes of an array."""
     content = io.BytesIO()
     np.save(content, array)
     return content.getvalue()
@@ -39,14 +40,14 @@ def written(array: np.ndarray) -> bytes:
     ],
     ids=["bytes", "columns first", "booleans", "records", "nothing"],
 )
-def test_what_is_read_is_what_was_written(array):
+def test_an_array_is_read_as_it_was_written(array):
     loaded = load_npy(written(array), "a.npy")
     assert (loaded.dtype, loaded.tolist()) == (array.dtype, array.tolist())
     assert not loaded.flags.writeable
 
 
 @pytest.mark.parametrize(
-    ("content", "line"),
+    ("content", "message"),
     [
         (claiming((MAX_VALUES + 1,), np.dtype("<i8")), f"its declared shape is too large ({MAX_VALUES + 1} against {MAX_VALUES} values). Give a smaller array."),
         (claiming((MAX_VALUES // 2 + 1,), PAIRS), f"its declared shape is too large ({MAX_VALUES // 2 + 1} against {MAX_VALUES} values). Give a smaller array."),
@@ -57,7 +58,7 @@ def test_what_is_read_is_what_was_written(array):
     ],
     ids=["values", "values of records", "no more than that", "texts", "records of objects", "no header"],
 )  # fmt: skip
-def test_what_is_refused(content, line):
+def test_damaged_large_and_non_numeric_files_are_refused(content, message):
     with pytest.raises(hw.InputError) as error:
         load_npy(content, "a.npy")
-    assert str(error.value) == f"a.npy: {line}"
+    assert str(error.value) == f"a.npy: {message}"

@@ -1,4 +1,8 @@
-"""Both engines against the oracle, on everything that a chip file and the builder allow."""
+"""Both engines against the oracle, on random programs of everything that a chip file and the builder allow.
+
+The oracle, :mod:`tests.support.loihi_oracle`, is a second implementation in plain Python. It reads the graph of
+compartments, not the program, so mapping to cores is tested as well.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +25,14 @@ from tests.support.any_program import SETTINGS
 from tests.support.register_units import FORGETS_AT_ONCE, UNIT
 
 LARGE = (1, 9)
-"""Seeds of programs that a plain engine takes long for."""
+"""Seeds of large programs, which take the plain engine long."""
 SEEDS = [seed for seed in range(36) if seed not in LARGE]
 EXAMPLES = hypothesis_settings(SETTINGS, max_examples=20)
 
 
 @cache
 def played_by_oracle(seed: int) -> list[oracle.Played]:
-    """What the oracle says of each recording of a seed: both engines are held against it, and what it meets is told."""
+    """Return what the oracle computes for each recording of a seed; cached, as both engines are compared with it."""
     case = any_phases.case(seed)
     return play_all(case.graph, case.program.chip, case.spikes, case.steps)
 
@@ -57,7 +61,7 @@ def test_any_hybrid_equals_the_oracle(engine, drawn):
 
 
 def test_the_seeds_meet_what_the_builder_allows():
-    """Every kind of join, input, phase, delay, limit and event occurs in some seed that is compared."""
+    """Every kind of join, input, phase, delay, limit and event occurs in some seed, so none goes untested."""
     met: Counter[str] = Counter()
     for seed in SEEDS:
         case = any_phases.case(seed)
@@ -86,7 +90,7 @@ def test_the_seeds_meet_what_the_builder_allows():
 
 
 def test_the_oracle_plays_a_step_by_hand():
-    """One compartment of known numbers: a charge, half of it left a step later, a reset, and a blocked step."""
+    """One compartment, by hand: a charge, of which half is left after each step, a spike with its reset, a blocked step."""
     charge = 10 * UNIT
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 1)

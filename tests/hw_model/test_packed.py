@@ -1,4 +1,4 @@
-"""Compiled loops read of a packed record what Python holds in it."""
+"""Compiled loops read from a packed record what Python put into it: every kind of field, by a loop of the test."""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ class Pair(NamedTuple):
 
 
 class Part(NamedTuple):
+    """A record that is a field of another one."""
+
     bytes_of_rows: Any
     many: int
 
 
 class Whole(NamedTuple):
+    """A record with a field of every kind."""
+
     line: Any
     square: Any
     block: Any
@@ -35,6 +39,7 @@ class Whole(NamedTuple):
 
 
 def whole(dtype: str = "int32") -> Whole:
+    """Return a record; ``dtype`` is the type of one of its arrays."""
     return Whole(
         line=np.arange(5, dtype=np.int64) - 2,
         square=np.arange(12, dtype=dtype).reshape(3, 4) * -7,
@@ -85,7 +90,7 @@ def test_a_loop_reads_every_field_and_writes_into_arrays(dtype):
     assert record.line[0] == 99
 
 
-def test_records_of_one_name_are_told_apart_by_the_kinds_of_their_fields():
+def test_records_of_one_name_differ_by_the_types_of_their_fields():
     narrow, wide = (numba.typeof(pack(whole(dtype))) for dtype in ("int32", "int64"))
     assert narrow != wide
     assert narrow.mangling_args != wide.mangling_args

@@ -1,4 +1,7 @@
-"""Placement and routing: no limit is ever exceeded, and every synapse is delivered exactly once."""
+"""Placement and routing: no limit of a core is exceeded, every synapse is delivered once, and cores are filled.
+
+Synapses are compared with the weights that were connected, words of memory with a formula of the test.
+"""
 
 from collections import Counter
 from dataclasses import replace
@@ -16,6 +19,7 @@ from tests.support.register_units import FORGETS_AT_ONCE
 
 CHIP = hw.chip("loihi-sim")
 
+# Limits so small that programs take several cores, and just large enough for the largest neuron.
 chips = st.builds(
     lambda **limits: replace(CHIP, limits=replace(CHIP.limits, **limits)),
     compartments_per_core=st.integers(2, 20),
@@ -30,7 +34,7 @@ chips = st.builds(
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(chip=chips, seed=st.integers(0, 2**32 - 1))
-def test_every_synapse_once_within_every_limit(chip, seed):
+def test_every_synapse_is_delivered_once_within_every_limit(chip, seed):
     program, _, links, _ = random_program(seed, chip)
     limits = chip.limits
     for core in program.cores:
@@ -47,11 +51,15 @@ def test_every_synapse_once_within_every_limit(chip, seed):
             assert (joined == -1).all() or (
                 joined > np.arange(piece.offset, piece.offset + piece.size)
             ).all()
-    assert delivered(program) == wanted(links)
+    assert delivered(program) == connected(links)
 
 
 def words(core, chip):
-    """Count an axon's runs of at most 64 synapses of one format, 10 header bits each, rounded up to 64 bits."""
+    """Return the words of synapse memory of a core.
+
+    An axon's list is divided into runs of at most 64 synapses of one format. A run has a header of 10 bits, and is
+    rounded up to words of 64 bits.
+    """
     total = 0
     axons = core.axons
     for j in range(axons.input_axons):
@@ -64,7 +72,8 @@ def words(core, chip):
     return total
 
 
-def wanted(links):
+def connected(links):
+    """Return source, target, weight and delay of every synapse that was connected, sorted."""
     return sorted(
         (
             (link["source"], int(j)),
@@ -82,7 +91,7 @@ def wanted(links):
     [("vmin", [0, 0, -1, -1]), ("vmax", [511, 511, 2047, 2047])],
     ids=["lower", "upper"],
 )
-def test_voltage_limits_are_of_a_core(end, values):
+def test_compartments_with_other_voltage_limits_go_to_another_core(end, values):
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     n = builder.add_compartments("n", 4, threshold=1, **{end: values})
@@ -98,7 +107,7 @@ def test_voltage_limits_are_of_a_core(end, values):
 @settings(max_examples=60, deadline=None)
 @given(chip=chips, seed=st.integers(0, 2**32 - 1))
 def test_no_core_has_room_for_the_next_neuron(chip, seed):
-    """A neuron and what is joined to it start a new core only where the core before would break a limit."""
+    """A neuron and its joined compartments start a new core only if the core before would exceed a limit."""
     program = random_program(seed, chip)[0]
     limits = chip.limits
     for core, after in pairwise(program.cores):
@@ -109,18 +118,18 @@ def test_no_core_has_room_for_the_next_neuron(chip, seed):
         profiles = set()
         thresholds = set()
         ends = set()
-        for one, compartments in both:
-            axons = one.axons
-            source = program.senders[one.number][axons.axon_of_synapse]
+        for core_of_both, compartments in both:
+            axons = core_of_both.axons
+            source = program.senders[core_of_both.number][axons.axon_of_synapse]
             ends_on_core = np.isin(axons.target, compartments)
             sources |= set(source[ends_on_core].tolist())
             lists.update(
                 (int(s), axons.formats[f])
                 for s, f in zip(source[ends_on_core], axons.format_index[ends_on_core], strict=True)
             )
-            profiles |= {one.profiles[i] for i in one.profile[compartments]}
-            thresholds |= {one.thresholds[i] for i in one.threshold[compartments]}
-            ends.add((one.vmin, one.vmax))
+            profiles |= {core_of_both.profiles[i] for i in core_of_both.profile[compartments]}
+            thresholds |= {core_of_both.thresholds[i] for i in core_of_both.threshold[compartments]}
+            ends.add((core_of_both.vmin, core_of_both.vmax))
         words = sum(
             int(chip.synapse_memory.words(n, form.bits_per_synapse))
             for (_, form), n in lists.items()
@@ -139,7 +148,7 @@ def test_no_core_has_room_for_the_next_neuron(chip, seed):
 
 
 def _first_neuron(program, core):
-    """The compartments of the first neuron of a core: of every group of its cluster the first."""
+    """Return the compartments of the first neuron of a core: the first of each group that is joined to it."""
     root = program.joined_to.get(core.slices[0].group, core.slices[0].group)
     start = core.slices[0].start
     groups = [
@@ -154,14 +163,17 @@ def _first_neuron(program, core):
     ("synapses", "bits", "words"),
     [(1, 8, 1), (6, 9, 1), (7, 8, 2), (64, 8, 9), (65, 8, 10), (128, 8, 18)],
 )
-def test_synapse_memory_formula(synapses, bits, words):
+def test_words_of_a_list_by_the_formula_of_the_chip(synapses, bits, words):
     assert CHIP.synapse_memory.words(synapses, bits) == words
 
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.1, 1.0), limit=st.integers(300, 4000))
 def test_placement_counts_the_words_that_routing_stores(seed, share, limit):
-    """Populations larger than a window of the placer, so that lists grow over several: a core is full, never fuller."""
+    """Populations exceed the window of neurons that the placer looks at, so lists grow over several windows.
+
+    Every core but the last must be full, and none overfull.
+    """
     chip = replace(CHIP, limits=replace(CHIP.limits, synapse_words_per_core=limit))
     r = np.random.default_rng(seed)
     builder = hw.ProgramBuilder(chip)
@@ -173,14 +185,12 @@ def test_placement_counts_the_words_that_routing_stores(seed, share, limit):
     used = [core.axons.synapse_words for core in program.cores]
     assert max(used) <= limit
     assert [words(core, chip) for core in program.cores] == used
-    # One neuron more has at most ten synapses, each a word at worst.
-    assert all(
-        one > limit - 10 or core.compartments == 1024
-        for one, core in zip(used[:-1], program.cores, strict=False)
-    )
+    # One more neuron has at most ten synapses, each of which takes a word at worst.
+    for words_used, core in zip(used[:-1], program.cores, strict=False):
+        assert words_used > limit - 10 or core.compartments == 1024
 
 
-def test_only_those_who_send_too_much_give_way():
+def test_only_populations_with_too_many_output_axons_are_spread():
     limits = replace(
         CHIP.limits, compartments_per_core=40, output_axons_per_core=80, synapse_words_per_core=90
     )
@@ -201,7 +211,7 @@ def test_only_those_who_send_too_much_give_way():
 
 
 def test_input_axons_of_two_populations_add_up():
-    """Five lines each: of the second population, three neurons find room next to the first."""
+    """Each population has five lines. With 8 axons, three neurons of the second fit next to the first population."""
     builder = hw.ProgramBuilder(replace(CHIP, limits=replace(CHIP.limits, input_axons_per_core=8)))
     for name in ("first", "second"):
         x = builder.add_input(f"{name}_lines", 5)
@@ -211,7 +221,7 @@ def test_input_axons_of_two_populations_add_up():
 
 
 def test_formats_of_two_populations_add_up():
-    """Two exponents each, and two of three formats are the same: the third is one too many."""
+    """Two populations share their two formats; the third needs a format more than a core has."""
     builder = hw.ProgramBuilder(
         replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=2))
     )
@@ -230,7 +240,7 @@ def test_formats_of_two_populations_add_up():
     ids=["one each", "both"],
 )
 def test_synapses_of_one_format_share_a_list(first, second, words):
-    """Of two projections from one line, which reach a target each: 10 + 2 * 19 bits are one word, dense lists two."""
+    """Two projections from one line in one list take 10 + 2 * 19 bits, one word; as dense lists, they take two words."""
 
     def cores(synapse_words):
         limits = replace(CHIP.limits, synapse_words_per_core=synapse_words)
@@ -242,7 +252,7 @@ def test_synapses_of_one_format_share_a_list(first, second, words):
         return builder.build().cores
 
     assert [core.axons.synapse_words for core in cores(1000)] == [words]
-    # They are placed by the same count: what is just enough is, and a word less is not.
+    # Placement counts in the same way: as many words are enough, and one less is not.
     assert len(cores(words)) == 1
     if words > 1:
         with pytest.raises(hw.TargetError, match="synapse memory words"):
@@ -276,7 +286,7 @@ def test_narrower_weights_are_no_way_out_of_too_many_output_axons():
 
 
 def six_senders(**limits):
-    """Six neurons that reach two cores each, eight axons of one population and four of another."""
+    """Build six neurons that reach two cores each: eight output axons of one population, and four of another."""
     limits = replace(CHIP.limits, compartments_per_core=6, **limits)
     builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
     x = builder.add_input("x", 1)

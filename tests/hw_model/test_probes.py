@@ -1,4 +1,4 @@
-"""Probes of chosen populations and steps keep what the full probes show, and nothing else."""
+"""Probes of chosen populations and steps return the same part of what probes of everything return, and nothing else."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from tests.support.random_programs import SMALL, random_program
 
 @pytest.fixture(scope="module")
 def example():
+    """A program, a recording, and the result with probes of everything."""
     program, _, _, spikes = random_program(7, SMALL)
     return program, spikes, hw.simulate(program, spikes, probe=("spikes", "u", "v", "potential"))
 
@@ -27,19 +28,22 @@ def example():
     ],
     ids=["all", "one", "some steps", "both", "after the end"],
 )
-def test_a_window_is_a_part_of_the_whole(example, engine, kind, populations, steps):
-    program, spikes, whole = example
+def test_a_probe_returns_its_part_of_the_full_result(example, engine, kind, populations, steps):
+    program, spikes, full_result = example
     result = hw.simulate(
         program, spikes, engine=engine, probe=(hw.Probe(kind, populations, steps),)
     )
-    everything = getattr(whole, kind)
-    expected = {n: a for n, a in everything.items() if populations is None or n in populations}
+    expected = {
+        name: array
+        for name, array in getattr(full_result, kind).items()
+        if populations is None or name in populations
+    }
     rows = slice(None) if steps is None else slice(steps.start, steps.stop)
     assert getattr(result, kind).keys() == expected.keys()
     for name, array in expected.items():
         assert np.array_equal(getattr(result, kind)[name], array[rows])
-    for other in {"spikes", "u", "v", "potential"} - {kind}:
-        assert getattr(result, other) == {}
+    for kind_not_probed in {"spikes", "u", "v", "potential"} - {kind}:
+        assert getattr(result, kind_not_probed) == {}
 
 
 @pytest.mark.parametrize(

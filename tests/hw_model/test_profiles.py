@@ -1,4 +1,4 @@
-"""Energy profiles: those that ship, those of one's own, and every way to get one wrong."""
+"""Energy profiles: those that ship, a user's own, and every mistake with its whole message."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ MINE = {
 
 
 def written(tmp_path, name="mine.yaml", **changes):
+    """Write :data:`MINE` with some keys changed, or removed with ``KeyError``, and return its path."""
     document = {key: value for key, value in {**MINE, **changes}.items() if value is not KeyError}
     path = tmp_path / name
     path.write_text(yaml.safe_dump(document))
@@ -46,7 +47,7 @@ def test_every_constant_that_ships_has_source_basis_and_voltage():
         )
 
 
-def test_least_and_most_of_what_ships():
+def test_the_published_ranges_of_the_profiles_that_ship():
     davies, sanafe = (CHIP.profile(name) for name in ("davies2018", "sanafe"))
     assert davies.energy_pj_range == {"synaptic_ops": (23.6, None)}
     assert davies.time_ns_range == {"synaptic_ops": (None, 3.5)}
@@ -59,7 +60,7 @@ def test_static_power_is_drawn_by_every_chip_for_the_whole_time():
     assert StaticPower(2.0, "a data sheet").pj(3, 50.0) == 300.0
 
 
-def test_a_profile_of_ones_own_comes_first(tmp_path):
+def test_a_users_profile_becomes_the_default(tmp_path):
     chip = hw.priced_by(CHIP, written(tmp_path))
     assert list(chip.profiles) == ["mine", "davies2018", "sanafe"]
     assert chip.default_profile == "mine"
@@ -84,7 +85,7 @@ def test_a_profile_of_the_chip_comes_first_by_name():
     assert list(hw.priced_by(CHIP, "sanafe").profiles) == ["sanafe", "davies2018"]
 
 
-def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
+def test_optional_keys_of_a_profile_may_be_left_out(tmp_path):
     optional = ("voltage_v", "energy_pj_range", "static_power", "sources")
     chip = hw.priced_by(CHIP, written(tmp_path, **dict.fromkeys(optional, KeyError)))
     assert (chip.profile("mine").voltage_v, chip.profile("mine").static_power) == (None, None)
@@ -175,14 +176,14 @@ def test_profiles_that_are_refused(tmp_path, changes, message):
     ],
     ids=["broken", "number", "bytes", "large", "code"],
 )  # fmt: skip
-def test_files_that_are_refused(tmp_path, text, message):
+def test_profile_files_that_are_refused(tmp_path, text, message):
     (tmp_path / "mine.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(hw.InputError) as caught:
         hw.priced_by(CHIP, tmp_path / "mine.yaml")
     assert str(caught.value) == message
 
 
-def test_names_that_are_refused(tmp_path):
+def test_profile_names_that_are_refused(tmp_path):
     for given, message in (
         ("gone.yaml", "gone.yaml: it cannot be read (No such file or directory). Give the path of a profile YAML file."),
         (

@@ -1,4 +1,7 @@
-"""Programs on disk: what is written is read back, and what is damaged is refused by name."""
+"""Programs on disk: a saved program is loaded unchanged, and each kind of damage is refused with its whole message.
+
+The documented format is read by a few lines of the test's own, without the package.
+"""
 
 import math
 import re
@@ -58,12 +61,14 @@ def saved(tmp_path):
 
 
 def replace_in(path, old, new):
+    """Replace the first match of a pattern in a file; there must be one."""
     text = path.read_text()
     assert re.search(old, text)
     path.write_text(re.sub(old, new, text, count=1))
 
 
 def swap_arrays(folder):
+    """Replace the arrays of a program by those of another one."""
     other, *_ = random_program(2)
     (folder / "program.npz").write_bytes(program_files(other)["program.npz"])
 
@@ -126,7 +131,7 @@ def swap_arrays(folder):
         "code",
     ],
 )
-def test_damage_is_refused_by_name(saved, damage, message):
+def test_damage_is_refused_with_its_kind(saved, damage, message):
     damage(saved)
     with pytest.raises(hw.InputError) as caught:
         hw.load_program(saved)
@@ -173,14 +178,14 @@ def test_arrays_carry_no_time_stamp(saved):
 
 def test_the_page_names_every_field_and_array(saved):
     page = (Path(__file__).parents[2] / "docs/reference/program-format.md").read_text()
-    named = set(re.findall(r"`([a-z_0-9]+)`", page))
+    documented = set(re.findall(r"`([a-z_0-9]+)`", page))
     document = yaml.safe_load((saved / "program.yaml").read_text())
     core = document["cores"][0]
     written = {*document, *document["phases"][0], *document["inputs"][0], *core, *core["slices"][0]}
     written |= {*core["compartment_profiles"][0], *core["synapse_formats"][0]}
     with np.load(saved / "program.npz") as arrays:
         written |= {name.split("/")[1] for name in arrays.files}
-    assert written <= named
+    assert written <= documented
 
 
 def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):

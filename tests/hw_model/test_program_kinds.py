@@ -1,4 +1,4 @@
-"""The table of kinds of programs, and the tables of the compiler that have a row for each of them."""
+"""The tables with a row per kind of program (of Loihi, Xylo, SpiNNaker): none is missing, and each row works."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ STEPS = 24
 
 
 def network_for(target: str) -> lc.Network:
-    """Two lines onto two neurons, by more than a threshold and by a quarter, and one class for each."""
+    """Return a network of two lines, two hidden neurons and two classes, one after the other.
+
+    An event on line 0 exceeds the threshold, 1.2, and one on line 1 stays far below it, 0.25.
+    """
     leak = {"decay_u": 0.5, "decay_v": 0.5, "threshold": 1.0}
     neurons = lc.SoftCuba.of(2, drop=0.5, **leak) if "xylo" in target else lc.Cuba.of(2, **leak)
     return lc.Network(
@@ -55,7 +58,7 @@ def test_every_kind_of_program_has_one_row_in_each_table():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["reference", "fast"])
-def test_a_saved_program_is_read_played_and_told_by_its_row(compiled, engine, tmp_path):
+def test_a_saved_program_is_loaded_played_and_reported_by_its_row(compiled, engine, tmp_path):
     compiled.save(tmp_path)
     program = load_any_program(tmp_path)
     assert type(program) is type(compiled.program)

@@ -1,4 +1,4 @@
-"""The proof of range against the worst inputs that can be found."""
+"""Proven ranges of registers against simulations of the worst inputs, and against numbers worked out by hand."""
 
 from dataclasses import replace
 
@@ -23,7 +23,8 @@ from tests.support.register_units import (
 CHIP = hw.chip("loihi-sim")
 
 
-def one(weights, exponent=0, chip=CHIP, **parameters):
+def one_compartment(weights, exponent=0, chip=CHIP, **parameters):
+    """Build a program of one compartment, driven by one line per weight; by default it keeps nothing and never spikes."""
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", len(weights))
     n = builder.add_compartments(
@@ -41,7 +42,7 @@ def one(weights, exponent=0, chip=CHIP, **parameters):
 
 
 def largest(program, spikes, name="n"):
-    """Largest |u| and largest |v| before reset that a recording reaches."""
+    """Return the largest magnitude of u, and of v before a reset, that a recording reaches."""
     result = hw.simulate(program, spikes, probe=("u", "potential"))
     return int(np.abs(result.u[name]).max()), int(np.abs(result.potential[name]).max())
 
@@ -52,7 +53,7 @@ def largest(program, spikes, name="n"):
     [(4096, 4096, 5), (1024, 4096, 200), (390, 390, 2000), (4095, 17, 20_000), (100, 3000, 3000)],
 )
 def test_all_inputs_in_every_step_reach_the_bound(decay_u, decay_v, steps, sign):
-    program = one([sign * 10, sign * 4], decay_u=decay_u, decay_v=decay_v)
+    program = one_compartment([sign * 10, sign * 4], decay_u=decay_u, decay_v=decay_v)
     proven = prove_range(program)[0]
     u, v = largest(program, np.ones((steps, 2), dtype=np.uint8))
     bound = (proven.u, proven.v)
@@ -61,7 +62,7 @@ def test_all_inputs_in_every_step_reach_the_bound(decay_u, decay_v, steps, sign)
 
 @pytest.mark.parametrize("bias", [1, -1, 64], ids=["the least", "the least, down", "more"])
 def test_what_does_not_decay_has_no_bound(bias):
-    proven = prove_range(one([0], decay_v=KEEPS_ALL, bias=bias))[0]
+    proven = prove_range(one_compartment([0], decay_v=KEEPS_ALL, bias=bias))[0]
     assert (proven.v.low[0], proven.v.high[0]) == ((0, np.inf) if bias > 0 else (-np.inf, 0))
     assert not proven.cannot_clip[0]
 
@@ -80,15 +81,17 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
             on_core = slice(piece.offset, piece.offset + piece.size)
             u = result.u[piece.group]
             v = result.potential[piece.group]
-            kept = proven.cannot_wrap[on_core]
-            assert (u.max(axis=(0, 1))[kept] <= proven.u.high[on_core][kept]).all()
-            assert (u.min(axis=(0, 1))[kept] >= proven.u.low[on_core][kept]).all()
+            cannot_wrap = proven.cannot_wrap[on_core]
+            highest_u = proven.u.high[on_core][cannot_wrap]
+            lowest_u = proven.u.low[on_core][cannot_wrap]
+            assert (u.max(axis=(0, 1))[cannot_wrap] <= highest_u).all()
+            assert (u.min(axis=(0, 1))[cannot_wrap] >= lowest_u).all()
             assert (v.max(axis=(0, 1)) <= proven.v.high[on_core]).all()
             assert (v.min(axis=(0, 1)) >= proven.v.low[on_core]).all()
             events = result.events.get(
                 piece.group, {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0}
             )
-            if kept.all():
+            if cannot_wrap.all():
                 assert events["charge_wraps"] == events["current_wraps"] == 0
             if proven.cannot_clip[on_core].all():
                 assert events["voltage_clips"] == 0
@@ -104,7 +107,7 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
 def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
     r = np.random.default_rng(seed)
     weights = (2 * r.integers(-100, 127, 5)).tolist()
-    program = one(
+    program = one_compartment(
         weights, decay_u=decay_u, decay_v=decay_v, bias=bias, vmax=2**19 - 1, vmin=1 - 2**19
     )
     period = int(prove_range(program)[0].safe_period[0])
@@ -112,8 +115,8 @@ def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
     if period == 0:
         return
     steps = np.arange(12_000)[:, None]
-    for chosen in (np.array(weights) > 0, np.array(weights) < 0, np.ones(5, dtype=bool)):
-        counts = hw.simulate(program, ((steps % period == 0) & chosen).astype(np.uint8)).counts
+    for sources in (np.array(weights) > 0, np.array(weights) < 0, np.ones(5, dtype=bool)):
+        counts = hw.simulate(program, ((steps % period == 0) & sources).astype(np.uint8)).counts
         assert (counts.wraps, counts.clips) == (0, 0)
 
 
@@ -123,7 +126,7 @@ def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
     [(390, 390), (379, 401), (4096, 390), (390, 4096), (4096, 4096), (40, 41)],
 )
 def test_gains_are_sums_over_charges_without_end(decay_u, decay_v, period):
-    """Step by step in real numbers, until nothing of the first charge is left."""
+    """They equal a filter that runs step by step in real numbers, until nothing of the first charge is left."""
     u = v = most_u = most_v = 0.0
     for step in range(period * (8000 // period)):
         u = u * (4096 - decay_u) / 4096 + (step % period == 0)
@@ -133,8 +136,8 @@ def test_gains_are_sums_over_charges_without_end(decay_u, decay_v, period):
     assert largest_answers(decay_u, decay_v, period) == pytest.approx((most_u, most_v), rel=2e-9)
 
 
-def test_a_rate_is_found_where_every_step_is_too_much():
-    program = one([254], decay_u=390, decay_v=390, vmax=2**19 - 1)
+def test_a_lower_rate_is_safe_where_spikes_in_every_step_are_not():
+    program = one_compartment([254], decay_u=390, decay_v=390, vmax=2**19 - 1)
     proven = prove_range(program)[0]
     assert not proven.cannot_clip[0]
     period = int(proven.safe_period[0])
@@ -146,27 +149,27 @@ def test_a_rate_is_found_where_every_step_is_too_much():
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 def test_a_bias_takes_part_in_the_wrap(sign):
-    """Here u never wraps, and u + bias does."""
-    program = one([sign * 252], decay_u=1060, bias=sign * LARGEST_BIAS, exponent=7)
+    """Here u never wraps, but u + bias does."""
+    program = one_compartment([sign * 252], decay_u=1060, bias=sign * LARGEST_BIAS, exponent=7)
     proven = prove_range(program)[0]
     assert (np.abs([proven.u.low[0], proven.u.high[0]]) < 2**23).all()
     assert not proven.cannot_wrap[0]
     assert hw.simulate(program, np.ones((100, 1), dtype=np.uint8)).counts.current_wraps > 0
-    assert prove_range(one([sign * 252], decay_u=1060, exponent=7))[0].cannot_wrap[0]
+    assert prove_range(one_compartment([sign * 252], decay_u=1060, exponent=7))[0].cannot_wrap[0]
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 def test_a_bias_that_pulls_back_does_not_keep_the_current_from_wrapping(sign):
     """Here u wraps, and u + bias would not."""
-    program = one([sign * 252], decay_u=1000, bias=-sign * LARGEST_BIAS, exponent=7)
+    program = one_compartment([sign * 252], decay_u=1000, bias=-sign * LARGEST_BIAS, exponent=7)
     assert not prove_range(program)[0].cannot_wrap[0]
     assert hw.simulate(program, np.ones((100, 1), dtype=np.uint8)).counts.current_wraps > 0
 
 
 def test_a_compartment_that_wraps_is_not_safe_because_it_cannot_clip():
-    """On a chip whose voltage is wider than its current, no current makes v clip."""
+    """If v is wider than u, no current can make v clip, but a current may still wrap."""
     narrow = replace(CHIP, registers=replace(CHIP.registers, current_bits=20))
-    program = one([252], exponent=7, chip=narrow)
+    program = one_compartment([252], exponent=7, chip=narrow)
     proven = prove_range(program)[0]
     assert (proven.cannot_clip[0], proven.cannot_wrap[0], proven.safe_period[0]) == (True, False, 0)
     assert hw.simulate(program, [[1], [0]]).counts.current_wraps == 1
@@ -178,9 +181,9 @@ def test_a_compartment_that_wraps_is_not_safe_because_it_cannot_clip():
     ids=["with its bias", "more often than every third step"],
 )
 def test_a_rate_at_which_a_narrow_current_would_wrap(weight, exponent, parameters, period):
-    """The voltage, four bits wider, stays far below its end."""
+    """The voltage, three bits wider, stays far below its end."""
     narrow = replace(CHIP, registers=replace(CHIP.registers, current_bits=20))
-    program = one([weight], exponent=exponent, chip=narrow, **parameters)
+    program = one_compartment([weight], exponent=exponent, chip=narrow, **parameters)
     assert prove_range(program)[0].safe_period[0] == period
     steps = np.arange(60)[:, None]
     assert (
@@ -195,8 +198,8 @@ def test_a_rate_at_which_a_narrow_current_would_wrap(weight, exponent, parameter
         )
 
 
-def test_what_a_child_may_do_its_parent_may_suffer():
-    """Two children without positive weights, which wrap above 0 nevertheless, and are cut off at vmax."""
+def test_a_parent_is_unsafe_if_a_child_may_wrap():
+    """Two children have negative weights only, but their charges wrap to positive ones, and their v is clipped to vmax."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     common = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "vmin": 0, "vmax": 2**15 - 1}
@@ -211,7 +214,7 @@ def test_what_a_child_may_do_its_parent_may_suffer():
 
 
 def test_a_charge_that_wraps_is_passed_on():
-    """Of no child can u or v leave its register, but the charge of one wraps, to what makes their parent clip."""
+    """No child's u or v leaves its register, but the charge of one wraps, to a value that makes their parent clip."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
@@ -226,18 +229,18 @@ def test_a_charge_that_wraps_is_passed_on():
     assert hw.simulate(program, [[1, 1], [0, 0]]).events["soma"]["voltage_clips"] == 1
 
 
-def test_nothing_kept_for_ever_is_safe():
-    proven = prove_range(one([2], decay_u=KEEPS_ALL, decay_v=KEEPS_ALL))[0]
+def test_a_register_without_decay_is_never_safe():
+    proven = prove_range(one_compartment([2], decay_u=KEEPS_ALL, decay_v=KEEPS_ALL))[0]
     assert (proven.u.high[0], proven.safe_period[0]) == (np.inf, 0)
     assert not proven.cannot_wrap[0]
     assert not proven.cannot_clip[0]
-    assert prove_range(one([2], decay_v=KEEPS_ALL, bias=1))[0].v.high[0] == np.inf
-    assert prove_range(one([-2], decay_v=KEEPS_ALL, bias=1))[0].v.low[0] == -np.inf
+    assert prove_range(one_compartment([2], decay_v=KEEPS_ALL, bias=1))[0].v.high[0] == np.inf
+    assert prove_range(one_compartment([-2], decay_v=KEEPS_ALL, bias=1))[0].v.low[0] == -np.inf
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 def test_children_pass_on_what_their_limits_leave(sign):
-    """One child beyond vmax is passed on as vmax; three that stay below it are more than their parent holds."""
+    """One child beyond vmax passes on vmax; three that stay below it exceed what their parent can hold."""
     limits = {
         "vmin": 1 - 2**15,
         "vmax": 2**15 - 1,
@@ -275,14 +278,17 @@ def test_joined_voltages_are_in_the_bound():
         builder.connect(x, child, [[100]])
     program = builder.build()
     proven = prove_range(program)[0]
-    # Half of v is left in each step, rounded down, and a charge of 100 * 64 comes: v settles one below twice that.
+    # Each step keeps half of v, rounded down, and adds a charge of 100 * 64: v settles one below twice the charge.
     v_of_child = 2 * 100 * UNIT - 1
     assert proven.v.high.tolist() == [v_of_child, v_of_child, 2 * v_of_child]
     assert largest(program, np.ones((50, 1), dtype=np.uint8), "soma")[1] == 2 * v_of_child
 
 
-def test_what_truncation_takes_of_parts_a_sum_may_keep():
-    """A charge of 64 every 6 steps alone stays at 493 less than 1, and 1 in every step at 1; together they pass 511."""
+def test_truncation_removes_less_from_a_sum_than_from_its_terms():
+    """Truncation removes less from a sum than from its terms, so bounds of the terms cannot be added.
+
+    A charge of 64 every 6 steps alone stays below 494, and 1 in every step alone stays at 1, but together they exceed 511.
+    """
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     ends = {"vmin": -511, "vmax": 511}

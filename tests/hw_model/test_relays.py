@@ -1,4 +1,4 @@
-"""Relays as the message for a long delay counts them: the same spikes as on a chip that has the delay."""
+"""Delays longer than a chip has: the message says how many relays make one, and so many give the same spikes."""
 
 from dataclasses import replace
 
@@ -13,13 +13,18 @@ LINES, SIZE = 6, 5
 
 
 def chip(delay_max):
+    """Return loihi-sim with another longest delay."""
     return replace(LOIHI, registers=replace(LOIHI.registers, delay_max=delay_max))
 
 
 def relayed(builder, source, target, weights, delay, relays):
-    """Connect through a chain of relays, the delay spread evenly over its links."""
-    rest = delay - relays
-    links = [rest // (relays + 1) + (i < rest % (relays + 1)) for i in range(relays + 1)]
+    """Connect through a chain of relays, and divide the delay evenly between its connections.
+
+    Each relay takes a step itself.
+    """
+    delay_left = delay - relays
+    connections = relays + 1
+    links = [delay_left // connections + (i < delay_left % connections) for i in range(connections)]
     at = source
     for i, steps in enumerate(links[:-1]):
         relay = builder.add_compartments(
@@ -35,7 +40,7 @@ def relayed(builder, source, target, weights, delay, relays):
 
 
 def program(delay_max, delay, relays, seed=0):
-    """An input line and a loop with one delay each, among synapses without delays."""
+    """Build a network with a delay from its input and one in a loop, among synapses without delays."""
     r = np.random.default_rng(seed)
     builder = hw.ProgramBuilder(chip(delay_max))
     x = builder.add_input("x", LINES)

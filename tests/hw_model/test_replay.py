@@ -1,4 +1,8 @@
-"""Replays by hand: location phases that run again from the middle, with registers at their ends, against the plain engine."""
+"""Sessions replay a location phase from the first step that a new row changes: against the plain engine.
+
+Each row of a recording adds events to steps of the phase that have run before, so the session runs it again from there.
+:data:`PHASES` are small phases for every way in which it does so, with registers at their limits.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ STEPS = 12
 
 
 def neuron(weights, **parameters):
-    """One compartment of so many input lines."""
+    """Return a builder of one compartment with a weight per input line."""
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **{"threshold": 100, **FORGETS, **parameters})
@@ -27,14 +31,19 @@ def neuron(weights, **parameters):
 
 
 def dendrites(count, weights, soma, times=(1, 1, 1), biases=None, **parameters):
-    """A soma that only adds up so many dendrites; ``times`` scales the weights of each, ``biases`` are their own."""
+    """Return a builder of a soma that only adds some dendrites.
+
+    ``times`` scales the weights of each dendrite, and ``biases`` are those of each.
+    """
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
         for k in range(count):
-            own = parameters if biases is None else {**parameters, "bias": biases[k]}
+            parameters_of_child = {**FORGETS, **parameters}
+            if biases is not None:
+                parameters_of_child["bias"] = biases[k]
             child = builder.add_compartments(
-                f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **own}
+                f"d{k}", 1, threshold=0, joined_to=y, **parameters_of_child
             )
             builder.connect(x, child, times[k] * np.array([weights]), exponent=7)
 
@@ -42,7 +51,7 @@ def dendrites(count, weights, soma, times=(1, 1, 1), biases=None, **parameters):
 
 
 def chain(weights, soma, **parameters):
-    """A soma that only adds up a dendrite, to which another is joined."""
+    """Return a builder of a soma that only adds a dendrite, to which another dendrite is joined."""
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
@@ -59,7 +68,7 @@ def chain(weights, soma, **parameters):
 
 
 def relay(builder, x):
-    """Spikes that the second row takes back, and with them what a matrix, and then a list, has passed on."""
+    """Add neurons whose spikes the second row cancels, and with them what a matrix, and then a list, has delivered."""
     h = builder.add_compartments("h", 1, threshold=90, **FORGETS)
     many = builder.add_compartments("many", 16, threshold=90, **FORGETS)
     y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
@@ -68,8 +77,8 @@ def relay(builder, x):
     builder.connect(many, y, 200 * np.eye(1, 16, dtype=np.int64))
 
 
-def graphs_side_by_side(builder, x):
-    """Two chunks of one population, each with a row of its own: one is refractory while the other runs again."""
+def two_chunks_driven_apart(builder, x):
+    """Add two chunks of one population, each driven by its own row: one is refractory while the other runs again."""
     h = builder.add_compartments("h", 20, threshold=90, refractory=3, **FORGETS)
     y = builder.add_compartments("y", 1, threshold=100, **FORGETS)
     ends = np.isin(np.arange(20), [0, 19])
@@ -78,7 +87,7 @@ def graphs_side_by_side(builder, x):
 
 
 def echoing(children, onto=1, **parameters):
-    """Twenty neurons in two chunks; spikes come back to a dendrite of their own, each with a weight of its own."""
+    """Return a builder of twenty neurons in two chunks, whose spikes return to their own dendrite, with different weights."""
 
     def build(builder, x):
         h = builder.add_compartments("h", 20, threshold=60, **FORGETS)
@@ -96,7 +105,7 @@ def echoing(children, onto=1, **parameters):
 
 
 def delay_line(to=lambda neuron: neuron, onto=("h",)):
-    """Forty neurons in three chunks; for five steps each changes neuron ``to(neuron)``, or a dendrite of its number."""
+    """Return a builder of forty neurons in three chunks: for five steps, a spike acts on ``to(neuron)`` of some groups."""
 
     def build(builder, x):
         h = builder.add_compartments("h", 40, threshold=60, **FORGETS)
@@ -121,13 +130,13 @@ def delay_line(to=lambda neuron: neuron, onto=("h",)):
 
 
 LARGE = {"decay_u": KEEPS_ALL, "bias": LARGEST_BIAS}
-"""A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
+"""A current without decay, which five charges of 254 * 2^13 and the bias raise beyond 2^23."""
 PHASES = {
     "a spike that is taken back": relay,
     "a pair that forgets, the second alone": dendrites(
         2, [100, -60], {"threshold": 6000}, times=(0, 1)
     ),
-    "two chunks, refractory": graphs_side_by_side,
+    "two chunks, refractory": two_chunks_driven_apart,
     "pulled to vmin": neuron([100, -200], decay_v=KEEPS_ALL, vmin=0, threshold=300),
     "a dendrite, pushed to vmax": dendrites(
         1, [200, -100], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=KEEPS_ALL, vmax=2**21 - 1
@@ -183,7 +192,7 @@ PHASES = {
 
 
 def location_program(build) -> hw.ChipProgram:
-    """One phase of ``STEPS`` channels, visited in order; a recording of two rows is two lines of it."""
+    """Return a phase of ``STEPS`` channels, visited in order. A recording has two rows, which are two input lines."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     build(builder, x)
@@ -192,8 +201,8 @@ def location_program(build) -> hw.ChipProgram:
 
 
 @pytest.mark.parametrize("name", PHASES)
-def test_every_row_in_turn_is_the_plain_engine(name):
-    """A dozen recordings: the second row changes what the first has made, from any step on."""
+def test_a_session_equals_the_plain_engine_after_every_row(name):
+    """In a dozen recordings, the second row changes what the first has done, from any step on."""
     program = location_program(PHASES[name])
     recordings = (np.random.default_rng(3).random((12, 2, STEPS)) < 0.5).astype(np.uint8)
     recordings[6:, 1, :6] = 0
@@ -201,19 +210,21 @@ def test_every_row_in_turn_is_the_plain_engine(name):
     expected = hw.simulate(program, recordings, engine="reference").spikes["y"]
     first = hw.simulate(program, recordings * [[1], [0]], engine="reference").spikes["y"]
     session = hw.Session(program)
-    for recording, whole, begun in zip(recordings, expected, first, strict=True):
+    for recording, after_both, after_first in zip(recordings, expected, first, strict=True):
         session.reset()
-        assert session.push(recording[:1]).spikes["y"][0] == begun.sum()
-        assert np.array_equal(session.spikes("y"), begun)
-        assert session.push(recording[1:]).spikes["y"][0] == whole.sum()
-        assert np.array_equal(session.spikes("y"), whole)
-        assert session.push(np.ones((1, STEPS), dtype=np.uint8)).spikes["y"][0] == whole.sum()
+        assert session.push(recording[:1]).spikes["y"][0] == after_first.sum()
+        assert np.array_equal(session.spikes("y"), after_first)
+        assert session.push(recording[1:]).spikes["y"][0] == after_both.sum()
+        assert np.array_equal(session.spikes("y"), after_both)
+        # A third row has no line.
+        third_row = np.ones((1, STEPS), dtype=np.uint8)
+        assert session.push(third_row).spikes["y"][0] == after_both.sum()
     assert 12 < expected.sum() < expected.size
     assert not np.array_equal(expected, first)
 
 
 @pytest.mark.parametrize("name", ["pulled to vmin", "a pair", "three dendrites"])
-def test_the_largest_potential_after_every_row(name):
+def test_a_session_has_the_largest_potential_after_every_row(name):
     program = replace(location_program(PHASES[name]), readout=Readout(("y",), (1.0,), 2))
     recording = (np.random.default_rng(5).random((2, STEPS)) < 0.5).astype(np.uint8)
     potential = [
@@ -228,15 +239,15 @@ def test_the_largest_potential_after_every_row(name):
 
 
 def test_a_bias_pulls_down_after_the_last_refractory_step():
-    """Blocked in step 2 with nothing left: from then on -64000 a step, so that 20 * 2^13 in step 6 are not enough."""
+    """It is blocked in step 2, and then falls by 64000 per step, so that the charge of 20 * 2^13 in step 6 is not enough."""
     program = location_program(neuron([40, 20], bias=-64_000, refractory=2, decay_v=KEEPS_ALL))
     recording = np.zeros((2, STEPS), dtype=np.uint8)
     recording[0, 0] = recording[1, 5] = 1
     assert hw.Session(program).push(recording).spikes["y"].tolist() == [[1], [1]]
 
 
-def test_what_has_run_does_not_run_again():
-    """A spike comes back to its population, which has run those steps by then: a silent row after it costs nothing."""
+def test_steps_that_nothing_changes_are_not_replayed():
+    """A spike returns to its own population, which has run all steps: a silent row after it replays nothing."""
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, threshold=90, **FORGETS)
@@ -251,7 +262,7 @@ def test_what_has_run_does_not_run_again():
 
 
 def test_a_sum_cut_off_below_its_threshold_never_spikes():
-    """Two dendrites together would exceed it, but the register of the soma ends before."""
+    """Two dendrites together would exceed the threshold, but the soma is clipped below it."""
     build = dendrites(
         2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=KEEPS_ALL, vmax=2**21 - 1
     )
@@ -262,17 +273,17 @@ def test_a_sum_cut_off_below_its_threshold_never_spikes():
 
 
 def test_the_phases_reach_the_ends_of_their_registers():
-    """So that the comparison above is one of wraps and clips."""
+    """The comparison with the plain engine is one of wraps and clips, too."""
     recordings = (np.random.default_rng(3).random((5, 2, STEPS)) < 0.5).astype(np.uint8)
     counts = {
         name: hw.simulate(location_program(build), recordings).counts
         for name, build in PHASES.items()
     }
-    assert {name for name, found in counts.items() if found.current_wraps} == {
+    assert {name for name, of_phase in counts.items() if of_phase.current_wraps} == {
         "u + bias wraps",
         "a pair that wraps",
     }
-    clipped = {name for name, found in counts.items() if found.voltage_clips}
+    clipped = {name for name, of_phase in counts.items() if of_phase.voltage_clips}
     assert clipped >= {
         "pulled to vmin",
         "a dendrite, pushed to vmax",
@@ -282,7 +293,7 @@ def test_the_phases_reach_the_ends_of_their_registers():
 
 
 def test_no_row_is_played_after_the_last_step():
-    """Whatever the number of rows pushed before; only a reset begins anew."""
+    """Rows after the last step change nothing, however they are pushed; a reset starts again."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     builder.connect(x, y := builder.add_compartments("y", 1, threshold=10, **FORGETS), [[20]])

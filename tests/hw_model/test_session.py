@@ -291,7 +291,7 @@ def _mixed() -> hw.ChipProgram:
     ],
     ids=["no readout", "mixed phase", "no length", "no time phase", "no location phase", "negative", "not a number", "batch", "channels", "values", "stream", "live population"],
 )  # fmt: skip
-def test_messages(use, line):
+def test_mistakes_are_refused_with_their_way_out(use, line):
     program, recording = random_hybrid(4)
     assert (recording.shape, recording.all()) == ((22, 8), True)
     with pytest.raises(hw.InputError) as caught:
