@@ -1,4 +1,7 @@
-"""Memory grows with what a program has, not with pairs of it: synapses and sources, not cores times sources."""
+"""Memory grows with the number of synapses and sources, not with pairs of them, such as cores times sources.
+
+Peak memory is measured for a network whose pairs would take many times as much.
+"""
 
 import tracemalloc
 from dataclasses import replace
@@ -16,11 +19,11 @@ from tests.support.register_units import FORGETS_AT_ONCE
 CHIP = hw.chip("loihi-sim")
 SIZE = 20_000
 MANY_CORES = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=50), chips=4)
-"""On which 20,000 compartments take 400 cores."""
+"""A chip on which 20,000 compartments take 400 cores."""
 
 
 def relays(chip, delay=0):
-    """A compartment for each of 20,000 lines, each with one synapse."""
+    """Return a builder of 20,000 lines and compartments, connected one to one."""
     builder = hw.ProgramBuilder(chip)
     lines = builder.add_input("x", SIZE)
     out = builder.add_compartments(
@@ -31,7 +34,7 @@ def relays(chip, delay=0):
 
 
 def peak_mib(do):
-    """Give what a function returns, and the MiB that Python and numpy held at most meanwhile."""
+    """Return the result of a function, and the peak memory of Python and numpy while it ran, in MiB."""
     tracemalloc.start()
     try:
         result = do()
@@ -76,13 +79,13 @@ def test_counts_take_no_memory_for_cores_times_sources():
     program = relays(MANY_CORES).build()
     spikes = (np.random.default_rng(0).random((5, SIZE)) < 0.1).astype(np.uint8)
     hw.simulate(relays(MANY_CORES).build(), spikes)  # compiles loops, which takes memory of its own
-    found, mib = peak_mib(lambda: hw.simulate(program, spikes))
-    assert np.array_equal(found.spikes["n"][1:], spikes[:-1])
-    assert found.counts.synaptic_ops == found.counts.input_packets == spikes.sum()
+    result, mib = peak_mib(lambda: hw.simulate(program, spikes))
+    assert np.array_equal(result.spikes["n"][1:], spikes[:-1])
+    assert result.counts.synaptic_ops == result.counts.input_packets == spikes.sum()
     assert mib < 20, "a number for each core and source takes 61"
 
 
-def test_what_is_held_for_a_synapse():
+def test_a_number_of_a_synapse_takes_as_few_bytes_as_it_needs():
     rows = np.arange(1000)
     for values, bytes_of_one in (
         (rows, 4),
@@ -91,8 +94,8 @@ def test_what_is_held_for_a_synapse():
         (rows - 2**31, 4),
         (rows * 0 + 7, 0),
     ):
-        kept = compact(values)
-        assert (kept.tolist(), kept.strides, kept.flags.writeable) == (
+        stored = compact(values)
+        assert (stored.tolist(), stored.strides, stored.flags.writeable) == (
             values.tolist(),
             (bytes_of_one,),
             False,

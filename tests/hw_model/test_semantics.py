@@ -1,4 +1,4 @@
-"""The chip's step by hand: tiny programs whose numbers were worked out on paper."""
+"""The step of a compartment on both engines, against numbers worked out by hand for tiny programs."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ from tests.support.register_units import (
 
 CHIP = hw.chip("loihi-sim")
 CHARGE = 100 * UNIT
-"""What an event adds to the current of :func:`one_compartment`."""
+"""What an event adds to the current of :func:`one_compartment`, in counts of the register."""
 LARGEST_CHARGE = (LARGEST_WEIGHT << 7) * UNIT
-"""Of one synapse. It fits the register of a charge, and twice as much does not."""
+"""The largest charge of one synapse. It fits the register of a charge, and twice as much does not."""
 
 
 def one_compartment(weight=CHARGE // UNIT, delay=0, exponent=0, sign_mode="mixed", **parameters):
-    """A compartment ``n`` with one input; unless told otherwise it never spikes, and keeps its voltage but no current."""
+    """Build a compartment ``n`` with one input; by default it never spikes, and keeps its voltage but no current."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     defaults = {"decay_u": FORGETS_AT_ONCE, "decay_v": KEEPS_ALL, "threshold": LARGEST_THRESHOLD}
@@ -35,7 +35,7 @@ def one_compartment(weight=CHARGE // UNIT, delay=0, exponent=0, sign_mode="mixed
 
 
 def played(program, events, steps, engine):
-    """Play a recording of so many steps with an event in each of the rows ``events``."""
+    """Simulate a recording of ``steps`` rows with an event in each of the rows ``events``."""
     rows = np.zeros((steps, 1), dtype=np.uint8)
     rows[events] = 1
     return hw.simulate(program, rows, engine=engine, probe=("spikes", "u", "v", "potential"))
@@ -100,7 +100,7 @@ class TestStep:
 
     @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
     def test_charge_wraps_at_21_bits(self, sign, engine):
-        """One input is connected twice."""
+        """One input is connected twice, so that its charges add up beyond the register."""
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
         n = builder.add_compartments(
@@ -146,7 +146,7 @@ class TestStep:
         assert result.counts.current_wraps == 2
 
     def test_a_charge_acts_once(self, engine):
-        """Also where it was, a tile of steps later, and in the next recording."""
+        """The slot that held it is empty a tile of steps later, and in the next recording."""
         rows = np.zeros((2, 200, 1), dtype=np.uint8)
         rows[0, 0] = 1
         result = hw.simulate(one_compartment(delay=3), rows, engine=engine, probe=("u",))
@@ -162,13 +162,13 @@ class TestStep:
         ],
         ids=["a charge, and what it left", "a voltage", "a current alone", "a bias"],
     )
-    def test_what_a_compartment_works_on(self, engine, parameters, active):
-        """An event of row 0 in five steps; where it spikes, the voltage is 0 and the current is left."""
+    def test_a_compartment_is_active_while_it_holds_anything(self, engine, parameters, active):
+        """An event of row 0 in five steps. A compartment is active while it has a charge, current, voltage or bias."""
         result = played(one_compartment(**parameters), [0], 5, engine)
         assert result.counts.neuron_updates_active == active
 
     @pytest.mark.parametrize("reached", [0, 20], ids=["by children alone", "by a synapse, too"])
-    def test_a_joined_voltage_is_work(self, engine, reached):
+    def test_a_compartment_is_active_when_a_child_passes_a_voltage(self, engine, reached):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 2)
         forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
@@ -180,7 +180,7 @@ class TestStep:
         counts = hw.simulate(builder.build(), [[1, 0], *4 * [[0, 0]]], engine=engine).counts
         assert counts.neuron_updates_active == 3
 
-    def test_compartments_of_a_chunk_by_themselves(self, engine):
+    def test_compartments_of_one_chunk_do_not_influence_each_other(self, engine):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 20)
         n = builder.add_compartments(
@@ -193,8 +193,8 @@ class TestStep:
         assert not result.spikes["n"][:, 1::2].any()
         assert result.counts.neuron_updates_active == 20 * 21 // 2 + 20
 
-    def test_what_wraps_or_is_cut_off_in_a_refractory_step_is_not_counted(self, engine):
-        """The bias makes it spike at once, and for 62 steps nothing is compared."""
+    def test_wraps_and_clips_in_a_refractory_step_are_not_counted(self, engine):
+        """The bias makes it spike at once, and for 62 steps its voltage is not compared with the threshold."""
         wide = {
             "weight": 252,
             "exponent": 7,
@@ -209,7 +209,7 @@ class TestStep:
         assert (result.counts.spikes, result.counts.wraps, result.counts.clips) == (1, 0, 0)
         assert result.potential["n"].ravel().tolist() == [LARGEST_BIAS, *8 * [0]]
 
-    def test_what_is_cut_off_in_a_refractory_sum_is_not_counted(self, engine):
+    def test_clips_of_a_refractory_soma_of_two_dendrites_are_not_counted(self, engine):
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
         common = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "vmax": 2**13 - 1}
@@ -279,7 +279,7 @@ class TestStep:
         assert list(result.spikes) == ["soma"]
 
     def test_a_parent_waits_for_the_longest_line_of_children(self, engine):
-        """A child that has a child of its own, and one that has none, and comes after it."""
+        """One child has a child of its own; the other, which comes after it, has none."""
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
         forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}

@@ -1,4 +1,4 @@
-"""Sessions: after every step what a whole simulation of the recording so far would say, however it was pushed."""
+"""Sessions: after every step the same scores as a simulation of the recording so far, however its rows were pushed."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def test_every_step_equals_a_run_of_the_recording_so_far(seed, channels_per_step
     first=st.one_of(st.integers(0, 9), st.tuples(st.integers(0, 9), st.none() | st.integers(0, 9))),
     rows=st.sampled_from([1, 3, 80]),
 )
-def test_the_largest_potentials_so_far(seed, first, rows):
-    """Row by row, in tiles and at once, and once more after a reset."""
+def test_largest_potentials_so_far_do_not_depend_on_how_rows_are_pushed(seed, first, rows):
+    """Rows are pushed one by one, in small parts and at once, and all again after a reset."""
     program, recording = random_hybrid(seed)
     program = replace(program, readout=replace(program.readout, potentials_from=first))
     session = hw.Session(program)
@@ -92,7 +92,7 @@ def test_any_split_of_the_rows_gives_the_same(seed, channels_per_step, data):
     "first", [None, 0, (None, 1, None)], ids=lambda first: f"potentials from {first}"
 )
 def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
-    """0.1 + 0.2 + 0.3 is another float than 0.2 + 0.3 + 0.1, which decides between classes that are as good."""
+    """0.1 + 0.2 + 0.3 is another float than 0.2 + 0.3 + 0.1, so the order could decide between equal classes."""
     graphs = []
     for name in "abc":
         b = hw.ProgramBuilder(CHIP)
@@ -103,10 +103,9 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
         b.connect(x, y, [[20], [14]])
         graph = graph_in_phase(b.graph(), "time", None)
         phase = replace(graph.phases[0], name=name)
-        inputs, groups = (
-            [replace(one, phase=name) for one in both] for both in (graph.inputs, graph.groups)
-        )
-        graphs.append(replace(graph, phases=(phase,), inputs=tuple(inputs), groups=tuple(groups)))
+        inputs = tuple(replace(item, phase=name) for item in graph.inputs)
+        groups = tuple(replace(group, phase=name) for group in graph.groups)
+        graphs.append(replace(graph, phases=(phase,), inputs=inputs, groups=groups))
     weights = {"a": 0.1, "b": 0.2, "c": 0.3}
     readout = Readout(names, tuple(weights[name] for name in names), first)
     program = program_of_graphs(CHIP, readout, *graphs)
@@ -141,7 +140,7 @@ def test_rows_one_by_one_and_again_after_a_reset(seed):
 )
 def test_rows_of_any_kind_give_the_same(kind):
     program, recording = random_hybrid(5)
-    given = {
+    rows = {
         "read-only": np.frombuffer(recording.tobytes(), np.uint8).reshape(recording.shape),
         "by columns": np.asfortranarray(recording),
         "every other": np.repeat(recording, 2, axis=1)[:, ::2],
@@ -151,26 +150,29 @@ def test_rows_of_any_kind_give_the_same(kind):
         "a subclass": recording.view(np.memmap),
     }[kind]
     expected = hw.Session(program).push(recording).scores
-    assert np.array_equal(hw.Session(program).push(given).scores, expected)
-    one_by_one = hw.Session(program)
-    assert np.array_equal(np.concatenate([one_by_one.push(row).scores for row in given]), expected)
+    assert np.array_equal(hw.Session(program).push(rows).scores, expected)
+    session = hw.Session(program)
+    one_by_one = np.concatenate([session.push(row).scores for row in rows])
+    assert np.array_equal(one_by_one, expected)
     assert np.array_equal(recording, random_hybrid(5)[1])
 
 
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, psi=st.sampled_from([0.0, 2.0, 10.0, 15.0, 5000.0]))
 def test_time_weighted_scores(seed, psi):
+    """With the rate psi, step t of n weighs the location branch by w = 1 / (1 + e^(-psi (t / n - 1))), time by 1 - w."""
     program, recording = random_hybrid(seed)
     plain = hw.Session(program).push(recording)
     weighted = hw.Session(program, psi).push(recording)
     steps = len(recording)
     for t in range(1, steps + 1):
-        w = 0.0 if psi * (1 - t / steps) > 700 else 1 / (1 + np.exp(-psi * (t / steps - 1)))
-        first, second = (plain.spikes[name][t - 1] for name in ("time/y", "location/y"))
-        a, b = program.readout.weights
-        assert np.allclose(
-            weighted.scores[t - 1], (1 - w) * a * first + w * b * second, rtol=1e-12, atol=1e-300
-        )
+        exponent = psi * (1 - t / steps)
+        w = 0.0 if exponent > 700 else 1 / (1 + np.exp(exponent))  # e^710 exceeds a float
+        time_weight, location_weight = program.readout.weights
+        time_score = (1 - w) * time_weight * plain.spikes["time/y"][t - 1]
+        location_score = w * location_weight * plain.spikes["location/y"][t - 1]
+        expected = time_score + location_score
+        assert np.allclose(weighted.scores[t - 1], expected, rtol=1e-12, atol=1e-300)
 
 
 def test_silence_runs_nothing_again():
@@ -185,12 +187,12 @@ def test_an_event_runs_no_more_than_all_again():
     program, recording = random_hybrid(4)
     session = hw.Session(program)
     session.push(recording)
-    run, of_all = session.replayed
-    assert 0 < run < of_all
+    steps_replayed, steps_of_full_replays = session.replayed
+    assert 0 < steps_replayed < steps_of_full_replays
 
 
 @pytest.mark.parametrize(
-    ("given", "steps"),
+    ("potentials_from", "first_steps"),
     [
         (None, {}),
         (3, {"a": 3, "b": 3}),
@@ -200,12 +202,12 @@ def test_an_event_runs_no_more_than_all_again():
     ],
     ids=["spikes", "one for all", "the second", "the first", "one each"],
 )
-def test_populations_that_give_potentials_have_a_first_step(given, steps):
-    assert Readout(("a", "b"), (1.0, 1.0), given).from_step == steps
+def test_populations_that_give_potentials_have_a_first_step(potentials_from, first_steps):
+    assert Readout(("a", "b"), (1.0, 1.0), potentials_from).from_step == first_steps
 
 
 @pytest.mark.parametrize(
-    ("scores", "wanted"),
+    ("scores", "classes"),
     [
         ([1.0, 3.0, 3.0], 1),
         ([2.0, 2.0, 2.0], -1),
@@ -221,18 +223,19 @@ def test_populations_that_give_potentials_have_a_first_step(given, steps):
         "a row each",
     ],
 )
-def test_classes_that_are_decided(scores, wanted):
-    assert decided(np.array(scores)).tolist() == wanted
+def test_classes_that_are_decided(scores, classes):
+    """-1: all classes tie, so none is predicted."""
+    assert decided(np.array(scores)).tolist() == classes
 
 
-def test_a_readout_of_one_branch():
+def test_a_session_of_a_readout_of_one_branch():
     program, recording = random_hybrid(6)
     for name in ("time/y", "location/y"):
         alone = replace(program, readout=Readout((name,), (1.0,)))
         check_session_after_every_step(alone, recording, hw.Session(alone).push(recording))
 
 
-def test_streams_by_name():
+def test_each_phase_reads_its_own_stream():
     program, recording = random_hybrid(7)
     named = replace(
         program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
@@ -263,7 +266,7 @@ def _time_only() -> hw.ChipProgram:
 
 
 def _mixed() -> hw.ChipProgram:
-    """A phase that takes one input as it comes and another transposed."""
+    """Return a program with a phase that plays one input as it comes and another one transposed."""
     program, _ = random_hybrid(8)
     item = program.inputs_of("location")[0]
     beside = replace(item, name="beside", positions=None)
@@ -274,7 +277,7 @@ def _mixed() -> hw.ChipProgram:
 
 
 @pytest.mark.parametrize(
-    ("use", "line"),
+    ("use", "message"),
     [
         (lambda p, _: hw.Session(replace(p, readout=None)), "program 'program': has no readout, so it predicts nothing. Add a readout."),
         (lambda p, _: hw.Session(_mixed()), "phase 'location': mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive. Use simulate."),
@@ -291,12 +294,12 @@ def _mixed() -> hw.ChipProgram:
     ],
     ids=["no readout", "mixed phase", "no length", "no time phase", "no location phase", "negative", "not a number", "batch", "channels", "values", "stream", "live population"],
 )  # fmt: skip
-def test_mistakes_are_refused_with_their_way_out(use, line):
+def test_mistakes_are_refused_with_their_way_out(use, message):
     program, recording = random_hybrid(4)
     assert (recording.shape, recording.all()) == ((22, 8), True)
     with pytest.raises(hw.InputError) as caught:
         use(program, recording)
-    assert str(caught.value) == line
+    assert str(caught.value) == message
 
 
 @pytest.fixture(scope="module", params=["objects", "containers"])
@@ -312,7 +315,7 @@ def example(request):
 
 @pytest.mark.slow
 @on_real_recordings
-def test_real_recordings(example):
+def test_sessions_of_some_real_recordings(example):
     program, recordings = example
     session = hw.Session(program)
     for recording in recordings[:: len(recordings) // 2]:
@@ -322,7 +325,7 @@ def test_real_recordings(example):
 
 @pytest.mark.minutes
 @on_real_recordings
-def test_all_real_recordings(example):
+def test_sessions_of_all_real_recordings(example):
     program, recordings = example
     session = hw.Session(program)
     for recording in recordings:

@@ -1,4 +1,7 @@
-"""How long sessions last: recordings without rows, shorter or longer than the program, of a tile, and of any length."""
+"""Lengths of sessions: no rows, fewer or more than the program's steps, more than a tile, and any number.
+
+Scores are compared with the reference engine, and memory must not grow with the rows.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +64,7 @@ def test_rows_past_the_end_change_nothing(psi, seed, channels_per_step):
     assert session.steps == len(recording) + 5
 
 
-def test_no_rows():
+def test_pushing_no_rows_changes_nothing():
     program, recording = random_hybrid(1)
     session = hw.Session(program)
     assert session.push(recording[:0]).scores.shape == (0, program.populations["time/y"])
@@ -71,7 +74,7 @@ def test_no_rows():
 
 @pytest.mark.usefixtures("unchecked")  # the check takes memory of its own
 def test_a_live_program_over_many_rows():
-    """A recording of any length, rows by thousands or one by one, in memory that does not grow."""
+    """Rows are pushed by thousands or one by one, and memory does not grow with them."""
     program = live_program()
     rows = (np.random.default_rng(5).random((10_000, 6)) < 0.2).astype(np.uint8)
     session = hw.Session(program)
@@ -83,17 +86,18 @@ def test_a_live_program_over_many_rows():
     session.reset()
     one_by_one = [session.push(row).spikes["y"] for row in rows[:10]]
     assert np.array_equal(np.concatenate(one_by_one), counts[:10])
-    held = {}
+    bytes_after = {}
     tracemalloc.start()
     try:
         for start in range(10, len(rows), 10):
             session.push(rows[start : start + 10])
             if session.steps in (5_000, 10_000):
-                held[session.steps] = tracemalloc.get_traced_memory()[0]
+                bytes_after[session.steps] = tracemalloc.get_traced_memory()[0]
     finally:
         tracemalloc.stop()
     assert session.steps == len(rows)
-    assert held[10_000] - held[5_000] < 4_000
+    # Less than a byte per row: nothing is stored for each of them.
+    assert bytes_after[10_000] - bytes_after[5_000] < 4_000
 
 
 @pytest.mark.parametrize(
@@ -101,7 +105,7 @@ def test_a_live_program_over_many_rows():
 )
 @pytest.mark.parametrize("cuts", [[], [70], [3, 5, 140]], ids=["at once", "in two", "in four"])
 def test_rows_of_more_than_a_tile(threshold, first, cuts):
-    """Tiles have 64 rows: two inputs, rests in between, and potentials that are largest in the first tile or the last."""
+    """Tiles have 64 rows. Two inputs pause in between, and potentials are largest in the first tile or in the last."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(
         "y", 2, decay_u=FORGETS_AT_ONCE, decay_v=[1000, 2000], threshold=threshold, refractory=2
@@ -136,7 +140,7 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
 @pytest.mark.parametrize("engine", ["reference", "fast"])
 @pytest.mark.parametrize("rows", [4, 5, 6], ids=["one row short", "as long", "one row long"])
 def test_recordings_next_to_the_length_of_their_program(rows, engine):
-    """A spike acts in the step after its row, so that the last row of five does not count."""
+    """An event acts in the step after its row, so the last row of five has no effect."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(
         "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10
@@ -150,7 +154,7 @@ def test_recordings_next_to_the_length_of_their_program(rows, engine):
 
 @pytest.mark.parametrize("rows", [1, 2, 6], ids=["one row", "fewer rows than visits", "more rows"])
 def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits(rows):
-    """In a session and in both engines, however many rows the recording has; the last visit acts in no step."""
+    """It is so in a session and in both engines, for any number of rows; the last visit would act after the end."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(
         "y", 1, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=10

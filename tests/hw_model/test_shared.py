@@ -1,6 +1,7 @@
-"""Loops that call the code of a tile where it lies give it arguments of the kinds that it is compiled for.
+"""Compiled loops that call other code by its address pass arguments of the types for which it was compiled.
 
-Nothing else looks: others would be read as if they were of those kinds.
+Nothing checks them at run time: other types would be read as if they were these. So each caller is compiled again, and
+the types that numba infers for its calls are compared with those of the compiled code.
 """
 
 from __future__ import annotations
@@ -16,22 +17,25 @@ from tests.support.hybrids import random_hybrid
 
 
 def kinds_given(function: object) -> list[tuple[object, ...]]:
-    """Return the kinds that a compiled function gives to what it calls by its address, for all that it was given."""
-    found = []
+    """Return the types of arguments in each call by address of a compiled function, for all its versions.
+
+    A call by address has two arguments, the address and a tuple, and returns an integer.
+    """
+    kinds = []
     for signature in function.nopython_signatures:
-        anew = numba.njit(**compiled.OPTIONS)(
-            function.py_func
-        )  # of what is read from a cache nothing is known
-        anew.compile(signature.args)
-        for call in anew.overloads[signature.args].type_annotation.calltypes.values():
+        # Compile again: code from a cache has no information on the types of its calls.
+        function_again = numba.njit(**compiled.OPTIONS)(function.py_func)
+        function_again.compile(signature.args)
+        annotation = function_again.overloads[signature.args].type_annotation
+        for call in annotation.calltypes.values():
             if (
                 call is not None
                 and len(call.args) == 2
                 and call.return_type == numba.int64
                 and is_tuple(call.args[1])
             ):
-                found.append(call.args[1].types)
-    return found
+                kinds.append(call.args[1].types)
+    return kinds
 
 
 def is_tuple(kind: object) -> bool:
@@ -40,7 +44,7 @@ def is_tuple(kind: object) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loop", [fast._run, time_phase._run], ids=["simulations", "sessions"])
-def test_a_tile_is_given_what_it_is_compiled_for(loop):
+def test_loops_pass_a_tile_the_types_that_it_is_compiled_for(loop):
     program, recording = random_hybrid(0, channels_per_step=1)
     hw.simulate(program, recording)
     hw.Session(program).push(recording)
@@ -50,27 +54,29 @@ def test_a_tile_is_given_what_it_is_compiled_for(loop):
 
 
 @pytest.mark.slow
-def test_what_a_tile_calls_is_given_what_it_is_compiled_for():
+def test_a_tile_passes_deliveries_the_types_that_they_are_compiled_for():
     for seed in range(6):
         program, recording = random_hybrid(seed, channels_per_step=1)
         hw.simulate(program, recording)
-    kinds_given(tiles.run_tile)  # compiles what a tile takes in, of which a cache knows nothing
-    given = set(kinds_given(delivery.deliver))
-    assert given
+    kinds_given(
+        tiles.run_tile
+    )  # compiles the functions that become part of a tile, such as `deliver`
+    kinds = set(kinds_given(delivery.deliver))
+    assert kinds
     for function in (delivery.by_lists, delivery.by_rows):
-        assert set(function.overloads) <= given
+        assert set(function.overloads) <= kinds
     assert delivery.by_lists.overloads
 
 
 @pytest.mark.slow
-def test_pairs_are_given_what_they_are_compiled_for():
+def test_replays_pass_pairs_the_types_that_they_are_compiled_for():
     for seed in range(12):
         program, recording = random_hybrid(seed, channels_per_step=1)
         hw.Session(program).push(recording)
     kinds_given(location_phase._push)
-    given = set(kinds_given(location_phase._run_again))
-    assert given
-    assert set(location_phase._run_pair.overloads) <= given
+    kinds = set(kinds_given(location_phase._run_again))
+    assert kinds
+    assert set(location_phase._run_pair.overloads) <= kinds
 
 
 @compiled.shared
@@ -88,12 +94,10 @@ def _wrong(at, x):
     return compiled.call_at(at, (x, np.int32(x)))
 
 
-def test_a_call_with_other_kinds_is_found():
+def test_a_call_with_other_types_is_noticed_by_this_test():
     x = np.int64(5)
     at = compiled.address(_add, x, x)
     assert _right(at, x) == 10
     _wrong.compile("(int64, int64)")
-    assert [set(kinds_given(one)) <= set(_add.overloads) for one in (_right, _wrong)] == [
-        True,
-        False,
-    ]
+    assert set(kinds_given(_right)) <= set(_add.overloads)
+    assert not set(kinds_given(_wrong)) <= set(_add.overloads)

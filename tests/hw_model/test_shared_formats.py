@@ -1,4 +1,4 @@
-"""Formats that share one where a core would hold too many: nothing changes but the memory that they take."""
+"""Merging synapse formats where a core would need too many: no synapse and no spike changes, only memory."""
 
 from collections import Counter
 from dataclasses import replace
@@ -30,11 +30,11 @@ formats = st.builds(
     synapses=st.dictionaries(formats, st.integers(1, 500), min_size=1, max_size=24),
     limit=st.integers(1, 20),
 )
-def test_every_format_is_held_and_no_more_share_than_must(synapses, limit):
+def test_formats_are_merged_only_as_far_as_the_limit_requires(synapses, limit):
     stored = share_formats(synapses, limit)
     kinds = {(form.sign_mode, form.exponent) for form in synapses}
-    left = set(stored.values())
-    assert len(left) <= max(limit, len(kinds))
+    formats_left = set(stored.values())
+    assert len(formats_left) <= max(limit, len(kinds))
     if len(synapses) <= limit:
         assert all(form == wide for form, wide in stored.items())
     for form, wide in stored.items():
@@ -44,7 +44,7 @@ def test_every_format_is_held_and_no_more_share_than_must(synapses, limit):
         assert form.index_bits <= wide.index_bits
 
 
-def test_the_two_that_cost_least_share():
+def test_the_two_formats_whose_merging_costs_least_are_merged():
     def form(delay_bits, exponent=0):
         return SynapseFormat(8, "excitatory", exponent, delay_bits, 10)
 
@@ -58,7 +58,7 @@ def test_the_two_that_cost_least_share():
 
 
 def many_formats(limit, exponents=(0,)):
-    """Return a program of a neuron with a dendrite whose lists differ in delays, bits, signs, and in being full."""
+    """Return a program of neurons with a dendrite, whose lists differ in delays, bits, signs and density."""
     r = np.random.default_rng(3)
     builder = hw.ProgramBuilder(
         replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=limit))
@@ -88,7 +88,7 @@ def many_formats(limit, exponents=(0,)):
 
 
 def synapse_bits(program):
-    """Return what the synapses take without headers and rounding: lists that come to share a format save of these."""
+    """Return the bits of all synapses, without headers and rounding, which merged lists save."""
     axons = program.cores[0].axons
     return sum(
         form.bits_per_synapse for form in np.array(axons.formats, dtype=object)[axons.format_index]
@@ -111,7 +111,7 @@ def test_shared_formats_change_no_spike(limit):
     assert np.array_equal(result.potential["n"], expected.potential["n"])
 
 
-def test_exponents_and_signs_that_are_too_many():
+def test_too_many_exponents_and_signs_are_refused():
     with pytest.raises(hw.TargetError) as caught:
         many_formats(16, exponents=range(-4, 4))
     assert str(caught.value) == (

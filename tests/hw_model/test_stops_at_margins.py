@@ -1,4 +1,4 @@
-"""Stops at a lead: calibrated margins are what a scan of all leads would find."""
+"""Early stops at a margin, the lead of the best class over the second: against a scan of all leads that occur."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tests.support.early_stops import SEEDS, counts_by_core, program_and_batch
 
 
 def leads_of(scores: np.ndarray) -> np.ndarray:
-    """By how much the best class leads after each step; an only class leads by its score."""
+    """Return by how much the best class leads after each step; a single class leads by its score."""
     ordered = np.sort(scores, axis=1)
     return ordered[:, -1] - (ordered[:, -2] if scores.shape[1] > 1 else 0)
 
 
 def plain_margin(scores: np.ndarray, agreement: float) -> float:
-    """The smallest lead, of all that occur, at which enough recordings stop with the class of their end.
+    """Return the smallest of all leads at which enough recordings stop with the class of their last step.
 
     ``scores`` (recordings, steps, classes); ``agreement``: the share of recordings that is enough.
     """
@@ -43,7 +43,7 @@ def plain_margin(scores: np.ndarray, agreement: float) -> float:
 @given(
     seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0])
 )
-def test_the_smallest_margin(seed, agreement, psi):
+def test_a_calibrated_margin_is_the_smallest_that_is_enough(seed, agreement, psi):
     program, recordings = program_and_batch(seed)
     expected = plain_margin(hw.timestep_scores(program, recordings, psi), agreement)
     assert hw.calibrate_margin(program, recordings, agreement, psi) == expected
@@ -69,7 +69,7 @@ def test_margins_are_in_the_integers_of_the_readout(psi):
     psi=st.sampled_from([None, 10.0]),
 )
 def test_stops_at_a_margin(seed, margin, psi):
-    """The first step with the lead; the counts of a time phase that ends there, and of what follows it."""
+    """They are at the first step with this lead, and count a time phase that ends there and the phase after it."""
     program, recordings = program_and_batch(seed)
     stops = hw.stop_at_margin(program, recordings, margin, psi)
     scores = hw.timestep_scores(program, recordings, psi)
@@ -83,10 +83,9 @@ def test_stops_at_a_margin(seed, margin, psi):
         assert step == len(leads) or leads[step - 1] >= margin
         assert stops.prediction[b] == scores[b, step - 1].argmax()
         short = replace(program, phases=(replace(program.phases[0], steps=step), program.phases[1]))
-        until = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
-        expected = {
-            name: n + hw.simulate(short, until).counts[name] for name, n in expected.items()
-        }
+        read = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
+        counts = hw.simulate(short, read).counts
+        expected = {name: n + counts[name] for name, n in expected.items()}
     assert counts_by_core(stops.counts) == expected
     assert counts_by_core(stops.all_counts) == counts_by_core(
         hw.simulate(program, recordings).counts

@@ -1,7 +1,7 @@
-"""Proven stops that can be followed by hand: a layer of two classes, a few events, and the step after which one wins.
+"""Proven stops, worked out by hand: a layer of two classes, a few events, and the step after which one has won.
 
-``one_layer`` reads out a compartment ``y`` per class, with thresholds of 30 unless given. Weights and thresholds are in
-units of 64 of the registers, a bias is in units of the registers. A stop is a number of steps, not the last step.
+``one_layer`` reads out a compartment ``y`` per class, with a threshold of 30 by default. Weights and thresholds are in
+units of 64 counts of a register, biases in counts. A stop is a number of steps, not the number of the last step.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
         # A charge just reaches the threshold, or is one more.
         ({"threshold": 60, "decay_v": FORGETS_AT_ONCE}, 0),
         ({"threshold": 60, "decay_v": FORGETS_AT_ONCE, "bias": 1}, 5),
-        # Here every charge may wrap, so that nothing is known of v: as if each could spike at any time.
+        # Here every charge may wrap, so nothing is known about v: both might spike at any time.
         ({"threshold": 240, "exponent": 7, "decay_u": 1}, 5),
         ({"threshold": 240, "exponent": 7, "decay_u": 1, "refractory": 4}, 4),
     ],
@@ -44,8 +44,8 @@ from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
         "wraps and refractory",
     ],
 )
-def test_stops_by_hand(options, stop):
-    """Two classes, a channel each; the first has an event in each of the first four rows of eight."""
+def test_stops_of_two_classes_worked_out_by_hand(options, stop):
+    """There are two classes with a channel each; the first has an event in each of the first four of eight rows."""
     builder, _ = one_layer(
         [[60, 0], [0, 60]], **{"decay_u": FORGETS_AT_ONCE, "decay_v": 1024} | options
     )
@@ -57,7 +57,7 @@ def test_stops_by_hand(options, stop):
 
 @pytest.mark.parametrize("weight", [1e100, -1e100])
 def test_the_largest_weight_that_a_program_may_have_changes_no_stop(weight):
-    """Weights of 1e308 made scores and their bounds overflow."""
+    """Bounds of scores do not overflow: stops depend on the sign of the weight alone."""
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE, decay_v=1024)
     program = builder.build()
     large = replace(program, readout=replace(program.readout, weights=(weight,)))
@@ -70,7 +70,7 @@ def test_the_largest_weight_that_a_program_may_have_changes_no_stop(weight):
     assert stops.prediction.tolist() == expected.prediction.tolist()
 
 
-def test_what_may_wrap_may_spike():
+def test_a_class_without_positive_weights_may_spike_if_its_charge_wraps():
     """Class 1 has no positive weight at all, but two of its negative ones together wrap to a charge above 0."""
     builder, _ = one_layer(
         [[60, 0, 0], [0, -254, -254]],
@@ -90,7 +90,7 @@ def test_what_may_wrap_may_spike():
 
 
 def test_refractory_steps_take_a_voltage_up_to_0():
-    """A strong inhibition is forgotten while the neuron is refractory: its charge alone would say that it never spikes."""
+    """While the neuron is refractory, v is 0, so it forgets a strong inhibition that would otherwise prevent spikes."""
     builder, _ = one_layer(
         [[40, 0, 0], [0, 40, -158]],
         decay_u=[4096, 1024],
@@ -115,33 +115,39 @@ def test_a_batch_stops_as_its_recordings_alone():
     program = builder.build()
     recordings = np.zeros((4, 9, 2), dtype=np.uint8)
     recordings[0, :7, 0] = recordings[1, :4, 0] = recordings[2, 2, 1] = 1
-    alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
+    alone = [
+        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
+    ]
     assert alone == [[5], [5], [9], [9]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
 
 def test_potentials_of_a_batch_count_to_the_end_of_each_recording_alone():
-    """Class 1 can gain 60 in each step that is left: five of 60 in A, two of 254 in B, are ahead of that."""
+    """Class 1 can gain 60 in each step that is left. Class 0 leads by five times 60 in A, and by two times 254 in B."""
     builder, _ = one_layer(
         [[60, 0, 254], [0, 60, 0]], decay_u=FORGETS_AT_ONCE, decay_v=KEEPS_ALL, threshold=100_000
     )
     program = by_potentials(builder.build(), 0)
     recordings = np.zeros((2, 9, 3), dtype=np.uint8)
     recordings[0, :8, 0] = recordings[1, :2, 2] = 1
-    alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
+    alone = [
+        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
+    ]
     assert alone == [[5], [3]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
 
 def test_spikes_of_a_batch_count_to_the_end_of_each_recording_alone():
-    """Class 0 leads with four spikes against four to come in A; in B class 1 is pulled down for good in the first step."""
+    """In A class 0 leads with four spikes against four to come; in B class 1 is inhibited to the end in the first step."""
     builder, _ = one_layer(
         [[60, 0, 0], [0, 32, -254]], decay_u=[4096, 200], decay_v=FORGETS_AT_ONCE
     )
     program = builder.build()
     recordings = np.zeros((2, 9, 3), dtype=np.uint8)
     recordings[0, :8, 0] = recordings[1, 0, 2] = 1
-    alone = [hw.stop_when_proven(program, one[None]).steps.tolist() for one in recordings]
+    alone = [
+        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
+    ]
     assert alone == [[5], [2]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
@@ -160,8 +166,8 @@ def test_a_potential_that_may_wrap_may_be_the_largest_voltage():
     assert hw.stop_when_proven(by_potentials(builder.build(), 0), recording).steps.tolist() == [8]
 
 
-def test_nothing_is_known_of_a_potential_before_a_step_that_counts():
-    """Class 0 can only fall: when row 2 has left it at 0, no other exceeds it, and not before."""
+def test_potentials_prove_nothing_before_the_first_step_that_counts():
+    """Class 0 can only fall. Only when it is still 0 after row 2, the first that counts, can no other exceed it."""
     builder, _ = one_layer(
         [[-60], [0]], decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=100_000
     )
@@ -170,7 +176,7 @@ def test_nothing_is_known_of_a_potential_before_a_step_that_counts():
 
 
 def test_potentials_stay_0_after_the_end_of_a_recording():
-    """The last event acts in step 3: with nothing to come and nothing kept, all is 0 from step 4 on."""
+    """The last event acts in step 3; as nothing is kept, all registers are 0 from step 4 on."""
     builder, _ = one_layer(
         [[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=100_000
     )
@@ -189,7 +195,7 @@ def test_potentials_stay_0_after_the_end_of_a_recording():
 
 
 def test_a_buffer_that_is_empty_needs_no_step():
-    """A program of a transposed phase alone: the whole recording is there before it begins."""
+    """In a program of one transposed phase, the whole recording is known before the phase begins."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     y = builder.add_compartments(
@@ -204,7 +210,7 @@ def test_a_buffer_that_is_empty_needs_no_step():
 
 @pytest.mark.parametrize(("winner", "stop"), [(0, 5), (1, 6)], ids=["the first", "the second"])
 def test_a_tie_goes_to_the_first_class(winner, stop):
-    """Four spikes against three to come are enough for both; against four, for the first class alone."""
+    """A lead of four spikes against three to come is enough for both classes, and against four for the first one only."""
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE)
     recording = np.zeros((9, 2), dtype=np.uint8)
     recording[:4, winner] = 1
@@ -212,8 +218,8 @@ def test_a_tie_goes_to_the_first_class(winner, stop):
     assert (stops.steps.tolist(), stops.prediction.tolist()) == ([stop], [winner])
 
 
-def test_scores_that_are_rounded_are_no_ties():
-    """With weights of a tenth a tie may be decided by rounding, so that it is not taken for proven."""
+def test_a_tie_of_rounded_scores_proves_nothing():
+    """With weights of 0.1, rounding may decide a tie, so a tie proves nothing."""
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE)
     program = builder.build()
     recording = np.zeros((9, 2), dtype=np.uint8)
@@ -228,7 +234,7 @@ def test_scores_that_are_rounded_are_no_ties():
 
 
 def test_spikes_against_a_class_count_as_losses():
-    """With a negative weight a class can only lose: the silent one wins, and is safe when the other has more."""
+    """With a negative weight spikes are losses: the silent class wins, once the other has lost more than it still can."""
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE, refractory=3)
     program = replace(builder.build(), readout=Readout(("y",), (-2.0,)))
     recording = np.zeros((9, 2), dtype=np.uint8)
@@ -256,7 +262,7 @@ def test_a_child_is_not_below_its_lower_limit():
 
 
 def test_nothing_comes_after_the_end_of_a_recording():
-    """Three events, and 37 silent steps that the program adds: what is proven there knows that no event is left."""
+    """Three rows are followed by 37 silent steps, in which the proof knows that no event will come."""
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE, decay_v=2048, refractory=2)
     program = builder.build()
     program = replace(program, phases=(replace(program.phases[0], steps=40),))

@@ -1,4 +1,7 @@
-"""Stops after silence: nothing is held, nothing is under way, and no event has come for some steps."""
+"""Early stops in silence: no event for some rows, all registers 0, and no charge on its way.
+
+The expected step is computed from the registers and rows of a whole simulation.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from tests.support.register_units import FORGETS_AT_ONCE
 
 
 def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
-    """For how many rows before each step the phases that play a recording as it comes held nothing at all."""
+    """Return for how many rows, up to each step, all registers of phases over time have been 0."""
     result = hw.simulate(program, recording, probe=("u", "v"))
     steps = len(recording)
     is_zero = np.ones(steps, dtype=np.bool_)
@@ -37,8 +40,8 @@ def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
 @pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, silence=st.integers(1, 6), first=st.sampled_from([None, 0, 4]))
-def test_stops_in_silence(seed, silence, first):
-    """The first step after so many silent rows whose registers are 0, and to which nothing more is under way."""
+def test_stops_in_silence_are_at_the_first_step_at_rest(seed, silence, first):
+    """They are at the first step with enough silent rows, all registers 0, and no charge on its way."""
     program, _ = random_layer(seed)
     program = by_potentials(program, first)
     rows = 90
@@ -69,8 +72,8 @@ def test_stops_in_silence(seed, silence, first):
     assert biased or (stops.steps < rows).any()
 
 
-def test_what_a_silence_saves():
-    """Class 0 spikes once, and rests from step 2 on: with three silent steps the end is after step 4."""
+def test_a_stop_in_silence_saves_the_steps_after_it():
+    """Class 0 spikes once, and rests from step 2 on: after three silent rows, a recording stops after step 4."""
     builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE)
     program = builder.build()
     recording = np.zeros((2, 12, 2), dtype=np.uint8)
@@ -86,7 +89,9 @@ def test_what_a_silence_saves():
 
     def total_ns(recordings):
         activities = hw.simulate(program, recordings, probe=("activity",)).activity["time"]
-        return sum(hw.latency(program, {"time": one}, profile).total_ns for one in activities)
+        return sum(
+            hw.latency(program, {"time": activity}, profile).total_ns for activity in activities
+        )
 
     assert stops.latency_ns == pytest.approx(total_ns(recording[:, :4]))
     assert stops.all_latency_ns == pytest.approx(total_ns(recording))
@@ -94,7 +99,7 @@ def test_what_a_silence_saves():
 
 
 def test_silence_waits_for_what_is_under_way():
-    """A spike that takes five steps to arrive: nothing is held meanwhile, and it would be too early to stop."""
+    """An event takes five steps to arrive. Meanwhile all registers are 0, but it is too early to stop."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
     y = builder.add_compartments(

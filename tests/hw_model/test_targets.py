@@ -1,4 +1,4 @@
-"""What the compiler asks of a target, whatever its kind, and that nobody asks a chip for its kind."""
+"""Targets: each kind of chip answers what the compiler asks, and no other room asks a chip for its kind."""
 
 import ast
 from dataclasses import replace
@@ -19,7 +19,7 @@ MESH = ("loihi-sim", "tiny-sim")
 
 
 def program_on(chip):
-    """Two cores of the mesh: three compartments that hear one channel, and one that hears them."""
+    """Return a program on two cores of the mesh: three compartments driven by one channel, and one driven by them."""
     limits = replace(chip.limits, compartments_per_core=3)
     b = hw.ProgramBuilder(replace(chip, limits=limits))
     x = b.add_input("x", 1)
@@ -51,7 +51,7 @@ def test_every_chip_that_ships_is_of_one_kind(name):
         ("locsnn-130nm", True, True, False, False),
     ],
 )
-def test_what_targets_can_do(name, joins, timed, has_mesh, times_cores):
+def test_targets_say_what_they_can_do(name, joins, timed, has_mesh, times_cores):
     target = target_of(hw.chip(name))
     answers = (target.joins, target.timed, target.has_mesh, target.times_cores)
     assert answers == (joins, timed, has_mesh, times_cores)
@@ -149,5 +149,5 @@ def test_every_chip_that_ships_is_found_by_its_name():
         ),
     ],
 )
-def test_what_a_program_may_have_is_said_in_words(name, lines):
+def test_a_target_describes_its_limits_in_words(name, lines):
     assert target_of(hw.chip(name)).in_words.startswith(lines)

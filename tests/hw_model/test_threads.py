@@ -1,4 +1,4 @@
-"""Several threads that play one program at the same time: each has rooms of its own."""
+"""Several threads simulate one program at the same time: each has its own memory, and gets the results of one alone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROWS = 20_000
 
 
 def test_threads_do_not_disturb_each_other():
-    """All begin together, first with a program that nobody has played, and then with the same again."""
+    """All begin together: first with a program that nobody has played yet, then twice with the same one again."""
     density = np.linspace(0.1, 0.7, THREADS)[:, None, None]
     recordings = (np.random.default_rng(0).random((THREADS, ROWS, 6)) < density).astype(np.uint8)
     program_of_one_thread = live_program()
@@ -44,7 +44,7 @@ def test_threads_do_not_disturb_each_other():
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")
-def test_cores_are_those_that_the_process_may_use():
+def test_only_the_cores_that_a_process_may_use_are_counted():
     program = """\
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -1,6 +1,7 @@
-"""The fast engine where it takes short cuts: matrices, lists, rests, bundles, tiles of 64 steps, batches.
+"""The shortcuts of the fast engine change no result: matrices, lists, skipped chunks, pairs, echoes, tiles, batches.
 
-Each program is small, and is played sparsely over several tiles; the reference engine knows none of this.
+:mod:`hw_model.engine.layout` explains these words. Each of :data:`PROGRAMS` is a small program that takes one shortcut;
+it is played sparsely over several tiles of 64 steps, and compared with the reference engine, which has no shortcuts.
 """
 
 from dataclasses import replace
@@ -24,7 +25,7 @@ STEPS = 200
 
 
 def matrix() -> hw.ProgramBuilder:
-    """A row of charges so long that eight rows of the matrix are added at once, and one that is not."""
+    """Return a matrix whose rows are so long that eight are added at once, and one of short rows."""
     r = np.random.default_rng(1)
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 20)
@@ -36,7 +37,7 @@ def matrix() -> hw.ProgramBuilder:
 
 
 def delays_of_a_matrix() -> hw.ProgramBuilder:
-    """As many synapses as a matrix has, each with a delay of its own."""
+    """Return a link as dense as a matrix, but with different delays, which a matrix cannot have."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 4)
     n = builder.add_compartments("n", 20, threshold=90, **FORGETS)
@@ -45,7 +46,7 @@ def delays_of_a_matrix() -> hw.ProgramBuilder:
 
 
 def weights_beyond_16_bits() -> hw.ProgramBuilder:
-    """Two synapses from each source, which together are wider than an entry of a matrix."""
+    """Return two synapses from each source, whose sum exceeds the 16 bits of an entry of a matrix."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 4)
     n = builder.add_compartments("n", 20, threshold=LARGEST_THRESHOLD, **FORGETS)
@@ -55,7 +56,7 @@ def weights_beyond_16_bits() -> hw.ProgramBuilder:
 
 
 def late_lists() -> hw.ProgramBuilder:
-    """One synapse a source, late: what is due after a tile is moved, also where the last chunk has nothing."""
+    """Return one synapse per source with a long delay: charges due after a tile are moved to the next one."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 40)
     n = builder.add_compartments("n", 40, threshold=90, **FORGETS)
@@ -64,7 +65,7 @@ def late_lists() -> hw.ProgramBuilder:
 
 
 def slow_decay() -> hw.ProgramBuilder:
-    """What is left of a tile decays in the next."""
+    """Return compartments whose voltage decays over several tiles."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     n = builder.add_compartments("n", 20, decay_u=FORGETS_AT_ONCE, decay_v=40, threshold=160)
@@ -73,7 +74,7 @@ def slow_decay() -> hw.ProgramBuilder:
 
 
 def recurrence_ahead_of_another() -> hw.ProgramBuilder:
-    """A block that is run row by row, and one behind it that is run tile by tile."""
+    """Return a block that feeds itself, which runs row by row, and one behind it that runs tile by tile."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
@@ -85,7 +86,7 @@ def recurrence_ahead_of_another() -> hw.ProgramBuilder:
 
 
 def chunks_that_rest_in_turn() -> hw.ProgramBuilder:
-    """Compartments of two chunks, each with an input of its own."""
+    """Return groups of two chunks whose compartments each have their own input, so that chunks rest at different times."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 20)
     n = builder.add_compartments("n", 20, threshold=90, **FORGETS)
@@ -96,7 +97,7 @@ def chunks_that_rest_in_turn() -> hw.ProgramBuilder:
 
 
 def sums(bias: int, decays: tuple[int, int] = (2000, 4096)) -> hw.ProgramBuilder:
-    """A compartment that only adds up its children, or that has a bias also."""
+    """Return a soma that only adds its children or, with a bias, is a sum and more."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=150, bias=bias, **FORGETS)
@@ -109,7 +110,7 @@ def sums(bias: int, decays: tuple[int, int] = (2000, 4096)) -> hw.ProgramBuilder
 
 
 def pairs(*decays: tuple[int, int]) -> hw.ProgramBuilder:
-    """Two dendrites and their sum at the ends of a narrow voltage, at the threshold, and of decays of their own."""
+    """Return two dendrites and their sum, at the ends of a narrow voltage and at the threshold, with the given decays."""
     limits = {"threshold": 40, "vmin": 1 - 2**13, "vmax": 2**13 - 1}
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
@@ -125,7 +126,7 @@ def pairs(*decays: tuple[int, int]) -> hw.ProgramBuilder:
 
 
 def echoes(children: int, delays: tuple[int, ...] = (0,), shift: int = 0) -> hw.ProgramBuilder:
-    """Neurons whose spikes come back, each to a dendrite of its own, in the next step or later; or to their neighbour's."""
+    """Return neurons whose spikes return to their own dendrites after some delays or, with ``shift``, to a neighbour's."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, **FORGETS)
@@ -143,7 +144,7 @@ def echoes(children: int, delays: tuple[int, ...] = (0,), shift: int = 0) -> hw.
 
 
 def echoes_alone(delays: tuple[int, ...] = (0,), **decays: int) -> hw.ProgramBuilder:
-    """Neurons whose spikes come back to a dendrite that nothing else reaches, and that is updated before the one that drives."""
+    """Return neurons whose spikes return to a dendrite that nothing else reaches, updated before the one that drives."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, **FORGETS)
@@ -157,7 +158,7 @@ def echoes_alone(delays: tuple[int, ...] = (0,), **decays: int) -> hw.ProgramBui
 
 
 def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
-    """A soma that keeps nothing between steps, except that it may be blocked, with two dendrites: next to each other, or in a row."""
+    """Return a soma that keeps nothing but refractory steps, with two dendrites, side by side or one behind the other."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, refractory=refractory, **FORGETS)
@@ -173,7 +174,7 @@ def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
 
 
 def pairs_in_turn() -> hw.ProgramBuilder:
-    """Two dendrites, each driven by a channel of its own, so that one is reached while the other rests."""
+    """Return pairs of dendrites with a channel each, so that one is reached while the other rests."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     soma = builder.add_compartments("soma", 20, threshold=90, **FORGETS)
@@ -186,7 +187,7 @@ def pairs_in_turn() -> hw.ProgramBuilder:
 
 
 def columns_in_reverse() -> hw.ProgramBuilder:
-    """A group whose columns come before those of the group that drives it, and that is updated after it."""
+    """Return a group that is updated after the group that drives it, though its columns come first."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     y = builder.add_compartments("y", 20, threshold=90, **FORGETS)
@@ -197,8 +198,10 @@ def columns_in_reverse() -> hw.ProgramBuilder:
 
 
 def always(*, circle: bool) -> hw.ProgramBuilder:
-    """Three groups that spike in every step, so that their lists are full: `first` is listed after `h`, but lies before
-    it, and `last` reads the list of `h` after that."""
+    """Return three groups that spike in every step, so that their lists of spikes are full.
+
+    The list of ``first`` is written after that of ``h`` but lies before it, and ``last`` reads the list of ``h`` later.
+    """
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     first, h, last = (
@@ -214,7 +217,7 @@ def always(*, circle: bool) -> hw.ProgramBuilder:
 
 
 def lists_by_delay() -> hw.ProgramBuilder:
-    """So many synapses a source with each delay that each has lists of its own, from an input and in a circle."""
+    """Return links with so many synapses per source and delay that each delay has its own lists: outside and in a circle."""
     r = np.random.default_rng(0)
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 4)
@@ -226,7 +229,7 @@ def lists_by_delay() -> hw.ProgramBuilder:
 
 
 def wide_lists() -> hw.ProgramBuilder:
-    """Lists whose synapses need more than 32 bits: ten for the slot, six for the delay, and 17 for the weight."""
+    """Return lists whose synapses need more than 32 bits: ten for the slot, six for the delay, and 17 for the weight."""
     builder = hw.ProgramBuilder(CHIP)
     size = 520
     x = builder.add_input("x", size)
@@ -239,7 +242,7 @@ def wide_lists() -> hw.ProgramBuilder:
 
 
 def refractory() -> hw.ProgramBuilder:
-    """Compartments that nothing but their refractory steps sets apart from the plainest."""
+    """Return compartments that would be plain if they had no refractory steps."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 2)
     n = builder.add_compartments("n", 20, threshold=90, refractory=4, **FORGETS)
@@ -283,8 +286,13 @@ PROGRAMS = {
 
 
 def recordings(channels: int) -> np.ndarray:
-    """Events around the ends of tiles, many and few at once; the second ends amid its events, the third is silent."""
+    """Return four recordings.
+
+    The first has few or many events around the ends of tiles, the second one in its first and last row; the third is
+    silent; the fourth has an event in every seventh row.
+    """
     rows = np.zeros((4, STEPS, channels), dtype=np.uint8)
+    # Rows around the ends of tiles, at 64 and 128, and how many channels have an event there.
     for row, many in ((3, 1), (4, 11), (61, 2), (63, 8), (64, 1), (70, 9), (130, 16), (131, 3)):
         rows[0, row, :many] = 1
     rows[1, [0, STEPS - 1]] = 1
@@ -296,7 +304,7 @@ def recordings(channels: int) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("build", PROGRAMS.values(), ids=PROGRAMS)
 @pytest.mark.parametrize("watched", [False, True], ids=["spikes alone", "registers, too"])
-def test_a_short_cut_changes_nothing(build, watched):
+def test_a_shortcut_changes_nothing(build, watched):
     program = build().build()
     rows = recordings(program.streams["x"])
     probe = ("spikes", "u", "v", "potential") if watched else ("spikes",)
@@ -312,7 +320,7 @@ def test_a_short_cut_changes_nothing(build, watched):
 
 
 @pytest.mark.parametrize("build", PROGRAMS.values(), ids=PROGRAMS)
-def test_no_recording_knows_of_the_one_before(build):
+def test_no_recording_is_influenced_by_the_one_before(build):
     program = build().build()
     rows = recordings(program.streams["x"])
     together = hw.simulate(program, rows).per_recording
@@ -332,8 +340,8 @@ def test_inputs_of_a_phase_have_lists_of_their_own():
         assert spikes.tolist() == [[[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]]] * 2
 
 
-def test_what_is_due_after_the_end_is_counted_by_input():
-    """Synapses of the second input take two steps more: of events in row 3 of five, only its own come too late."""
+def test_synapses_due_after_the_end_are_counted_by_input():
+    """The second input has a delay of two steps: of the events in row 3 of five, only its own come too late."""
     builder = hw.ProgramBuilder(CHIP)
     n = builder.add_compartments("n", 2, threshold=90, **FORGETS)
     for name, delay in (("x", 0), ("z", 2)):
@@ -341,16 +349,13 @@ def test_what_is_due_after_the_end_is_counted_by_input():
     program = builder.build()
     first, second = np.zeros((2, 5, 2), dtype=np.uint8)
     first[3, 0] = second[1, 0] = second[3, 1] = 1
-    found = [
-        hw.simulate(program, {"x": first, "z": second}, engine=engine).counts for engine in ENGINES
-    ]
-    assert [(counts.synaptic_ops, counts.synaptic_ops_after_end) for counts in found] == [
-        (6, 2)
-    ] * 2
+    for engine in ENGINES:
+        counts = hw.simulate(program, {"x": first, "z": second}, engine=engine).counts
+        assert (counts.synaptic_ops, counts.synaptic_ops_after_end) == (6, 2), engine
 
 
 @pytest.mark.parametrize(
-    ("build", "taken"),
+    ("build", "has_echo"),
     [
         (lambda: echoes(2), True), (lambda: echoes(3), True), (echoes_alone, True), (lambda: echoes(2, (1,)), True),
         (lambda: echoes(2, (0, 1, 2, 4)), True), (lambda: echoes(2, (7,)), False),
@@ -358,11 +363,11 @@ def test_what_is_due_after_the_end_is_counted_by_input():
     ],
     ids=["pairs", "three", "alone", "late", "over some steps", "seven steps late", "of a neighbour", "of all"],
 )  # fmt: skip
-def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
+def test_spikes_that_return_to_their_own_dendrite_are_an_echo(build, has_echo):
     program = build().build()
     chunks = fast_layout(program, "time").tables.chunks
-    assert (chunks.echo_to >= 0).any() == taken
-    if taken:
+    assert (chunks.echo_to >= 0).any() == has_echo
+    if has_echo:
         assert chunks.echo.any()
 
 
@@ -375,14 +380,14 @@ def test_wide_synapses_are_in_a_list_of_their_own():
     ("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"]
 )
 def test_a_packed_weight_has_a_sign(widest, fits):
-    """One bit is the slot's, so that 31 are left for the weight and its sign."""
+    """One bit is for the slot, so 31 bits are left for the weight and its sign."""
     words, _ = packed_synapses(np.array([0, 1]), np.array([widest, -widest]), np.array([3, 3]), 1)
     assert words.dtype == (np.int32 if fits else np.int64)
     assert (words >> 1).tolist() == [widest, -widest]
 
 
 def many_children(count: int, **limits) -> hw.ChipProgram:
-    """Compartments that add the lowest voltage to one soma."""
+    """Return children that each add their lowest voltage to one soma."""
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
     soma = builder.add_compartments("soma", 1, threshold=0, **FORGETS, **limits)
@@ -403,15 +408,15 @@ def many_children(count: int, **limits) -> hw.ChipProgram:
 @pytest.mark.parametrize(
     ("children", "bits"), [(254, 32), (255, 64)], ids=["the most in 32 bits", "one more"]
 )
-def test_the_width_of_a_sum_by_hand(children, bits):
-    """256 voltages at the end of their range and a current at the end of its own are 2^31 + 2^23 - 256."""
+def test_sums_that_exceed_32_bits_make_a_layout_of_64(children, bits):
+    """256 voltages and a current, all at the ends of their ranges, are 2^31 + 2^23 - 256: too much for 32 bits."""
     assert (
         fast_layout(many_children(children), "time").tables.chunks.registers.dtype == f"int{bits}"
     )
 
 
-def test_children_at_the_lower_end():
-    """A range that reaches further down than up: 300 lowest voltages are no positive sum."""
+def test_many_lowest_voltages_do_not_wrap_to_a_spike():
+    """The sum of 300 lowest voltages must not wrap to a positive number, which would spike."""
     program = many_children(300, vmin=1 - 2**23, vmax=2**9 - 1)
     for engine in ENGINES:
         result = hw.simulate(program, np.zeros((30, 1), dtype=np.uint8), engine=engine)
@@ -419,7 +424,7 @@ def test_children_at_the_lower_end():
 
 
 @pytest.mark.parametrize("lines", [256, 257], ids=["the most in a tile", "one line more"])
-def test_more_spikes_than_are_delivered_together(lines):
+def test_more_spikes_than_one_loop_delivers(lines):
     assert 256 * TILE == MOST_LISTED
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", lines)

@@ -1,4 +1,7 @@
-"""Without a numba that fits, programs are played by the plain engine, and what cannot be is one line."""
+"""Without a supported numba, programs run on the plain engine with one warning, and sessions are refused in one line.
+
+Each case runs in a process with a stand-in for numba.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ del Cache._load_overload
 
 
 def plays(folder, numba=None, sitecustomize="", **environment):
-    """Play a program in a process, and return what it prints: its output and its errors."""
+    """Simulate a program in a process, and return its stdout and stderr."""
     if numba is not None:
         (folder / "numba").mkdir()
         (folder / "numba/__init__.py").write_text(numba)
@@ -54,10 +57,11 @@ def plays(folder, numba=None, sitecustomize="", **environment):
 
 
 def config(version):
-    """Return a numba that is nothing but a version."""
+    """Return the source of a numba that has nothing but a version."""
     return f"import types\n__version__ = {version!r}\nconfig = types.SimpleNamespace(DISABLE_JIT=0)"
 
 
+# The stand-in, the reason in the warning, and the way out.
 REFUSED = {
     "too old, which crashes": (
         {"numba": config("0.61.2")},
@@ -84,23 +88,23 @@ REFUSED = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("given", "reason", "fix"), REFUSED.values(), ids=REFUSED)
-def test_without_a_numba_that_fits_the_plain_engine_plays_and_says_so_once(
-    given, reason, fix, tmp_path
+@pytest.mark.parametrize(("stand_in", "reason", "fix"), REFUSED.values(), ids=REFUSED)
+def test_without_a_supported_numba_the_plain_engine_runs_and_warns_once(
+    stand_in, reason, fix, tmp_path
 ):
     import numba
 
     reason = reason.format(version=numba.__version__)
     line = "engine 'fast': the plain one plays instead, about a hundred times slower"
     refused = f"compiled loops: they are needed here ({reason}). {fix}\n"
-    assert plays(tmp_path, **given) == (PLAYED * 2 + refused, f"{line} ({reason}). {fix}\n")
+    assert plays(tmp_path, **stand_in) == (PLAYED * 2 + refused, f"{line} ({reason}). {fix}\n")
 
 
 @pytest.mark.minutes
-def test_a_numba_that_fits_is_used(tmp_path):
+def test_a_supported_numba_is_used(tmp_path):
     assert plays(tmp_path) == (PLAYED * 2, "")
 
 
-def test_the_project_asks_for_the_releases_that_it_can_use():
+def test_the_project_requires_the_supported_releases_of_numba():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert f"numba{usable.supported()}" in project["dependencies"]

@@ -1,4 +1,4 @@
-"""Frozen values: dataclasses by their base, compared by what they hold unless they hold arrays."""
+"""The base classes of immutable types: frozen, compared by fields or by identity, added, and shown in short."""
 
 from dataclasses import FrozenInstanceError, replace
 
@@ -23,7 +23,7 @@ class Row(Frozen, eq=False):
     cells: np.ndarray
 
 
-class Told(Shown):
+class Short(Shown):
     cells: np.ndarray
     many: int = 1
 
@@ -34,33 +34,33 @@ class Counted(Sums):
     rows: tuple[int, ...] = ()
 
 
-def test_nobody_changes_one():
+def test_a_frozen_value_cannot_be_changed():
     point = Point(1)
     with pytest.raises(FrozenInstanceError):
         point.x = 2
     assert replace(point, x=2) == Point(2, 0)
 
 
-def test_equal_by_fields_or_by_identity():
+def test_values_are_equal_by_fields_or_by_identity():
     assert Point(1) == Point(1, 0)
     assert len({Point(1), Point(1, 0)}) == 1
     assert Place(1, 2, "a") < Place(1, 2, "b")
     row = Row(np.zeros(2))
     assert row == row
     assert row != Row(np.zeros(2))
-    assert Told(row.cells) != Told(row.cells)
+    assert Short(row.cells) != Short(row.cells)
 
 
-def test_one_that_is_shown_is_short():
-    assert repr(Told(np.zeros(2))) == "Told(cells=<float64 (2,)>)"
-    assert repr(Told(np.zeros(2), 3)) == "Told(cells=<float64 (2,)>, many=3)"
+def test_the_repr_of_a_shown_value_is_short():
+    assert repr(Short(np.zeros(2))) == "Short(cells=<float64 (2,)>)"
+    assert repr(Short(np.zeros(2), 3)) == "Short(cells=<float64 (2,)>, many=3)"
 
 
 def test_sums_add_up_field_by_field():
-    one = Counted(1, {"a": 1, "b": 2}, (1,))
-    other = Counted(2, {"b": 3, "c": 4}, (2, 3))
-    assert one + other == Counted(3, {"a": 1, "b": 5, "c": 4}, (1, 2, 3))
-    assert one == Counted(1, {"a": 1, "b": 2}, (1,))
+    left = Counted(1, {"a": 1, "b": 2}, (1,))
+    right = Counted(2, {"b": 3, "c": 4}, (2, 3))
+    assert left + right == Counted(3, {"a": 1, "b": 5, "c": 4}, (1, 2, 3))
+    assert left == Counted(1, {"a": 1, "b": 2}, (1,))
 
 
 def test_counts_are_a_mapping_of_all_names():

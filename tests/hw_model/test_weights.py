@@ -1,4 +1,4 @@
-"""The grids of weight formats."""
+"""The grids of weights that synapse formats can hold, by hand and against the nearest number of the grid."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from hw_model.errors import InputError
         (1, "mixed", 256, -256, 0),
     ],
 )
-def test_grid(bits, mode, step, low, high):
+def test_the_grid_of_a_format_worked_out_by_hand(bits, mode, step, low, high):
     """By the table of :class:`hw_model.arithmetic.fixed_point.WeightGrid`, worked out by hand."""
     grid = weight_grid(bits, mode)
     assert (grid.step, grid.low, grid.high) == (step, low, high)
@@ -54,7 +54,7 @@ TRIED = np.array([-257, -256, -255, -8, -4, -2, -1, 0, 1, 4, 8, 248, 252, 254, 2
 
 
 @pytest.mark.parametrize(
-    ("bits", "mode", "held"),
+    ("bits", "mode", "on_grid"),
     [
         (8, "mixed", [-256, -8, -4, -2, 0, 4, 8, 248, 252, 254]),
         (8, "excitatory", [0, 1, 4, 8, 248, 252, 254, 255]),
@@ -63,8 +63,8 @@ TRIED = np.array([-257, -256, -255, -8, -4, -2, -1, 0, 1, 4, 8, 248, 252, 254, 2
         (6, "excitatory", [0, 4, 8, 248, 252]),
     ],
 )
-def test_what_a_format_holds(bits, mode, held):
-    assert TRIED[~weight_grid(bits, mode).off_grid(TRIED)].tolist() == held
+def test_only_weights_on_the_grid_are_accepted(bits, mode, on_grid):
+    assert TRIED[~weight_grid(bits, mode).off_grid(TRIED)].tolist() == on_grid
 
 
 @pytest.mark.parametrize("bits", [0, 7, 9, -1])

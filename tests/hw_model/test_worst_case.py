@@ -1,4 +1,4 @@
-"""Bounds on time, queues and the buffer: by hand, and on programs of any phases with hostile recordings."""
+"""Bounds on time, queues and the buffer: against numbers by hand, and against hostile recordings of random programs."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tests.support.hostile_recordings import hostile
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
 from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
+# Nanoseconds of the profile davies2018: two active updates, a packet within a tile, a synaptic operation, a barrier.
 UPDATES = 2 * 8.4
 WITHIN_TILE = 2.1
 SYNAPSE = 3.5
@@ -36,7 +37,7 @@ def test_a_chain_takes_at_most_what_it_takes_by_hand(events: int, step_ns: float
     assert (bound.queued_packets, bound.buffered_events) == (0, 0)
 
 
-def test_what_cannot_reach_its_threshold_sends_nothing() -> None:
+def test_a_compartment_that_cannot_reach_its_threshold_sends_nothing() -> None:
     builder = hw.ProgramBuilder(CHIP)
     touch = builder.add_input("touch", 1)
     forgets = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE}
@@ -61,7 +62,7 @@ def test_the_sustained_rate_is_the_largest_that_fits_the_step() -> None:
 
 
 def rows_of_many(channels: int) -> hw.ChipProgram:
-    """Channel k has k + 1 synapses."""
+    """Return a program whose channel k has k + 1 synapses."""
     builder = hw.ProgramBuilder(CHIP)
     touch = builder.add_input("touch", channels)
     neuron = builder.add_compartments(
@@ -79,7 +80,7 @@ def test_the_dearest_events_are_those_of_the_bound() -> None:
 
 
 def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:
-    """Of a channel that both read from the transpose buffer, in each of two rows: a read and a synapse for each."""
+    """Both inputs read the channel from the transpose buffer: each event of two rows costs a read and a synapse twice."""
     builder = hw.ProgramBuilder(CHIP)
     neuron = builder.add_compartments("neuron", 1, threshold=1000)
     for name in ("left", "right"):
@@ -93,7 +94,7 @@ def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:
 
 
 def check_mesh(seed: int) -> int:
-    """Check the bounds of a case at the rate of each of its recordings; return how many there were."""
+    """Check the bounds of a program at the rate of each of its recordings; return how many recordings there were."""
     case = any_phases.case(seed)
     program = case.program
     if not case.rows or case.steps is not None:
@@ -105,7 +106,7 @@ def check_mesh(seed: int) -> int:
         of_recording = {phase: [items[i]] for phase, items in activity.items()}
         (latency,), usage = measure(program, of_recording, program.chip.costs)
         bound = hw.worst_case(program, case.rows, most_events)
-        slack = 1 + 1e-9
+        slack = 1 + 1e-9  # for sums of floats in another order
         assert latency.slowest_step_ns <= bound.slowest_step_ns * slack
         assert latency.after_last_row_ns <= bound.answer_ns * slack
         assert latency.total_ns <= bound.recording_ns * slack

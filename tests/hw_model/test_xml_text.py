@@ -1,4 +1,4 @@
-"""Texts in XML files: whatever a name holds, a parser reads it again, in elements and in attributes."""
+"""Texts in XML files: any name is escaped so that a parser reads it back, in elements and in attributes."""
 
 from xml.etree import ElementTree
 
@@ -37,8 +37,8 @@ def test_a_text_is_read_again(text):
 
 
 def test_a_file_is_indented_and_its_root_has_the_attributes_first():
-    made = xml_file("<a b='1'>\n<c/></a>", xmlns="urn:x")
+    content = xml_file("<a b='1'>\n<c/></a>", xmlns="urn:x")
     assert (
-        made
+        content
         == b"<?xml version='1.0' encoding='utf-8'?>\n<a xmlns=\"urn:x\" b=\"1\">\n  <c />\n</a>\n"
     )
