@@ -1,4 +1,4 @@
-"""What a SpiNNaker has room for, read from the YAML file next to this one."""
+"""The limits of a SpiNNaker board, read from the YAML file next to this module or from a user's own file."""
 
 from functools import cache
 from importlib.resources import files
@@ -13,14 +13,15 @@ from hw_model.values import Shown
 SpinnakerName = Literal["spinnaker1"]
 """The names of the chips that ship."""
 NEURONS_PER_CORE_MAX = 256
-"""The most neurons of a core that a description of a chip may say."""
+"""The most neurons per core that a chip file may state."""
 
 
 class SpinnakerChip(Shown, eq=True):
-    """A board of cores, and what a core holds.
+    """The cores of a board, and the limits of a core.
 
-    The numbers of neurons, receptors and slots of a core's ring buffer are powers of two, whose
-    exponents add up to ``ring_bits`` at most.
+    A core keeps the weights that are due in later steps in a ring buffer with an entry per neuron, receptor and step.
+    The index of an entry has a bit field for each of the three, and all bits together are at most ``ring_bits``.
+    ``synapses_per_row`` limits the synapses of one source on one core.
     """
 
     name: ChipName
@@ -33,7 +34,7 @@ class SpinnakerChip(Shown, eq=True):
 
     @property
     def description(self) -> str:
-        """What it has room for, in a line."""
+        """The limits in a line, for lists of chips."""
         return (
             f"{self.cores} cores of {self.neurons_per_core} neurons, "
             f"{self.synapses_per_row} synapses of a source on a core"
@@ -47,7 +48,7 @@ def spinnaker_chip_names() -> tuple[str, ...]:
 
 
 def spinnaker_chip(name_or_path: str) -> SpinnakerChip:
-    """Return a chip by its name, or of the path of a YAML file; another name is an ``InputError``."""
+    """Return a chip by its name, or read it from the path of a YAML file; an unknown name is an ``InputError``."""
     if is_yaml_path(name_or_path):
         path = Path(name_or_path)
         return parse(SpinnakerChip, read_chip_file(path), path.name)
@@ -60,12 +61,12 @@ def _shipped(name: str) -> SpinnakerChip:
 
 
 def is_shipped_spinnaker(chip: SpinnakerChip) -> bool:
-    """Tell whether a chip is one that ships, and not another of its name."""
+    """Return whether a chip is one that ships, rather than a user's chip with the same name."""
     return chip.name in spinnaker_chip_names() and chip == _shipped(chip.name)
 
 
 def spinnaker_chip_document(name: str) -> str:
-    """Return the YAML text that describes a chip; ``InputError`` for a name that none has."""
+    """Return the YAML text that describes a chip that ships; an unknown name is an ``InputError``."""
     what = "no SpiNNaker of this name ships"
     check_known(f"target {name!r}", what, name, spinnaker_chip_names())
     return (files("hw_model") / "spinnaker" / f"{name}.yaml").read_text("utf-8")

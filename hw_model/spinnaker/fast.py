@@ -1,8 +1,8 @@
-"""The compiled engine of SpiNNaker: the page of its arithmetic on single numbers, step after step.
+"""The compiled engine of SpiNNaker, which plays a phase with numba, one neuron after the other.
 
-The formulas are those of :mod:`hw_model.arithmetic.spinnaker`, compiled. Here is only the order of
-turns, as in :mod:`hw_model.spinnaker.reference`, which this engine equals in every register and
-every count.
+The formulas are those of :mod:`hw_model.arithmetic.spinnaker`, compiled. This module says only in which order they are
+applied. The plain engine, :mod:`hw_model.spinnaker.reference`, does the same in the same order; both give equal
+registers and counts.
 """
 
 from typing import NamedTuple
@@ -16,8 +16,8 @@ from hw_model.spinnaker.network import RECEPTORS, SpinnakerNetwork, SpinnakerPop
 from hw_model.spinnaker.reference import SpinnakerResult, checked_rows, empty_result
 from hw_model.values import AnyArray, IntArray
 
-# Where each count lies among those of :data:`hw_model.arithmetic.spinnaker.EVENTS`: the loops count
-# by index, as numba has no mapping that would be fast.
+# The arithmetic's EVENTS are the names of what is counted, such as wraps; they are not events of a recording. The loops
+# count in an array, by these indices, since numba has no fast dictionary.
 RING_WRAPS = spinnaker.EVENTS.index("ring_wraps")
 CURRENT_WRAPS = spinnaker.EVENTS.index("current_wraps")
 POTENTIAL_WRAPS = spinnaker.EVENTS.index("potential_wraps")
@@ -26,10 +26,10 @@ LATE_SYNAPSES = spinnaker.EVENTS.index("late_synapses")
 
 
 class Neurons(NamedTuple):
-    """n neurons of a phase: ``synapse_*`` and ``shifts`` (n, receptors), all others (n,).
+    """The parameters of the n neurons of a phase: ``synapse_*`` and ``shifts`` (n, receptors), all others (n,).
 
-    Formats are those of :class:`hw_model.arithmetic.spinnaker.Parameters` and of its ``Constants``;
-    ``slots`` are those of the ring buffer of a neuron's core.
+    The number formats are those of ``Parameters`` and ``Constants`` in :mod:`hw_model.arithmetic.spinnaker`. ``slots``
+    is the length of the ring buffer on a neuron's core, in steps.
     """
 
     v_rest: IntArray
@@ -46,10 +46,10 @@ class Neurons(NamedTuple):
 
 
 class Synapses(NamedTuple):
-    """Synapses of a phase in the order they act in.
+    """The synapses of a phase, in the order in which they act.
 
-    Those of source s are ``first[s]`` to before ``first[s + 1]``; ``first`` is (sources + 1,), all
-    others are (synapses,). Sources are lines, then neurons. ``delay`` is in steps.
+    Source s has the synapses ``first[s]..first[s + 1]``; ``first`` is (sources + 1,), all other arrays are (synapses,).
+    Sources are numbered: input lines first, then neurons. ``delay`` is in steps.
     """
 
     first: IntArray
@@ -60,7 +60,7 @@ class Synapses(NamedTuple):
 
 
 class SynapsesBySource(NamedTuple):
-    """Synapses in any order, with the number of the source of each; arrays are (synapses,)."""
+    """Synapses in any order, each with the number of its source; arrays are (synapses,)."""
 
     source: IntArray
     target: IntArray
@@ -79,7 +79,7 @@ class Registers(NamedTuple):
 
 
 class PhaseArrays(NamedTuple):
-    """All that the loops have of a phase; of these, they write ``registers`` only."""
+    """All that the loops need of a phase; they write only ``registers``."""
 
     neurons: Neurons
     synapses: Synapses
@@ -87,9 +87,10 @@ class PhaseArrays(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """What the loops write: spikes of all sources (rows, sources), and registers (rows, n, ..).
+    """The history that the loops write: spikes ``sent`` by all sources (rows, sources), registers (rows, n, ...).
 
-    Spikes of lines, the first sources, stand there from the beginning, and are read only.
+    The spikes of input lines, which are the first sources, are in ``sent`` from the beginning. The loops only read
+    them.
     """
 
     sent: AnyArray
@@ -100,9 +101,9 @@ class Recorded(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """By how many steps spikes come late, (rows, sources), and the largest of these.
+    """By how many steps cores process each spike too late, (rows, sources), and the largest of these numbers.
 
-    If no spike is late, ``steps`` is empty, and is not read.
+    A core of a busy board can fall behind. If no spike is late, ``steps`` is empty and is not read.
     """
 
     steps: IntArray
@@ -125,7 +126,7 @@ _INHIBITORY = spinnaker.INHIBITORY
 
 
 class FastPhase:
-    """A phase laid out for the compiled loop; ``play`` may be called as often as one likes."""
+    """A phase laid out for the compiled loop once, to play any number of recordings with it."""
 
     def __init__(self, network: SpinnakerNetwork, phase: str) -> None:
         self.network = network
@@ -136,7 +137,7 @@ class FastPhase:
         self.v_init = _joined([item.parameters.v_init for item in populations])
 
     def play(self, spikes: AnyArray, lateness: AnyArray | None = None) -> SpinnakerResult:
-        """Play rows from rest, as :class:`hw_model.spinnaker.reference.PhaseRows` takes them."""
+        """Play ``spikes`` from rest; arguments are explained at :class:`hw_model.spinnaker.reference.PhaseRows`."""
         rows = checked_rows(self.network, self.phase, spikes, lateness)
         steps = len(rows.spikes)
         result = empty_result(self.network, self.phase, steps, {})
@@ -162,6 +163,7 @@ def play_fast(
 
 
 def _neurons(populations: tuple[SpinnakerPopulation, ...]) -> Neurons:
+    """Return the parameters of all populations of a phase, one population after the other."""
     by_population = [_neurons_of(population) for population in populations]
     return Neurons(*(_joined(arrays) for arrays in zip(*by_population, strict=True)))
 
@@ -181,16 +183,16 @@ def _neurons_of(population: SpinnakerPopulation) -> Neurons:
 
 
 def _joined(parts: list[IntArray] | tuple[IntArray, ...]) -> IntArray:
-    """Return arrays as one, contiguous and of 64 bits, the kind the loops are compiled for."""
+    """Return arrays joined to one, contiguous and int64: the kind of array that the loops are compiled for."""
     return np.ascontiguousarray(np.concatenate(parts), dtype=np.int64)
 
 
 def _synapses(network: SpinnakerNetwork, phase: str) -> Synapses:
-    """Return synapses ordered by source; of one source they follow each other by projection."""
+    """Return the synapses of a phase ordered by source, and those of one source by projection."""
     first_source = network.sources_of(phase)
     columns = network.columns_of(phase)
     nothing = np.zeros(0, dtype=np.int64)
-    # A phase may have no projection, and nothing at all cannot be joined.
+    # Begin with empty arrays, so that there is something to join in a phase without projections.
     parts = [SynapsesBySource(nothing, nothing, nothing, nothing, nothing)]
     for projection in network.projections_of(phase):
         receptor = RECEPTORS.index(projection.receptor)
@@ -204,7 +206,7 @@ def _synapses(network: SpinnakerNetwork, phase: str) -> Synapses:
             )
         )
     joined = SynapsesBySource(*(_joined(arrays) for arrays in zip(*parts, strict=True)))
-    # A stable order: synapses of one source stay in the order of projections.
+    # Stable: the synapses of one source stay in the order of projections, which matters when a sum saturates.
     order = np.argsort(joined.source, kind="stable")
     sources = network.lines_of(phase) + network.neurons_of(phase)
     first = np.searchsorted(joined.source[order], np.arange(sources + 1))
@@ -218,6 +220,7 @@ def _synapses(network: SpinnakerNetwork, phase: str) -> Synapses:
 
 
 def _at_rest(v_init: IntArray, neurons: Neurons) -> Registers:
+    """Return the registers before the first step; the ring buffers are as long as the longest of any core."""
     size = len(v_init)
     return Registers(
         v=v_init.copy(),
@@ -228,6 +231,7 @@ def _at_rest(v_init: IntArray, neurons: Neurons) -> Registers:
 
 
 def _lateness(steps: IntArray | None) -> Lateness:
+    """Return the lateness for the loops, which cannot take None."""
     if steps is None:
         return Lateness(np.zeros((0, 0), dtype=np.int64), 0)
     return Lateness(np.ascontiguousarray(steps), int(steps.max(initial=0)))
@@ -235,7 +239,7 @@ def _lateness(steps: IntArray | None) -> Lateness:
 
 @compiled
 def _wrapped(exact, event_counts, event):  # type: ignore[no-untyped-def]
-    """Return a sum in 32 bits, and count that it wrapped if it did."""
+    """Return an exact sum wrapped to 32 bits, and count the event if this changes it."""
     value = _wrap(exact)
     event_counts[event] += value != exact
     return value
@@ -243,11 +247,12 @@ def _wrapped(exact, event_counts, event):  # type: ignore[no-untyped-def]
 
 @compiled
 def _receive(neurons, registers, n, t, event_counts):  # type: ignore[no-untyped-def]
-    """Add what has arrived for step t to the currents of neuron n, and empty its slot."""
+    """Add the weights that are due in step t to the currents of neuron n, and clear the slot for later steps."""
     slot = t % neurons.slots[n]
     for r in range(_RECEPTORS):
         arrived = registers.ring[slot, n, r]
-        if arrived:  # most slots are empty
+        # Most slots are empty, so this test saves time.
+        if arrived:
             shifted = _wrapped(arrived << neurons.shifts[n, r], event_counts, RING_WRAPS)
             current_sum = _charged(registers.current[n, r], neurons.synapse_init[n, r], shifted)
             registers.current[n, r] = _wrapped(current_sum, event_counts, CURRENT_WRAPS)
@@ -256,7 +261,7 @@ def _receive(neurons, registers, n, t, event_counts):  # type: ignore[no-untyped
 
 @compiled
 def _move(neurons, registers, n, event_counts):  # type: ignore[no-untyped-def]
-    """Return V of neuron n as the threshold sees it, and count down its refractory steps."""
+    """Return V of neuron n as it is compared with the threshold, or count down a refractory step, which keeps V."""
     if registers.refractory[n] > 0:
         registers.refractory[n] -= 1
         return registers.v[n]
@@ -273,7 +278,7 @@ def _move(neurons, registers, n, event_counts):  # type: ignore[no-untyped-def]
 
 @compiled
 def _update(neurons, registers, recorded, t, event_counts):  # type: ignore[no-untyped-def]
-    """Take step t of all neurons."""
+    """Run step t of all neurons: receive, move V, fire, let the currents decay."""
     size = len(registers.v)
     first_neuron = recorded.sent.shape[1] - size
     for n in range(size):
@@ -296,7 +301,7 @@ def _update(neurons, registers, recorded, t, event_counts):  # type: ignore[no-u
 
 @compiled
 def _deliver(phase, source, sent, lateness, event_counts):  # type: ignore[no-untyped-def]
-    """Add the weights of a source that spiked in step ``sent`` to ring buffers."""
+    """Add the weights of a source that spiked in step ``sent`` to the ring buffers of its targets."""
     synapses = phase.synapses
     ring = phase.registers.ring
     for s in range(synapses.first[source], synapses.first[source + 1]):
@@ -316,11 +321,11 @@ def _deliver(phase, source, sent, lateness, event_counts):  # type: ignore[no-un
 
 @compiled
 def _play(phase, lateness, recorded, event_counts):  # type: ignore[no-untyped-def]
-    """Play all rows of ``recorded.sent``, in which the spikes of lines stand already."""
+    """Play all rows of ``recorded.sent``, which contains the spikes of input lines already."""
     steps, sources = recorded.sent.shape
     for t in range(steps):
         _update(phase.neurons, phase.registers, recorded, t, event_counts)
-        # Spikes that were sent first are processed first.
+        # Deliver all spikes that are processed in step t. Spikes that were sent earlier, but are late, come first.
         for sent in range(max(0, t - lateness.largest), t + 1):
             for source in range(sources):
                 if not recorded.sent[sent, source]:

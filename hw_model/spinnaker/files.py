@@ -1,7 +1,8 @@
-"""Programs for a SpiNNaker as files, the pair of :mod:`hw_model.program.sealed`.
+"""Read and write programs for a SpiNNaker, as the two files of :mod:`hw_model.program.sealed`.
 
-What is read is checked as strictly as what is made in Python: the entries by the annotations of
-``SpinnakerDocument``, the arrays by ``SpinnakerNetwork``, and everything against the chip.
+A program that is read from files is checked as strictly as one that is made in Python: entries of ``program.yaml`` by
+the annotations of :class:`SpinnakerDocument`, arrays by :class:`SpinnakerNetwork`, and the whole against the chip.
+Names of entries are the names of fields, so a field that is renamed changes the file format.
 """
 
 from collections.abc import Mapping
@@ -37,6 +38,7 @@ from hw_model.spinnaker.program import SpinnakerProgram
 from hw_model.values import Frozen, IntArray, picked
 
 VERSION = 1
+# The fields of a program about its recordings, which are entries of the same name.
 _OF_RECORDINGS = (
     "step_seconds",
     "event_threshold",
@@ -49,10 +51,11 @@ _OF_RECORDINGS = (
     "recorded",
 )
 _SYNAPSES = ("source_index", "target_index", "weight", "delay")
+"""The arrays of a projection."""
 
 
 class PhaseEntry(Frozen):
-    """A phase, as :class:`hw_model.mapping.graph.Phase`."""
+    """The entry of a phase, with the fields of :class:`hw_model.mapping.graph.Phase`."""
 
     name: str
     axis: Annotated[str, AXES]
@@ -61,7 +64,7 @@ class PhaseEntry(Frozen):
 
 
 class InputEntry(Frozen):
-    """An input; positions and first lines of a transposed one are arrays."""
+    """The entry of an input; the positions and first lines of a transposed input are arrays in the other file."""
 
     name: str
     size: Annotated[int, between(1, MAX_LINES)]
@@ -70,7 +73,7 @@ class InputEntry(Frozen):
 
 
 class PopulationEntry(Frozen):
-    """A population, whose parameters are arrays."""
+    """The entry of a population; the parameters of its neurons are arrays in the other file."""
 
     name: str
     phase: str
@@ -82,7 +85,7 @@ class PopulationEntry(Frozen):
 
 
 class ProjectionEntry(Frozen):
-    """The ends of a projection, whose synapses are arrays."""
+    """The entry of a projection: its ends. Its synapses are arrays in the other file."""
 
     source: str
     target: str
@@ -90,9 +93,9 @@ class ProjectionEntry(Frozen):
 
 
 class ReadoutEntry(Frozen):
-    """A population that is read out, and the weight of what it gives.
+    """The entry of a population of the readout, with its weight in the class scores.
 
-    That is its spikes, or its potentials from step ``potentials_from`` on.
+    The population is read by its spikes or, if ``potentials_from`` is given, by its potentials from that step on.
     """
 
     population: str
@@ -101,7 +104,7 @@ class ReadoutEntry(Frozen):
 
 
 class SpinnakerDocument(Frozen):
-    """The entries of ``program.yaml``; those that are not known are left out."""
+    """The entries of ``program.yaml``. An entry whose value is None is not written."""
 
     format: str
     version: int
@@ -144,6 +147,7 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         "provenance": dict(program.provenance),
     }
     optional = picked(program, *_OF_RECORDINGS)
+    # A chip that ships is found by its name.
     if not is_shipped_spinnaker(program.chip):
         optional["chip"] = asdict(program.chip)
     if program.readout is not None:
@@ -152,13 +156,12 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         optional["class_names"] = list(optional["class_names"])
     if program.recorded is not None:
         optional["recorded"] = program.recorded.document()
-    return sealed_files(
-        SPINNAKER_PROGRAM, VERSION, entries | _known(optional), spinnaker_arrays(program.network)
-    )
+    all_entries = entries | _known(optional)
+    return sealed_files(SPINNAKER_PROGRAM, VERSION, all_entries, spinnaker_arrays(network))
 
 
 def _known(entries: Mapping[str, object]) -> dict[str, object]:
-    """Leave out what is None."""
+    """Return the entries whose value is not None."""
     return {name: value for name, value in entries.items() if value is not None}
 
 
@@ -207,7 +210,7 @@ def load_spinnaker(folder: str | Path) -> SpinnakerProgram:
 
 
 def spinnaker_program_of(pair: SealedPair) -> SpinnakerProgram:
-    """Return the program in both files as read."""
+    """Return the program that the two files hold."""
     pair.check_format(SPINNAKER_PROGRAM, VERSION)
     pair.check_arrays()
     reader = RecordReader(PROGRAM_YAML, fix="Compile again.")
@@ -224,6 +227,7 @@ def spinnaker_program_of(pair: SealedPair) -> SpinnakerProgram:
             **picked(document, *_OF_RECORDINGS),
         )
     _check_names(arrays, network)
+    # The checksum comes last: the checks before it say what is wrong, it says only that something is.
     pair.check_seal()
     return program
 
@@ -276,7 +280,7 @@ def _parameters(prefix: str, arrays: Mapping[str, IntArray]) -> spinnaker.Parame
 
 
 def _check_input(item: Input, phases: tuple[Phase, ...]) -> None:
-    """Refuse visits that a phase does not have, or that share a line."""
+    """Raise InputError if channels are visited outside the phase or its lines, or share lines in a step."""
     if item.positions is None:
         return
     phase = next(phase for phase in phases if phase.name == item.phase)
@@ -299,8 +303,9 @@ def _readout(document: SpinnakerDocument) -> Readout | None:
         return None
     first_steps = tuple(entry.potentials_from for entry in document.readout)
     potentials_from: int | tuple[int | None, ...] | None = first_steps
+    # A step that all populations share is stored once, as the compiler does.
     if len(set(first_steps)) == 1:
-        potentials_from = first_steps[0]  # a step that all share is said once
+        potentials_from = first_steps[0]
     return Readout(
         populations=tuple(entry.population for entry in document.readout),
         weights=tuple(entry.weight for entry in document.readout),
@@ -310,7 +315,7 @@ def _readout(document: SpinnakerDocument) -> Readout | None:
 
 
 def _check_names(arrays: Mapping[str, IntArray], network: SpinnakerNetwork) -> None:
-    """Refuse arrays that belong to nothing in a program: nobody would see what they hold."""
+    """Raise InputError if a file holds arrays that the program does not use: no report would show them."""
     unknown = sorted(set(arrays) - set(spinnaker_arrays(network)))
     if unknown:
         what = "it holds arrays without a meaning"

@@ -1,4 +1,8 @@
-"""A network as SpiNNaker stores it, checked against what its cores hold."""
+"""A network as SpiNNaker stores it, checked against the number formats and the limits of its cores.
+
+Every core of a SpiNNaker is an ARM processor. It runs neurons of one population, and holds their parameters, a row of
+synapses per source, and a *ring buffer*: the weights that are due in each of the next steps, per neuron and receptor.
+"""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -14,7 +18,7 @@ from hw_model.values import AnyArray, Frozen, IntArray, Shown
 
 Receptor = Literal["excitatory", "inhibitory"]
 RECEPTORS: tuple[Receptor, ...] = get_args(Receptor)
-"""In the order of the arrays of :mod:`hw_model.arithmetic.spinnaker`."""
+"""The receptors in the order of their axis in the arrays of :mod:`hw_model.arithmetic.spinnaker`."""
 _S16_15_MAX = spinnaker.HALF_SPAN - 1
 _NOT_NEGATIVE = (0, _S16_15_MAX)
 _POSITIVE = (1, _S16_15_MAX)
@@ -30,15 +34,17 @@ RANGES: dict[str, tuple[int, int]] = {
     "i_offset": _ANY,
     "tau_refrac": _NOT_NEGATIVE,
 }
-"""Parameter of a neuron -> the integers, s16.15, that it can be."""
+"""The lowest and highest s16.15 integer that each parameter of a neuron can have."""
 
 
 class SpinnakerPopulation(Frozen, eq=False):
-    """n neurons of a phase, on cores of ``neurons_per_core``, the last of which may have fewer.
+    """n neurons of a phase, on cores of ``neurons_per_core`` neurons each; the last core may have fewer.
 
-    ``shifts`` are P_r by receptor, and ``slots`` those of a core's ring buffer. A weight of 1 in
-    the network that was compiled is ``weight_unit`` nA, and a potential of 1 is ``potential_unit``
-    mV; no register depends on these two.
+    - ``shifts``: by how many bits the weights of each receptor are shifted to become a current (P_r in
+      :mod:`hw_model.arithmetic.spinnaker`)
+    - ``slots``: the length of a core's ring buffer in steps, which is the longest possible delay
+    - ``weight_unit``, ``potential_unit``: a weight of 1 in the trained network is ``weight_unit`` nA, and a potential
+      of 1 is ``potential_unit`` mV. No register depends on these two
     """
 
     name: str
@@ -62,6 +68,7 @@ class SpinnakerPopulation(Frozen, eq=False):
         _check_range(f"{where}, shifts", np.array(self.shifts), 0, spinnaker.SHIFT_MAX)
         neurons_per_core = np.array(self.neurons_per_core)
         _check_range(f"{where}, neurons_per_core", neurons_per_core, 1, NEURONS_PER_CORE_MAX)
+        # The chip finds a slot by the lowest bits of the step.
         is_power_of_two = self.slots & (self.slots - 1) == 0
         if self.slots < 2 or not is_power_of_two:
             what = "its ring buffer has another number of slots than a power of two"
@@ -70,17 +77,18 @@ class SpinnakerPopulation(Frozen, eq=False):
 
     @property
     def size(self) -> int:
-        """Neurons."""
+        """The number of neurons."""
         return len(self.parameters.tau_m)
 
     @property
     def cores(self) -> int:
-        """Cores that it takes."""
+        """The number of cores that the population takes."""
+        # Division rounded up.
         return -(-self.size // self.neurons_per_core)
 
     @property
     def ring_bits(self) -> int:
-        """Bits that number the entries of a core's ring buffer: of neuron, receptor and slot."""
+        """The bits of an index into a core's ring buffer: those for the neuron, the receptor and the slot."""
         neurons = min(self.size, self.neurons_per_core)
         neuron_bits = (neurons - 1).bit_length()
         receptor_bits = (spinnaker.RECEPTORS - 1).bit_length()
@@ -89,11 +97,11 @@ class SpinnakerPopulation(Frozen, eq=False):
 
     @cached_property
     def constants(self) -> spinnaker.Constants:
-        """What its cores compute when they start."""
+        """The constants that the cores compute from the parameters when they start."""
         return spinnaker.constants(self.parameters)
 
     def check_fits(self, chip: SpinnakerChip) -> None:
-        """Refuse cores that hold more than those of a chip, with a ``TargetError``."""
+        """Raise ``TargetError`` if the population's cores need more than a core of the chip has."""
         where = f"population {self.name!r}"
         fix = "Lower its neurons a core, or its delays."
         what = "too many neurons a core"
@@ -102,10 +110,10 @@ class SpinnakerPopulation(Frozen, eq=False):
 
 
 class SpinnakerProjection(Frozen, eq=False):
-    """Synapses of one receptor from a source, an input or a population, to a population.
+    """Synapses of one receptor from a source, which is an input or a population, to a population.
 
-    Arrays are (synapses,): ``weight`` as stored, 0..65535, ``delay`` 1..slots of the target. They
-    are ordered by source, and those of one source act in their order.
+    Arrays are (synapses,), ordered by source; the synapses of one source act in their order here. ``weight`` is the
+    stored integer, 0..65535. ``delay`` is 1..slots of the target, in steps.
     """
 
     source: str
@@ -118,16 +126,16 @@ class SpinnakerProjection(Frozen, eq=False):
 
     @property
     def called(self) -> str:
-        """What messages call it."""
+        """The name of the projection in error messages."""
         return f"projection {self.source!r} -> {self.target!r}, {self.receptor}"
 
 
 class SpinnakerNetwork(Shown):
-    """Phases, which run one after the other from rest, their inputs, and what they excite.
+    """The phases of a program with their inputs, populations and projections.
 
-    Lines of inputs spike as :class:`hw_model.mapping.graph.Input` says. A core processes the spikes
-    of a step in this order: inputs, then populations, and the synapses of one of their neurons
-    projection after projection.
+    Phases run one after the other, each from rest. :class:`hw_model.mapping.graph.Input` says when input lines spike. A
+    core processes the spikes of a step in the order of sources: inputs first, then populations. It processes the
+    synapses of one source in the order of projections.
     """
 
     phases: tuple[Phase, ...]
@@ -145,6 +153,7 @@ class SpinnakerNetwork(Shown):
             self._check_projection(projection)
 
     def _check_projection(self, projection: SpinnakerProjection) -> None:
+        """Raise InputError unless the projection's ends exist in one phase, and its arrays fit them."""
         where = projection.called
         sizes = self.sizes
         check_known(where, "its source does not exist", projection.source, sizes)
@@ -172,12 +181,12 @@ class SpinnakerNetwork(Shown):
 
     @property
     def nodes(self) -> tuple[Input | SpinnakerPopulation, ...]:
-        """All that can send spikes: inputs, then populations."""
+        """Everything that can send spikes: inputs, then populations."""
         return (*self.inputs, *self.populations)
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lines of inputs, then neurons of populations, by name."""
+        """The number of lines of each input, and of neurons of each population, by name."""
         return {node.name: node.size for node in self.nodes}
 
     def population(self, name: str) -> SpinnakerPopulation:
@@ -197,7 +206,7 @@ class SpinnakerNetwork(Shown):
         return tuple(item for item in self.inputs if item.phase == phase)
 
     def sources_of(self, phase: str) -> dict[str, int]:
-        """Return the number of the first source of every input and population of a phase."""
+        """Return the first source number of every input and population of a phase: lines first, then neurons."""
         first_source = {}
         sources = 0
         for node in self.nodes:
@@ -211,7 +220,7 @@ class SpinnakerNetwork(Shown):
         return tuple(item for item in self.projections if self.phase_of(item.target) == phase)
 
     def columns_of(self, phase: str) -> dict[str, slice]:
-        """Return where the neurons of each population lie in arrays over those of a phase."""
+        """Return the columns of each population in arrays over all neurons of a phase."""
         columns = {}
         first = 0
         for population in self.populations_of(phase):
@@ -232,7 +241,7 @@ class SpinnakerNetwork(Shown):
         return sum(population.cores for population in self.populations_of(phase))
 
     def check_fits(self, chip: SpinnakerChip) -> None:
-        """Refuse what a chip has no room for, with a ``TargetError`` that names the limit."""
+        """Raise ``TargetError``, which names the limit, if the network does not fit the chip."""
         for population in self.populations:
             population.check_fits(chip)
         for phase in self.phases:
@@ -247,8 +256,11 @@ class SpinnakerNetwork(Shown):
             _check_room(where, what, synapses, chip.synapses_per_row, fix)
 
     def longest_rows(self) -> dict[tuple[str, str], int]:
-        """Return the most synapses of one source on one core, by names of source and target."""
-        # The projections of both receptors share a row.
+        """Return the length of the longest row of synapses, by the names of source and target.
+
+        A row is the synapses of one source on one core.
+        """
+        # Excitatory and inhibitory synapses of a source share a row, so count both projections together.
         ends_by_names: dict[tuple[str, str], list[IntArray]] = {}
         for projection in self.projections:
             names = (projection.source, projection.target)
@@ -264,6 +276,7 @@ class SpinnakerNetwork(Shown):
 
 
 def _check_names_differ(what: str, names: Sequence[str]) -> None:
+    """Raise InputError if a name occurs twice; ``what`` says in the error what has this name."""
     for name in names:
         if names.count(name) > 1:
             fix = "Give each a name of its own."
@@ -277,9 +290,9 @@ def _check_shape(where: str, array: AnyArray, shape: tuple[int, ...]) -> None:
 
 
 def _check_range(where: str, array: AnyArray, low: int, high: int) -> None:
-    beyond = array[(array < low) | (array > high)]
-    if beyond.size:
-        measured = f"{beyond.flat[0]} against {low}..{high}"
+    out_of_range = array[(array < low) | (array > high)]
+    if out_of_range.size:
+        measured = f"{out_of_range.flat[0]} against {low}..{high}"
         raise InputError(where, "a core cannot hold it", measured=measured, fix="Correct it.")
 
 

@@ -1,7 +1,7 @@
-"""Recordings played to a program for a SpiNNaker, phase after phase, and what is counted of them.
+"""Play recordings to a program for a SpiNNaker, phase by phase, and count operations for the report.
 
-An input of row t is a spike of a source in step t. With the shortest delay it acts in step t + 1,
-as everywhere in this house.
+An event of row t is a spike of an input line in step t. With the shortest delay it acts in step t + 1, as for all chips
+of this project.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,14 +21,15 @@ from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray, S
 
 Engine = Literal["fast", "reference"]
 PlayRows = Callable[[AnyArray], SpinnakerResult]
-"""Plays rows (rows, lines) of 0 and 1 to a phase, from rest."""
+"""A function that plays rows (rows, lines) of 0 and 1 to a phase, from rest."""
 
 
 class SpinnakerCounts(Sums):
-    """Counts of recordings: additions to ring buffers, updates of neurons, spikes, events.
+    """How often everything happened in a recording, or in several.
 
-    ``transpose_events`` are those that reach the lines of a transposed input. The last five are
-    those of the arithmetic.
+    ``synaptic_ops`` is additions to ring buffers. ``input_events`` reach an input line, ``transpose_events`` reach one
+    through the transpose buffer, and ``events_dropped`` reach none. The last five are the arithmetic's
+    :data:`hw_model.arithmetic.spinnaker.EVENTS`.
     """
 
     synaptic_ops: int = 0
@@ -45,16 +46,17 @@ class SpinnakerCounts(Sums):
 
     @property
     def wraps(self) -> int:
-        """How often a number did not fit its 32 bits."""
+        """How often a sum did not fit 32 bits."""
         return self.ring_wraps + self.current_wraps + self.potential_wraps
 
 
 class PlayedSpinnaker(Frozen, eq=False):
-    """What recordings do.
+    """What a program did on a batch of recordings.
 
-    ``spikes`` and ``potential`` are (batch, steps, n) by population, potentials in s16.15 as the
-    threshold saw them. ``counts`` are those of each recording by phase, and ``scores`` those of the
-    classes (batch, classes), or None without a readout.
+    - ``spikes``, ``potential``: (batch, steps, n) by population; potentials as they are compared with the threshold,
+      s16.15
+    - ``counts``: the counts of each recording, by phase
+    - ``scores``: the class scores (batch, classes), or None if the program has no readout
     """
 
     spikes: Mapping[str, ByteArray]
@@ -64,7 +66,7 @@ class PlayedSpinnaker(Frozen, eq=False):
 
     @property
     def total_counts(self) -> SpinnakerCounts:
-        """The counts of all recordings and phases."""
+        """The sum of the counts over all recordings and phases."""
         total = SpinnakerCounts()
         for counts_by_phase in self.counts:
             total = sum(counts_by_phase.values(), start=total)
@@ -110,7 +112,7 @@ def play_program(
 
 
 def play_recording(program: SpinnakerProgram, recording: AnyArray) -> dict[str, PhaseRun]:
-    """Return what a recording (steps, channels) does in each phase."""
+    """Play one recording (steps, channels) and return its run in each phase, with all registers."""
     events = _events(program, np.asarray(recording)[None])
     runs = {}
     for phase in program.network.phases:
@@ -120,21 +122,23 @@ def play_recording(program: SpinnakerProgram, recording: AnyArray) -> dict[str, 
 
 
 def _events(program: SpinnakerProgram, recordings: AnyArray) -> dict[str, EventLists]:
+    """Return the events of recordings (batch, steps, channels) as lists, by stream."""
     streams, _ = read_streams(program, np.asarray(recordings))
     return {name: list_events(name, array) for name, array in streams.items()}
 
 
 def player_of(network: SpinnakerNetwork, phase: Phase, engine: Engine) -> PlayRows:
-    """Return what plays rows to a phase; the plain engine where nothing can be compiled."""
+    """Return the function that plays rows to a phase. Without numba, it is the plain engine's."""
     if engine == "reference" or why_not_compiled() is not None:
         return lambda rows: play_reference(network, phase.name, rows)
-    from hw_model.spinnaker.fast import FastPhase  # numba: only where it is needed
+    # Imported here, because it imports numba, which takes long and may be missing.
+    from hw_model.spinnaker.fast import FastPhase
 
     return FastPhase(network, phase.name).play
 
 
 def _run(play_rows: PlayRows, played: PhaseInput, recording: int) -> PhaseRun:
-    """Play what lies between start and stop of a recording; before and after, nothing is run."""
+    """Play the steps of a recording in which the phase runs, from its start to its stop."""
     start = int(played.start[recording])
     stop = int(played.stop[recording])
     rows = played.lines(recording)[start:stop]
@@ -142,7 +146,7 @@ def _run(play_rows: PlayRows, played: PhaseInput, recording: int) -> PhaseRun:
 
 
 def _spikes_of(runs: Sequence[PhaseRun], columns: slice, steps: int) -> ByteArray:
-    """Return spikes of a population, (batch, steps, n), 0 in steps that are not run."""
+    """Return the spikes of a population, (batch, steps, n); they are 0 in steps in which the phase does not run."""
     spikes = np.zeros((len(runs), steps, columns.stop - columns.start), dtype=np.uint8)
     for recording, run in enumerate(runs):
         spikes[recording, run.steps] = run.result.spikes[:, columns]
@@ -150,7 +154,7 @@ def _spikes_of(runs: Sequence[PhaseRun], columns: slice, steps: int) -> ByteArra
 
 
 def _potential_of(runs: Sequence[PhaseRun], columns: slice, steps: int) -> IntArray:
-    """Return potentials of a population, (batch, steps, n), s16.15, 0 in steps that are not run."""
+    """Return the potentials of a population, (batch, steps, n), s16.15; 0 in steps in which the phase does not run."""
     potential = np.zeros((len(runs), steps, columns.stop - columns.start), dtype=np.int64)
     for recording, run in enumerate(runs):
         potential[recording, run.steps] = run.result.potential[:, columns]
@@ -160,8 +164,8 @@ def _potential_of(runs: Sequence[PhaseRun], columns: slice, steps: int) -> IntAr
 def _counts(run: PhaseRun, input_counts: IntArray, fan_out: IntArray) -> SpinnakerCounts:
     """Return the counts of a run.
 
-    ``input_counts`` are those of :data:`hw_model.engine.trace.PLAYED`, and ``fan_out`` (sources,)
-    the synapses of each source.
+    ``input_counts`` is in the order of :data:`hw_model.engine.trace.PLAYED`; ``fan_out`` (sources,) is the number of
+    synapses of each source.
     """
     spikes_by_source = np.concatenate([run.rows.sum(axis=0), run.result.spikes.sum(axis=0)])
     input_events, transpose_events, events_dropped, _ = input_counts.tolist()
@@ -198,7 +202,7 @@ def _scores(
 def potentials_in_units(
     program: SpinnakerProgram, potential: Mapping[str, IntArray]
 ) -> dict[str, FloatArray]:
-    """Return potentials, s16.15, in potentials of 1 of the network that was compiled."""
+    """Return potentials in units of the trained network, given s16.15 integers."""
     in_units = {}
     for name, values in potential.items():
         unit = program.network.population(name).potential_unit * spinnaker.ONE

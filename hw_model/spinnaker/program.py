@@ -1,4 +1,4 @@
-"""A program for a SpiNNaker: its network, and what it reads and says."""
+"""A program for a SpiNNaker: its network, the readout of its classes, and what its recordings are like."""
 
 from collections.abc import Mapping
 from dataclasses import field
@@ -16,10 +16,10 @@ from hw_model.values import Shown
 
 
 class SpinnakerProgram(Shown):
-    """A network for a chip, what is known of its recordings, and how their classes are read.
+    """A network for a chip, with the readout of its classes and the properties of its recordings.
 
-    All that is not known of recordings is None. A readout takes potentials in units of
-    ``potential_unit`` of each population.
+    Properties of recordings that are unknown are None. The readout takes potentials in units of each population's
+    ``potential_unit``, in which the threshold of the trained network is expressed.
     """
 
     name: str
@@ -27,7 +27,7 @@ class SpinnakerProgram(Shown):
     network: SpinnakerNetwork
     readout: Readout | None = None
     step_seconds: Annotated[float | None, POSITIVE] = None
-    """Seconds of a recording in a step, which a core plays in a millisecond."""
+    """Seconds of a recording per step. A core takes a millisecond for a step, whatever this is."""
     event_threshold: Annotated[int | None, NOT_NEGATIVE] = None
     polarities: Annotated[int | None, AT_LEAST_ONE] = None
     columns: Annotated[int | None, AT_LEAST_ONE] = None

@@ -1,12 +1,15 @@
-"""How far registers of a population can get, in closed form, if each source spikes once in p steps.
+"""Bound in closed form how far the registers of a population can get, if every source spikes at most once in p steps.
 
-Weights are not negative, so that a current lies between 0 and the largest that it can be; V lies
-between the least and the greatest goal, or where it began or was reset to. The bounds are exact
-integers of any size: what they say does not wrap itself.
+The compiler uses the bounds to choose weights that cannot wrap or saturate, and reports the smallest safe period p.
 
-With p = 1, a source spikes in every step, which no recording exceeds. With longer p, all weights
-still arrive at once at worst, then the current decays for p steps; to round down on the way only
-makes it smaller.
+Weights are not negative, so a current lies between 0 and its largest possible value. In every step, V moves towards a
+*goal*, the value to which the present current would take it; so V lies between the lowest and the highest goal, or at
+the value that it began with or was reset to. The bounds are Python integers of any size, so they cannot wrap
+themselves.
+
+With p = 1, every source spikes in every step, which no recording exceeds. With a larger p, all weights arrive in one
+step in the worst case, and then the current decays for p steps. The chip rounds down on the way, which only makes the
+current smaller.
 """
 
 import numpy as np
@@ -19,14 +22,16 @@ from hw_model.values import AnyArray, Frozen, IntArray
 
 
 class Reach(Frozen, eq=False):
-    """The largest magnitudes that n neurons can reach, arrays of Python's integers.
+    """The largest magnitudes that the registers of n neurons can reach, as arrays of Python integers.
 
-    - ``ring`` (n, receptors): stored weights of a step
-    - ``shifted_ring`` (n, receptors): what a shift makes of them, s16.15 nA
-    - ``current`` (n, receptors): s16.15 nA
-    - ``drive`` (n,): what moves V, s16.15 nA
-    - ``goal`` (n,): where to, s16.15 mV
-    - ``distance`` (n,): how far that can be from V, s16.15 mV
+    s16.15 is a signed fixed-point number of 32 bits, of which 15 are fractional.
+
+    - ``ring`` (n, receptors): the sum of stored weights that arrive in a step
+    - ``shifted_ring`` (n, receptors): that sum after its shift, s16.15 nA
+    - ``current`` (n, receptors): the synaptic current, s16.15 nA
+    - ``drive`` (n,): the total current that moves V, s16.15 nA
+    - ``goal`` (n,): the value that V moves towards, s16.15 mV
+    - ``distance`` (n,): the distance between V and its goal, s16.15 mV
     """
 
     ring: AnyArray
@@ -38,12 +43,12 @@ class Reach(Frozen, eq=False):
 
     @property
     def saturates(self) -> bool:
-        """Whether the bounds do not exclude that a weight saturates a ring buffer."""
+        """Whether a ring buffer may saturate, as far as the bounds tell."""
         return bool((self.ring > RING_MAX).any())
 
     @property
     def wraps(self) -> bool:
-        """Whether the bounds do not exclude that a sum wraps."""
+        """Whether a sum may wrap, as far as the bounds tell."""
         sums = (self.shifted_ring, self.current, self.drive, self.goal, self.distance)
         return any(bool((largest >= HALF_SPAN).any()) for largest in sums)
 
@@ -54,27 +59,27 @@ class Reach(Frozen, eq=False):
 
     @property
     def ring_share(self) -> float:
-        """The fullest entry of a ring buffer, as a share of what saturates none."""
+        """The largest entry of a ring buffer, as a share of the largest that does not saturate."""
         return float(self.ring.max()) / RING_MAX
 
     @property
     def current_share(self) -> float:
-        """The largest current or drive, as a share of where s16.15 ends."""
+        """The largest current or drive, as a share of the largest s16.15 number."""
         largest = max(int(self.current.max()), int(self.drive.max()))
         return largest / HALF_SPAN
 
     @property
     def potential_share(self) -> float:
-        """The furthest goal, or the longest way to one, as a share of where s16.15 ends."""
+        """The largest goal or distance, as a share of the largest s16.15 number."""
         largest = max(int(self.goal.max()), int(self.distance.max()))
         return largest / HALF_SPAN
 
 
 def safe_period(network: SpinnakerNetwork, name: str) -> int:
-    """Return the fewest steps between two spikes of a source at which a population fits.
+    """Return the smallest period at which nothing in a population can saturate or wrap.
 
-    It is one of :data:`hw_model.range_proof.PERIODS`: 1 if nothing can saturate or wrap whatever the
-    input, 0 if none of them is enough.
+    Every source spikes at most once in a period. The result is one of :data:`hw_model.range_proof.PERIODS`: 1 if the
+    population is safe with any input, 0 if it is not safe even at the longest period.
     """
     for period in PERIODS:
         if reach_of(network, name, period).fits:
@@ -89,6 +94,7 @@ def reach_of(network: SpinnakerNetwork, name: str, period: int = 1) -> Reach:
     """
     population = network.population(name)
     parameters = population.parameters
+    # Arrays of dtype object hold Python integers, which do not overflow.
     ring = _weights_of_a_step(network, population).astype(object)
     shifted_ring = np.minimum(ring, RING_MAX) * 2 ** np.array(population.shifts, dtype=object)
     current = _largest_current(population, shifted_ring, period)
@@ -102,7 +108,7 @@ def reach_of(network: SpinnakerNetwork, name: str, period: int = 1) -> Reach:
         spinnaker.goal_of(lowest_drive, resistance, v_rest),
         spinnaker.goal_of(highest_drive, resistance, v_rest),
     ]
-    # A resistance that wrapped may be negative: then the lowest drive has the highest goal.
+    # A resistance that wrapped when the core started may be negative: then the lowest drive has the highest goal.
     lowest_goal = np.minimum(*goals)
     highest_goal = np.maximum(*goals)
     v_reset = parameters.v_reset.astype(object)
@@ -120,7 +126,7 @@ def reach_of(network: SpinnakerNetwork, name: str, period: int = 1) -> Reach:
 
 
 def _weights_of_a_step(network: SpinnakerNetwork, population: SpinnakerPopulation) -> IntArray:
-    """Return the most that a step can bring to every neuron and receptor, (n, receptors)."""
+    """Return the sum of all weights per neuron and receptor, (n, receptors): the most that can arrive in a step."""
     sums = np.zeros((population.size, spinnaker.RECEPTORS), dtype=np.int64)
     for projection in network.projections:
         if projection.target == population.name:
@@ -132,13 +138,17 @@ def _weights_of_a_step(network: SpinnakerNetwork, population: SpinnakerPopulatio
 def _largest_current(
     population: SpinnakerPopulation, shifted_ring: AnyArray, period: int
 ) -> AnyArray:
-    """Return the current, (n, receptors), that loses in a period what a step can bring.
+    """Return the largest possible current, (n, receptors).
 
-    It is the least integer I with I (1 - d^p) at or above what comes in a step: no current passes it.
+    With the decay d per step, a current I loses I (1 - d^p) in a period. The bound is the smallest integer I that loses
+    at least what can arrive in a step: if the current is at most I before the weights of a period arrive and decay, it
+    is so afterwards.
     """
     constants = population.constants
     added = constants.synapse_init.astype(object) * shifted_ring // SPAN
-    whole = SPAN**period
-    lost = whole - constants.synapse_decay.astype(object) ** period
-    current: AnyArray = -(-added * whole // lost)
+    # The decay is stored as an integer d * SPAN, so d^p is (stored decay)^p / SPAN^p.
+    one = SPAN**period
+    lost = one - constants.synapse_decay.astype(object) ** period
+    # Division rounded up: -(-a // b).
+    current: AnyArray = -(-added * one // lost)
     return current

@@ -1,6 +1,8 @@
-"""The plain engine of SpiNNaker: in which order populations and spikes take their turns in a step.
+"""The plain engine of SpiNNaker: slow, obvious, and the standard that the compiled engine has to equal.
 
-What a neuron does in its turn is said in :mod:`hw_model.arithmetic.spinnaker`. Slow and obvious.
+:mod:`hw_model.arithmetic.spinnaker` says what a neuron computes in a step. This module says in which order populations
+are updated and spikes are processed: every step updates all populations, then processes the spikes, which add weights
+to the ring buffers of later steps.
 """
 
 from typing import NamedTuple
@@ -15,12 +17,13 @@ from hw_model.values import AnyArray, ByteArray, IntArray, Shown
 
 
 class SpinnakerResult(Shown):
-    """What T rows do to the n neurons of a phase, population after population.
+    """What the n neurons of a phase did in T steps, one population after the other.
 
-    ``spikes`` (T, n) are 0 or 1, ``potential`` (T, n) V as the threshold saw it; ``v`` (T, n),
-    ``current`` (T, n, receptors) and ``refractory`` (T, n) are registers after each step. What a
-    board records of V is that before the step. ``events`` counts what
-    :data:`hw_model.arithmetic.spinnaker.EVENTS` names.
+    - ``spikes`` (T, n): 0 or 1
+    - ``potential`` (T, n): V as it is compared with the threshold
+    - ``v`` (T, n), ``current`` (T, n, receptors), ``refractory`` (T, n): registers after each step. (A board records V
+      as it is before the step.)
+    - ``events``: how often each of :data:`hw_model.arithmetic.spinnaker.EVENTS`, such as a wrap, happened
     """
 
     spikes: ByteArray
@@ -32,10 +35,11 @@ class SpinnakerResult(Shown):
 
 
 class PhaseRows(NamedTuple):
-    """Spikes of input lines, and by how many steps a core is behind with those of each source.
+    """The input of T steps.
 
-    ``spikes`` (T, lines) are 0 or 1; ``lateness`` (T, lines + n), 0..15, or None where no core is
-    ever behind.
+    - ``spikes`` (T, lines): 0 or 1
+    - ``lateness`` (T, lines + n): by how many steps, 0..15, cores are late to process the spike that each source sends
+      in each step; None if they are never late
     """
 
     spikes: ByteArray
@@ -43,7 +47,7 @@ class PhaseRows(NamedTuple):
 
 
 class Synapse(NamedTuple):
-    """A synapse of a source; ``target`` is the place of its population among those of the phase."""
+    """A synapse of a source, onto a ``neuron`` of the population with index ``target`` in the phase."""
 
     target: int
     neuron: int
@@ -55,7 +59,7 @@ class Synapse(NamedTuple):
 def play_reference(
     network: SpinnakerNetwork, phase: str, spikes: AnyArray, lateness: AnyArray | None = None
 ) -> SpinnakerResult:
-    """Play rows to a phase from rest, as :class:`PhaseRows` takes them."""
+    """Play rows to a phase from rest; the arguments are those of :class:`PhaseRows`."""
     rows = checked_rows(network, phase, spikes, lateness)
     run = _Run(network, phase)
     result = empty_result(network, phase, len(rows.spikes), run.events)
@@ -64,6 +68,8 @@ def play_reference(
         sources = network.lines_of(phase) + network.neurons_of(phase)
         late_steps = np.zeros((len(rows.spikes), sources), dtype=np.int64)
     for t, row in enumerate(rows.spikes):
+        # Neurons are updated before the spikes of this step are processed, so even a spike with the shortest delay
+        # acts in the next step.
         steps = run.step(t)
         result.spikes[t] = np.concatenate([step.fired for step in steps])
         result.potential[t] = np.concatenate([step.potential for step in steps])
@@ -79,7 +85,7 @@ def play_reference(
 def checked_rows(
     network: SpinnakerNetwork, phase: str, spikes: AnyArray, lateness: AnyArray | None
 ) -> PhaseRows:
-    """Return rows as integers; ``InputError`` for others than :class:`PhaseRows` may have."""
+    """Return rows as integers; raise ``InputError`` for anything that :class:`PhaseRows` may not have."""
     rows = np.asarray(spikes)
     lines = network.lines_of(phase)
     has_the_lines = rows.ndim == 2 and rows.shape[1] == lines
@@ -102,7 +108,7 @@ def checked_rows(
 def empty_result(
     network: SpinnakerNetwork, phase: str, rows: int, events: dict[str, int]
 ) -> SpinnakerResult:
-    """Return room for so many rows."""
+    """Return a result with arrays of zeros for this number of rows."""
     neurons = network.neurons_of(phase)
     return SpinnakerResult(
         spikes=np.zeros((rows, neurons), dtype=np.uint8),
@@ -115,17 +121,17 @@ def empty_result(
 
 
 class _Run:
-    """Neurons of a phase, and the spikes that wait for a core to process them."""
+    """The state of a phase: its neurons, and the spikes that wait for a core to process them."""
 
     def __init__(self, network: SpinnakerNetwork, phase: str) -> None:
         self.populations = [_Neurons(item) for item in network.populations_of(phase)]
         self.synapses = synapses_by_source(network, phase)
-        # By the step in which they are processed: the step that sent a spike, and its source.
+        # waiting[t] lists the spikes that are processed in step t, each as the step that sent it and its source.
         self.waiting: dict[int, list[tuple[int, int]]] = {}
         self.events = dict.fromkeys(spinnaker.EVENTS, 0)
 
     def step(self, t: int) -> list[Step]:
-        """Take step t of every population."""
+        """Run step t of every population."""
         steps = [population.step(t) for population in self.populations]
         for step in steps:
             for name, count in step.wraps.items():
@@ -133,20 +139,20 @@ class _Run:
         return steps
 
     def send(self, t: int, sent: IntArray, lateness: IntArray) -> None:
-        """Let the spikes (sources,) of step t wait for the step in which they are processed."""
+        """Queue the spikes (sources,) of step t for the steps in which they are processed."""
         for source in np.flatnonzero(sent).tolist():
             processed_step = t + int(lateness[source])
             self.waiting.setdefault(processed_step, []).append((t, source))
 
     def deliver(self, t: int) -> None:
-        """Process the spikes that have waited for step t: those that were sent first come first."""
+        """Process the spikes that are queued for step t; those that were sent earlier come first."""
         for sent, source in self.waiting.pop(t, []):
             for synapse in self.synapses[source]:
                 population = self.populations[synapse.target]
                 self._add(population, synapse, sent, lateness=t - sent)
 
     def _add(self, neurons: "_Neurons", synapse: Synapse, sent: int, lateness: int) -> None:
-        """Add the weight of a synapse to the slot for its step, unless that has begun."""
+        """Add the weight of a synapse to the slot of the step in which it is due, unless that step has begun."""
         slots = neurons.population.slots
         if spinnaker.comes_too_late(lateness, synapse.delay, slots):
             self.events["late_synapses"] += 1
@@ -161,7 +167,7 @@ class _Run:
 
 
 class _Neurons:
-    """Registers of a population; its ring buffers, (slots, neurons, receptors), as one."""
+    """The registers of a population; the ring buffers of its cores are one array (slots, neurons, receptors)."""
 
     def __init__(self, population: SpinnakerPopulation) -> None:
         size = population.size
@@ -175,19 +181,20 @@ class _Neurons:
         )
 
     def step(self, t: int) -> Step:
-        """Take step t, which empties its slot."""
+        """Run step t, with the weights that the slot of this step holds, and clear the slot."""
         population = self.population
         slot = self.ring[t % population.slots]
         step = spinnaker.step(
             population.parameters, population.constants, self.shifts, self.state, slot
         )
-        slot[:] = 0  # a view of the ring buffer
+        # `slot` is a view, so this clears the ring buffer.
+        slot[:] = 0
         self.state = step.state
         return step
 
 
 def synapses_by_source(network: SpinnakerNetwork, phase: str) -> list[list[Synapse]]:
-    """Return the synapses of every source of a phase, lines first, in the order they act in."""
+    """Return the synapses of every source of a phase, lines first; those of one source are in the order they act."""
     first_source = network.sources_of(phase)
     targets = [population.name for population in network.populations_of(phase)]
     neurons = network.neurons_of(phase)

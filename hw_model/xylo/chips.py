@@ -1,4 +1,4 @@
-"""What each Xylo has room for, read from the YAML files next to this one."""
+"""The limits of each Xylo chip, read from the YAML files next to this module or from a user's own file."""
 
 from functools import cache
 from importlib.resources import files
@@ -11,9 +11,10 @@ from hw_model.io.records import Must, between
 from hw_model.values import Shown
 
 XyloName = Literal["xylo-audio2", "xylo-audio3", "xylo-imu"]
-"""The chips that ship, for type checkers."""
+"""The names of the chips that ship."""
 
 
+# The name is imported to simulate the chip, so it must be nothing but a dotted module name.
 SIMULATOR = Must(
     lambda name: name.isascii() and all(part.isidentifier() for part in name.split(".")),
     "that is a module's name",
@@ -21,9 +22,10 @@ SIMULATOR = Must(
 
 
 class XyloChip(Shown, eq=True):
-    """Neurons and lines of a chip.
+    """The numbers of input lines, hidden neurons and outputs that a chip has.
 
-    ``states`` are the currents of a hidden neuron; ``simulator`` is the module of rockpool that simulates the chip.
+    ``states`` is the number of synaptic currents of a hidden neuron; an output always has one. ``simulator`` is the
+    module of rockpool (SynSense's toolchain) that simulates the chip.
     """
 
     name: ChipName
@@ -37,7 +39,7 @@ class XyloChip(Shown, eq=True):
 
     @property
     def description(self) -> str:
-        """What it has room for, in a line."""
+        """The limits in a line, for lists of chips."""
         return (
             f"{self.inputs} inputs, {counted(self.hidden, 'hidden neuron')} of "
             f"{counted(self.states, 'current')}, {self.outputs} outputs"
@@ -51,7 +53,7 @@ def xylo_chip_names() -> tuple[str, ...]:
 
 
 def xylo_chip(name_or_path: str) -> XyloChip:
-    """Return a chip by its name, or of the path of a YAML file; another name is an ``InputError``."""
+    """Return a chip by its name, or read it from the path of a YAML file; an unknown name is an ``InputError``."""
     if is_yaml_path(name_or_path):
         path = Path(name_or_path)
         return parse(XyloChip, read_chip_file(path), path.name)
@@ -64,11 +66,11 @@ def _shipped(name: str) -> XyloChip:
 
 
 def is_shipped_xylo(chip: XyloChip) -> bool:
-    """Tell whether a chip is one that ships, and not another of its name."""
+    """Return whether a chip is one that ships, rather than a user's chip with the same name."""
     return chip.name in xylo_chip_names() and chip == _shipped(chip.name)
 
 
 def xylo_chip_document(name: str) -> str:
-    """Return the YAML text that describes a chip; ``InputError`` for a name that none has."""
+    """Return the YAML text that describes a chip that ships; an unknown name is an ``InputError``."""
     check_known(f"target {name!r}", "no Xylo of this name ships", name, xylo_chip_names())
     return (files("hw_model") / "xylo" / f"{name}.yaml").read_text("utf-8")

@@ -1,7 +1,8 @@
-"""Programs for a Xylo as files, the pair of :mod:`hw_model.program.sealed`.
+"""Read and write programs for a Xylo, as the two files of :mod:`hw_model.program.sealed`.
 
-What is read is checked as strictly as what is made in Python: the entries by the annotations of
-``XyloDocument``, the arrays by ``XyloNetwork``, and everything against the chip.
+A program that is read from files is checked as strictly as one that is made in Python: entries of ``program.yaml`` by
+the annotations of :class:`XyloDocument`, arrays by :class:`XyloNetwork`, and the whole against the chip. Names of
+entries are the names of fields, so a field that is renamed changes the file format.
 """
 
 from collections.abc import Mapping
@@ -32,7 +33,9 @@ from hw_model.xylo.program import NamedPart, XyloProgram
 
 VERSION = 1
 SHIFT_MAX = 15
+"""The largest shift of weights, in a field of 4 bits."""
 Shift = Annotated[int, between(0, SHIFT_MAX)]
+# The fields of a program about its recordings, which are entries of the same name.
 _ABOUT_RECORDINGS = (
     "steps",
     "step_seconds",
@@ -51,7 +54,7 @@ _PARAMETERS = ("dash_syn", "dash_mem", "threshold")
 
 
 class XyloDocument(Frozen):
-    """The entries of ``program.yaml``; one whose value is None is not written."""
+    """The entries of ``program.yaml``. An entry whose value is None is not written."""
 
     format: str
     version: int
@@ -105,7 +108,7 @@ def xylo_files(program: XyloProgram) -> dict[str, bytes]:
 
 
 def _plain(value: object) -> object:
-    """Return lists for tuples, and mappings for records, as files hold them."""
+    """Return a value as YAML holds it: tuples become lists, and records mappings."""
     if isinstance(value, RecordedChannels):
         return value.document()
     if isinstance(value, tuple):
@@ -136,7 +139,7 @@ def load_xylo(folder: str | Path) -> XyloProgram:
 
 
 def xylo_program_of(pair: SealedPair) -> XyloProgram:
-    """Return the program in both files as read."""
+    """Return the program that the two files hold."""
     pair.check_format(XYLO_PROGRAM, VERSION)
     pair.check_arrays()
     reader = RecordReader(PROGRAM_YAML, fix="Compile again.")
@@ -145,7 +148,7 @@ def xylo_program_of(pair: SealedPair) -> XyloProgram:
         arrays = pair.unpack()
         program = _program(document, arrays)
     _check_names(arrays, program)
-    # The last check: the others say what is wrong, this one only that something is.
+    # The checksum comes last: the checks before it say what is wrong, it says only that something is.
     pair.check_seal()
     return program
 
@@ -182,7 +185,7 @@ def _population(called: str, arrays: Mapping[str, IntArray]) -> XyloPopulation:
 
 
 def _check_names(arrays: Mapping[str, IntArray], program: XyloProgram) -> None:
-    """Refuse arrays that belong to nothing in a program: nobody would see what they hold."""
+    """Raise InputError if a file holds arrays that the program does not use: no report would show them."""
     unknown = sorted(set(arrays) - set(xylo_arrays(program.network)))
     if unknown:
         what = "it holds arrays without a meaning"

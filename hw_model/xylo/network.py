@@ -1,4 +1,10 @@
-"""A network as Xylo stores it, checked against what the chip holds."""
+"""A network as Xylo stores it, checked against the chip's number formats and limits.
+
+A Xylo has input lines, one population of hidden neurons, which can be connected among themselves, and output neurons.
+A *dash* is a decay as the chip stores it: in a step, a register loses itself shifted right by the dash.
+"""
+
+import itertools
 
 import numpy as np
 
@@ -9,7 +15,11 @@ from hw_model.xylo.chips import XyloChip
 
 
 class XyloPopulation(Frozen, eq=False):
-    """n neurons with k currents each: ``dash_syn`` (n, k), all others (n,); ``bias`` None where biases are off."""
+    """The parameters of n neurons with k synaptic currents each.
+
+    ``dash_syn`` (n, k) is the decay of each current, ``dash_mem`` (n,) that of the potential; ``threshold`` and
+    ``bias`` are (n,). ``bias`` is None if the chip's biases are off.
+    """
 
     dash_syn: IntArray
     dash_mem: IntArray
@@ -18,25 +28,26 @@ class XyloPopulation(Frozen, eq=False):
 
     @property
     def size(self) -> int:
-        """Neurons."""
+        """The number of neurons."""
         return len(self.threshold)
 
     @property
     def states(self) -> int:
-        """Currents of a neuron."""
+        """The number of currents per neuron."""
         return int(self.dash_syn.shape[1])
 
     @property
     def parameters(self) -> xylo.Parameters:
-        """What a step reads."""
+        """The parameters for the arithmetic."""
         return xylo.Parameters(self.dash_syn, self.dash_mem, self.threshold, self.bias)
 
 
 class XyloNetwork(Shown):
-    """Inputs, one hidden population with synapses among itself, and outputs.
+    """Input lines, one hidden population with synapses among itself, and outputs.
 
-    Weights are integers of 8 bits: ``weights_in`` (inputs, hidden, k), ``weights_hidden`` (hidden, hidden, k), source
-    first, ``weights_out`` (hidden, outputs). ``aliases[n]`` are the hidden neurons that also spike when neuron n does.
+    Weights are integers of 8 bits, with the source first: ``weights_in`` (inputs, hidden, k), ``weights_hidden``
+    (hidden, hidden, k), ``weights_out`` (hidden, outputs). A spike adds ``weight << shift`` to a current, where each of
+    the three has its own shift. ``aliases[n]`` are the hidden neurons that also spike when neuron n does.
     """
 
     hidden: XyloPopulation
@@ -51,7 +62,9 @@ class XyloNetwork(Shown):
 
     def __post_init__(self) -> None:
         inputs = len(self.weights_in)
-        hidden, outputs, states = self.hidden.size, self.outputs.size, self.hidden.states
+        hidden = self.hidden.size
+        outputs = self.outputs.size
+        states = self.hidden.states
         _check_shape("weights_in", self.weights_in, (inputs, hidden, states))
         _check_shape("weights_hidden", self.weights_hidden, (hidden, hidden, states))
         _check_shape("weights_out", self.weights_out, (hidden, outputs))
@@ -68,16 +81,17 @@ class XyloNetwork(Shown):
         self._check_aliases()
 
     def _check_aliases(self) -> None:
+        """Raise InputError unless every hidden neuron has a tuple of aliases, which are hidden neurons."""
         if self.aliases is None:
             return
         size = self.hidden.size
-        named = [alias for of_neuron in self.aliases for alias in of_neuron]
-        if len(self.aliases) != size or any(not 0 <= alias < size for alias in named):
+        all_aliases = itertools.chain.from_iterable(self.aliases)
+        if len(self.aliases) != size or any(not 0 <= alias < size for alias in all_aliases):
             fix = f"Give each of the {size} hidden neurons a tuple of numbers 0..{size - 1}."
             raise InputError("aliases", "they do not fit the hidden neurons", fix=fix)
 
     def check_fits(self, chip: XyloChip) -> None:
-        """Refuse a network that is too large for a chip, with a ``TargetError`` that names the limit."""
+        """Raise ``TargetError``, which names the limit, if the network is too large for the chip."""
         for what, count, limit in (
             ("inputs", len(self.weights_in), chip.inputs),
             ("hidden neurons", self.hidden.size, chip.hidden),
@@ -91,6 +105,7 @@ class XyloNetwork(Shown):
 
 
 def _check_population(name: str, population: XyloPopulation) -> None:
+    """Raise InputError unless the parameters agree in shape and fit their registers."""
     size = population.size
     _check_shape(f"{name}.dash_mem", population.dash_mem, (size,))
     _check_shape(f"{name}.dash_syn", population.dash_syn, (size, population.states))
@@ -109,8 +124,8 @@ def _check_shape(name: str, array: AnyArray, shape: tuple[int, ...]) -> None:
 
 
 def _check_range(name: str, array: AnyArray, low: int, high: int) -> None:
-    beyond = array[(array < low) | (array > high)]
-    if beyond.size:
-        measured = f"{beyond.flat[0]} against {low}..{high}"
+    out_of_range = array[(array < low) | (array > high)]
+    if out_of_range.size:
+        measured = f"{out_of_range.flat[0]} against {low}..{high}"
         fix = "Give a value in this range."
         raise InputError(name, "the chip cannot hold it", measured=measured, fix=fix)

@@ -1,8 +1,8 @@
-"""Recordings played to a program for a Xylo, and what is counted of them.
+"""Play recordings to a program for a Xylo, and count operations for the report.
 
-A Xylo hears an event of row t in row t, and everything else in this house one step later. So a
-silent row comes first, and the last row of a recording, which would act after its end, is not
-played: then step t of every population is step t of a network's own.
+On a Xylo, an input event of row t acts in row t; in trained networks and on all other chips of this project, it acts in
+step t + 1. So recordings are shifted by one row: a silent row comes first, and the last row, which would act after the
+end, is not played. Then step t on the chip is step t of the network.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,10 +22,10 @@ Engine = Literal["fast", "reference"]
 
 
 class XyloCounts(Sums):
-    """Counts of recordings: additions to currents, updates of neurons, spikes, events, saturations.
+    """How often everything happened in a recording, or in several.
 
-    ``extra_spikes`` are those beyond the first of a neuron in a row. The last four are those of the
-    arithmetic.
+    ``synaptic_ops`` is additions to currents; ``extra_spikes`` is the spikes beyond the first of a neuron in a row. The
+    last four are the arithmetic's :data:`hw_model.arithmetic.xylo.EVENTS`.
     """
 
     synaptic_ops: int = 0
@@ -45,16 +45,17 @@ class XyloCounts(Sums):
 
     @property
     def transpose_events(self) -> int:
-        """Events of transposed inputs, which a Xylo has not."""
+        """Events through a transpose buffer, which a Xylo does not have; reports ask it of all chips."""
         return 0
 
 
 class PlayedXylo(Frozen, eq=False):
-    """What recordings (batch, steps, inputs) do.
+    """What a program did on a batch of recordings (batch, steps, inputs).
 
-    ``spikes`` and ``potential`` are (batch, steps, n) by population: counts, and potentials before
-    the threshold is taken away. ``counts`` are those of each recording, and ``scores`` those of the
-    classes (batch, classes).
+    - ``spikes``: the number of spikes, (batch, steps, n) by population
+    - ``potential``: potentials before spikes subtract the threshold, (batch, steps, n) by population
+    - ``counts``: the counts of each recording
+    - ``scores``: the class scores (batch, classes)
     """
 
     spikes: Mapping[str, ByteArray]
@@ -64,7 +65,7 @@ class PlayedXylo(Frozen, eq=False):
 
 
 def rows_of(recording: AnyArray) -> IntArray:
-    """Return the rows that a chip hears of a recording (steps, inputs): first a silent one."""
+    """Return the rows to play to the chip for a recording (steps, inputs): shifted by one, with a silent row first."""
     rows = np.zeros(recording.shape, dtype=np.int64)
     rows[1:] = recording[:-1]
     return rows
@@ -80,25 +81,31 @@ def play_program(program: XyloProgram, recordings: AnyArray, engine: Engine = "f
     network = program.network
     rows = [rows_of(recording) for recording in batch]
     results = play_all(network, rows, engine)
-    spikes = by_name(program, [r.spikes for r in results], [r.output_spikes for r in results])
+    spikes = by_name(
+        program,
+        hidden=[result.spikes for result in results],
+        outputs=[result.output_spikes for result in results],
+    )
     potential = by_name(
         program,
-        [before_spikes(network.hidden, r.v, r.spikes) for r in results],
-        [before_spikes(network.outputs, r.output_v, r.output_spikes) for r in results],
+        hidden=[before_spikes(network.hidden, r.v, r.spikes) for r in results],
+        outputs=[before_spikes(network.outputs, r.output_v, r.output_spikes) for r in results],
     )
+    counts = [
+        counts_of(network, rows_of_recording, result)
+        for rows_of_recording, result in zip(rows, results, strict=True)
+    ]
     return PlayedXylo(
-        spikes={name: counts.astype(np.uint8) for name, counts in spikes.items()},
+        # A neuron sends at most 31 spikes in a row, so bytes are enough.
+        spikes={name: array.astype(np.uint8) for name, array in spikes.items()},
         potential=potential,
-        counts=tuple(
-            counts_of(network, of_recording, result)
-            for of_recording, result in zip(rows, results, strict=True)
-        ),
+        counts=tuple(counts),
         scores=program.readout.scores(spikes, {}),
     )
 
 
 def play_rows(network: XyloNetwork, rows: AnyArray, engine: Engine = "fast") -> XyloResult:
-    """Play rows (rows, inputs) as they are; the plain engine plays where nothing can be compiled."""
+    """Play rows (rows, inputs) as they are, without the shift of :func:`rows_of`."""
     (result,) = play_all(network, [rows], engine)
     return result
 
@@ -106,10 +113,11 @@ def play_rows(network: XyloNetwork, rows: AnyArray, engine: Engine = "fast") -> 
 def play_all(
     network: XyloNetwork, recordings: Sequence[AnyArray], engine: Engine = "fast"
 ) -> list[XyloResult]:
-    """Play the rows (rows, inputs) of several recordings, each from rest."""
+    """Play the rows (rows, inputs) of several recordings, each from rest. Without numba, the plain engine plays."""
     if engine == "reference" or why_not_compiled() is not None:
         return [play_xylo(network, rows) for rows in recordings]
-    from hw_model.xylo.fast import FastXylo  # numba: only where it is needed
+    # Imported here, because it imports numba, which takes long and may be missing.
+    from hw_model.xylo.fast import FastXylo
 
     fast = FastXylo(network)
     return [fast.play(rows) for rows in recordings]
@@ -118,32 +126,40 @@ def play_all(
 def by_name(
     program: XyloProgram, hidden: Sequence[IntArray], outputs: Sequence[IntArray]
 ) -> dict[str, IntArray]:
-    """Return arrays of hidden neurons and outputs, (batch, steps, n) by population."""
+    """Return arrays (steps, neurons) of several recordings as (batch, steps, n) by the names of populations.
+
+    On the chip all hidden neurons are one population; the program's names divide it again.
+    """
     of_hidden = np.stack(hidden)
-    found = {name: of_hidden[:, :, place] for name, place in program.places.items()}
-    found[program.outputs] = np.stack(outputs)
-    return found
+    by_population = {name: of_hidden[:, :, place] for name, place in program.places.items()}
+    by_population[program.outputs] = np.stack(outputs)
+    return by_population
 
 
 def before_spikes(population: XyloPopulation, v: IntArray, spikes: IntArray) -> IntArray:
-    """Return potentials (rows, n) as the threshold saw them."""
+    """Return potentials (rows, n) as they were compared with the threshold, from those after the spikes.
+
+    Every spike subtracts the threshold once.
+    """
     return v + spikes * population.threshold
 
 
 def counts_of(network: XyloNetwork, rows: IntArray, result: XyloResult) -> XyloCounts:
     """Return the counts of a recording that was played as ``rows``."""
-    heard = np.minimum(rows, xylo.INPUT_EVENTS_MAX)
-    # Spikes of the last row would act after it.
-    sent = result.spikes[:-1].sum(axis=0)
-    fan_in = np.count_nonzero(network.weights_in, axis=(1, 2))
-    fan_out = np.count_nonzero(network.weights_hidden, axis=(1, 2))
-    fan_out = fan_out + np.count_nonzero(network.weights_out, axis=1)
+    # An input line takes at most 15 events of a row; the rest is lost.
+    input_events = np.minimum(rows, xylo.INPUT_EVENTS_MAX)
+    # Spikes act in the next row, so those of the last row reach no synapse.
+    acting_spikes = result.spikes[:-1].sum(axis=0)
+    synapses_of_input = np.count_nonzero(network.weights_in, axis=(1, 2))
+    synapses_of_hidden = np.count_nonzero(network.weights_hidden, axis=(1, 2))
+    synapses_of_hidden = synapses_of_hidden + np.count_nonzero(network.weights_out, axis=1)
+    input_ops = input_events.sum(axis=0) @ synapses_of_input
     neurons = network.hidden.size + network.outputs.size
     return XyloCounts(
-        synaptic_ops=int(heard.sum(axis=0) @ fan_in + sent @ fan_out),
+        synaptic_ops=int(input_ops + acting_spikes @ synapses_of_hidden),
         neuron_updates=len(rows) * neurons,
         spikes=int(result.spikes.sum() + result.output_spikes.sum()),
         extra_spikes=int(np.maximum(result.spikes - 1, 0).sum()),
-        input_events=int(heard.sum()),
+        input_events=int(input_events.sum()),
         **result.events,
     )

@@ -1,4 +1,4 @@
-"""A program for a Xylo: its network, and what it reads and says."""
+"""A program for a Xylo: its network, the names of its neurons, and what its recordings are like."""
 
 from collections.abc import Mapping
 from dataclasses import field
@@ -15,18 +15,17 @@ from hw_model.xylo.network import XyloNetwork
 
 
 class NamedPart(Frozen):
-    """Neurons that have a name of their own: ``size`` of them, behind those of the parts before."""
+    """A name for ``size`` successive hidden neurons, such as a population of the trained network."""
 
     name: str
     size: Annotated[int, between(1, 65_536)]
 
 
 class XyloProgram(Shown):
-    """A network for a chip, with names for its neurons.
+    """A network for a chip, with names for its neurons and the properties of its recordings.
 
-    ``hidden`` are the names of its hidden neurons in their order; ``readout`` names the outputs.
-    ``steps`` is the length of a recording, None if any length will do. All that is not known of
-    recordings is None.
+    ``hidden`` names all hidden neurons, in their order; ``readout`` names the outputs. ``steps`` is the length of a
+    recording, or None if any length will do. Other properties of recordings that are unknown are None.
     """
 
     name: str
@@ -55,6 +54,7 @@ class XyloProgram(Shown):
         what = "the names of its hidden neurons do not fit"
         check_same(named, self.network.hidden.size, where, what, fix="Name each of them once.")
         names = [part.name for part in self.hidden]
+        # With the outputs, there must be one more different name than hidden parts.
         if len({*names, self.outputs}) <= len(names) or len(self.readout.populations) != 1:
             what = "names of neurons repeat, or its readout is not of the outputs"
             raise InputError(where, what, fix="Give each population a name of its own.")
@@ -71,7 +71,7 @@ class XyloProgram(Shown):
 
     @property
     def inputs(self) -> int:
-        """Input lines."""
+        """The number of input lines."""
         return len(self.network.weights_in)
 
     @property
@@ -81,10 +81,10 @@ class XyloProgram(Shown):
 
     @property
     def places(self) -> dict[str, slice]:
-        """Where the neurons of each name lie among the hidden ones."""
+        """The place of each named part among all hidden neurons."""
         first = 0
-        found = {}
+        places = {}
         for part in self.hidden:
-            found[part.name] = slice(first, first + part.size)
+            places[part.name] = slice(first, first + part.size)
             first += part.size
-        return found
+        return places

@@ -1,4 +1,7 @@
-"""How far registers of a network can get, in closed form."""
+"""Bound in closed form how far the registers of a network can get.
+
+The compiler uses the bounds to choose weights with which no register saturates (:mod:`locsnn_compile.xylo.quantize`).
+"""
 
 import numpy as np
 
@@ -8,11 +11,14 @@ from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
 
 class Reach(Frozen, eq=False):
-    """The largest magnitudes that neurons (n,) can reach while each source sends at most one spike in each row.
+    """The largest values that the registers of n neurons can reach, arrays (n,).
 
-    Sources may send more: what then saturates is counted when the program is played. ``current`` is the largest of a
-    neuron's currents, before it decays; ``potential`` is upwards, as the threshold sees it. A potential below 0 goes
-    further down than is of use to know: nothing but its leak stops it.
+    ``current`` is the largest magnitude of any of a neuron's currents, before it decays. ``potential`` is the highest
+    potential, as it is compared with the threshold. There is no bound downwards: no reset stops a falling potential,
+    only its leak, so such a bound would be too low to be of use.
+
+    The bounds hold as long as every source sends at most one spike per row. A hidden neuron may send up to 31, and an
+    input line may count up to 15; if something saturates then, it is counted when the program is played.
     """
 
     current: FloatArray
@@ -20,37 +26,38 @@ class Reach(Frozen, eq=False):
 
     @property
     def fits(self) -> bool:
-        """Whether no current, and no potential upwards, can saturate."""
+        """Whether no current can saturate, and no potential at its upper end."""
         highest = max(self.current.max(initial=0.0), self.potential.max(initial=0.0))
         return bool(highest <= xylo.STATE_MAX)
 
 
 def reach_of_hidden(network: XyloNetwork) -> Reach:
-    """Return how far the registers of hidden neurons can get."""
+    """Return the bounds of all hidden neurons, whose sources are inputs and hidden neurons."""
     inputs = xylo.charge_of(network.weights_in, network.shift_in)
     spikes = xylo.charge_of(network.weights_hidden, network.shift_hidden)
     return _reach(network.hidden, np.concatenate([inputs, spikes]))
 
 
 def reach_of_outputs(network: XyloNetwork) -> Reach:
-    """Return how far the registers of outputs can get."""
-    # Outputs have one current: the last axis is that of currents.
+    """Return the bounds of all outputs, whose sources are hidden neurons."""
+    # An output has one current, so the axis of currents is added with length 1.
     spikes = xylo.charge_of(network.weights_out[:, :, None], network.shift_out)
     return _reach(network.outputs, spikes)
 
 
 def _reach(population: XyloPopulation, charges: IntArray) -> Reach:
-    """Return the reach of neurons onto which ``charges`` (sources, n, currents) fall."""
+    """Return the bounds of neurons that get ``charges`` (sources, n, currents), one row per source."""
+    # In the worst case, only positive or only negative charges arrive.
     upwards = np.maximum(charges, 0).sum(axis=0)
     downwards = np.maximum(-charges, 0).sum(axis=0)
     highest = _largest_currents(upwards, population.dash_syn)
     lowest = _largest_currents(downwards, population.dash_syn)
     bias = 0 if population.bias is None else np.maximum(population.bias, 0)
-    # What is left after spikes lies below the threshold, and a row adds each current once.
+    # After its spikes, a potential is below the threshold. A row then adds each current and the bias once.
     potential = population.threshold + highest.sum(axis=1) + bias
     return Reach(np.maximum(highest, lowest).max(axis=1), potential.astype(np.float64))
 
 
 def _largest_currents(charges: IntArray, dash_syn: IntArray) -> FloatArray:
-    """Return bounds (n, currents), 0 for a current onto which nothing falls."""
+    """Return the bound of each current, (n, currents), given the charge that arrives per row; 0 if none arrives."""
     return np.where(charges > 0, xylo_inverse.largest_current(charges, dash_syn), 0.0)

@@ -1,6 +1,7 @@
-"""The plain engine of Xylo: in which order inputs, hidden neurons and outputs take their turns in a row.
+"""The plain engine of Xylo: slow, obvious, and the standard that the compiled engine has to equal.
 
-What a neuron does in its turn is said in :mod:`hw_model.arithmetic.xylo`. Spikes are counts.
+:mod:`hw_model.arithmetic.xylo` says what a neuron computes. This module says in which order inputs, hidden neurons and
+outputs take their turns in a row, which is one step. A neuron can spike several times in a row, so spikes are counts.
 """
 
 import numpy as np
@@ -13,10 +14,12 @@ from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
 
 class XyloResult(Shown):
-    """What a recording of T rows does: registers after each row, and spikes in it.
+    """What a network did in T rows.
 
-    ``spikes`` (T, hidden) are counts 0..31, ``output_spikes`` (T, outputs) 0 or 1; ``i`` (T, hidden, k) and ``v`` (T,
-    hidden), ``output_i`` and ``output_v`` (T, outputs). ``events`` counts what saturated or was lost, by name.
+    - ``spikes`` (T, hidden): 0..31 per row; ``output_spikes`` (T, outputs): 0 or 1
+    - ``i`` (T, hidden, k) and ``v`` (T, hidden): currents and potentials of hidden neurons after each row
+    - ``output_i``, ``output_v`` (T, outputs): the same of outputs
+    - ``events``: how often each of :data:`hw_model.arithmetic.xylo.EVENTS`, such as a saturation, happened
     """
 
     spikes: IntArray
@@ -42,7 +45,7 @@ def play_xylo(network: XyloNetwork, events: AnyArray) -> XyloResult:
 
 
 def checked_rows(network: XyloNetwork, events: AnyArray) -> IntArray:
-    """Return rows of input events as integers; ``InputError`` for others than counts (T, inputs)."""
+    """Return rows of input events as integers; raise ``InputError`` unless they are counts (T, inputs)."""
     counts = np.asarray(events)
     inputs = len(network.weights_in)
     if counts.ndim != 2 or counts.shape[1] != inputs or counts.min(initial=0) < 0:
@@ -53,8 +56,9 @@ def checked_rows(network: XyloNetwork, events: AnyArray) -> IntArray:
 
 
 def empty_result(network: XyloNetwork, rows: int, events: dict[str, int]) -> XyloResult:
-    """Return room for so many rows."""
-    hidden, outputs = network.hidden, network.outputs
+    """Return a result with arrays of zeros for this number of rows."""
+    hidden = network.hidden
+    outputs = network.outputs
 
     def zeros(*shape: int) -> IntArray:
         return np.zeros((rows, *shape), dtype=np.int64)
@@ -71,7 +75,7 @@ def empty_result(network: XyloNetwork, rows: int, events: dict[str, int]) -> Xyl
 
 
 class _Run:
-    """Registers of a network between two rows, and the spikes that its hidden neurons sent in the last one."""
+    """The state of a network between two rows: its registers, and the spikes of hidden neurons in the last row."""
 
     def __init__(self, network: XyloNetwork) -> None:
         self.network = network
@@ -85,9 +89,10 @@ class _Run:
 
     def step(self, row: IntArray) -> tuple[IntArray, IntArray]:
         """Play a row; return the spikes of hidden neurons and of outputs."""
-        heard = np.minimum(row, xylo.INPUT_EVENTS_MAX)
-        self.events["lost_input_events"] += int((row - heard).sum())
-        self.hidden = self._collect(self.hidden, heard, self.charges_in)
+        # Currents collect charges: inputs of this row, then spikes of the row before.
+        events = np.minimum(row, xylo.INPUT_EVENTS_MAX)
+        self.events["lost_input_events"] += int((row - events).sum())
+        self.hidden = self._collect(self.hidden, events, self.charges_in)
         self.hidden = self._collect(self.hidden, self.sent, self.charges_hidden)
         self.outputs = self._collect(self.outputs, self.sent, self.charges_out)
 
@@ -103,17 +108,20 @@ class _Run:
         return spikes, output_spikes
 
     def _collect(self, state: State, spikes: IntArray, charges: IntArray) -> State:
+        """Add the charges of spikes to the currents, and count what saturated."""
         i, saturated = xylo.collect(state.i, spikes, charges)
         self.events["current_saturations"] += saturated
         return State(i, state.v)
 
     def _respond(self, population: XyloPopulation, state: State) -> State:
+        """Let currents and potentials decay, add the currents to the potentials, and count what saturated."""
         counted = xylo.respond(population.parameters, state)
         for name, count in counted.saturations.items():
             self.events[name] += count
         return counted.state
 
     def _fire_hidden(self) -> tuple[IntArray, IntArray]:
+        """Return the spikes of hidden neurons, and their potentials afterwards."""
         aliases = self.network.aliases
         threshold = self.network.hidden.threshold
         if aliases is None:

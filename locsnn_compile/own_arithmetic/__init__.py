@@ -1,5 +1,6 @@
-"""What families of chips with an arithmetic of their own share: one setting, the check, its report.
+"""What compiling shares for chips that do not compute as Loihi does, such as Xylo and SpiNNaker.
 
-Such a chip plays a program whole, recording by recording; there are no levels between network and
-program that every family has, and no table of energies. What only one family has lies in its room.
+Each such family of chips has an arithmetic of its own, and a folder of its own for what only it has. Shared are: one
+fixed setting of the compiler, the check of a program against the float network, and the report. The families share no
+intermediate levels between network and program, and no energy of them is published.
 """

@@ -1,7 +1,7 @@
-"""The float network against a program of another arithmetic, spike by spike, a batch at a time.
+"""Compare the float network with a program of any chip family, spike by spike, batch by batch.
 
-A family says what its program does on a batch (:class:`ProgramRun`). Everything else is the same
-for all: the match of the batch with the network, the first spike that differs, the sum over batches.
+A family only says what its program did on a batch (:class:`ProgramRun`). The rest is the same for all families: the
+match of the batch with the network, the first spike that differs, and the sum over batches. Batches bound the memory.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -28,15 +28,15 @@ from locsnn_compile.verification.observation import check_labels
 
 
 class ChipCounts(Protocol):
-    """What a chip counts, next to events of its own; counts of several recordings add up."""
+    """The counts that the chips of all families have. A family adds its own; counts of recordings can be added up."""
 
     @property
     def synaptic_ops(self) -> int:
-        """Additions of a weight to a neuron."""
+        """How often a weight was added to a neuron."""
 
     @property
     def neuron_updates(self) -> int:
-        """Steps of neurons."""
+        """How often a neuron was updated."""
 
     @property
     def spikes(self) -> int:
@@ -48,7 +48,7 @@ class ChipCounts(Protocol):
 
     @property
     def transpose_events(self) -> int:
-        """Events that reach the lines of a transposed input."""
+        """Events that reach an input through the transpose buffer."""
 
     def __add__(self, other: Self, /) -> Self: ...
 
@@ -58,13 +58,13 @@ BatchT = TypeVar("BatchT", bound=Sums)
 
 
 class ProgramRun(Generic[CountsT], Frozen, eq=False):
-    """What a program does on a batch of recordings.
+    """What a program did on a batch of recordings.
 
-    - ``spikes``: (batch, steps, n) by population, several of a neuron in a step where the chip can
-    - ``scores``: of the classes, (batch, classes); ``score_scale`` of it are 1 in the network
-    - ``counts``: what the chip counts of each recording
-    - ``counts_by_phase``: the same of all recordings together, phase by phase
-    - ``potential_at``: the potential of a neuron as the threshold saw it, in the network's units
+    - ``spikes``: (batch, steps, n) by population; the number of spikes, where a chip's neuron can send several per step
+    - ``scores``: the class scores (batch, classes). A score of ``score_scale`` corresponds to 1 in the network
+    - ``counts``: the counts of each recording
+    - ``counts_by_phase``: the counts of all recordings together, by phase
+    - ``potential_at``: returns the potential of a neuron, as compared with its threshold, in the network's units
     """
 
     spikes: Mapping[str, ByteArray]
@@ -83,10 +83,10 @@ class Batch(NamedTuple):
 
 
 class BatchMatch(Generic[CountsT], Sums, eq=False):
-    """How a program compares with the network on some recordings: parts of :class:`ProgramMatch`.
+    """How a program compares with the network on some recordings; adding two of them joins their recordings.
 
-    ``predictions`` are those of the network and of the program, (batch,), of each batch;
-    ``divergences`` has the first spike of each batch that differs, if there is one.
+    ``predictions`` has the predictions of the network and of the program, (batch,) each, per batch. ``divergences`` has
+    the first spike that differs of each batch that has one. The other fields are those of :class:`ProgramMatch`.
     """
 
     matches: dict[str, PopulationMatch]
@@ -99,10 +99,10 @@ class BatchMatch(Generic[CountsT], Sums, eq=False):
 
 
 class ProgramMatch(Generic[CountsT], Agreement):
-    """The match of a program of another arithmetic, with what its chip counted.
+    """How a program compares with the network on all recordings, and what the chip counted.
 
-    ``counts`` are those of each recording, ``counts_by_phase`` those of all together; ``additions``
-    are the float network's operations on paper by phase, over all of them.
+    ``counts`` has the counts of each recording, ``counts_by_phase`` those of all recordings together. ``additions`` is
+    the operations of the float network by phase, as the published method counts them, over all recordings.
     """
 
     counts: tuple[CountsT, ...]
@@ -111,7 +111,7 @@ class ProgramMatch(Generic[CountsT], Agreement):
 
     @property
     def total_counts(self) -> CountsT:
-        """The counts of all recordings."""
+        """The sum of the counts over all recordings."""
         return reduce(add, self.counts)
 
 
@@ -121,9 +121,9 @@ def sum_of_batches(
     compare_batch: Callable[[Batch], BatchT],
     progress: Progress | None,
 ) -> BatchT:
-    """Compare recordings of the network's own steps and channels batch by batch, and add up.
+    """Compare recordings, which have the network's steps and channels, batch by batch, and return the sum.
 
-    Raises ``InputError`` for labels that are no classes of the network.
+    Raises ``InputError`` for labels that are not classes of the network.
     """
     check_labels(network, recordings.labels, len(recordings), recordings.source)
     sums: BatchT | None = None
@@ -132,7 +132,8 @@ def sum_of_batches(
         sums = compared if sums is None else sums + compared
         if progress:
             progress(batch.first_recording + len(batch.spikes), len(recordings))
-    assert sums is not None  # there is at least one recording
+    # Every set of recordings has at least one, so there was a batch.
+    assert sums is not None
     return sums
 
 
@@ -144,7 +145,7 @@ def _batches(recordings: Recordings) -> Iterator[Batch]:
 def match_of_batch(
     network: Network, reference: ReferenceResult, run: ProgramRun[CountsT], first_recording: int
 ) -> BatchMatch[CountsT]:
-    """Compare what both sides did on a batch; the reference has its potentials."""
+    """Compare what network and program did on a batch; ``reference`` must hold potentials."""
     readout = network.readout
     return BatchMatch(
         matches=population_matches(network, reference.spikes, run.spikes),
@@ -192,8 +193,9 @@ def _divergences(
 def match_of_all(
     network: Network, recordings: Recordings, sums: BatchMatch[CountsT]
 ) -> ProgramMatch[CountsT]:
-    """Return the match over all recordings from the sums over their batches."""
+    """Return the match over all recordings, given the sum over their batches."""
     references, chips = zip(*sums.predictions, strict=True)
+    # Helpers are populations that a frontend added. They are not in the model, so the report shows them apart.
     helpers = {population.name for population in network.populations if population.helper}
     return ProgramMatch(
         samples=len(recordings),

@@ -1,4 +1,4 @@
-"""What compiling for a chip with an arithmetic of its own gives, as far as all families have it."""
+"""The result of compiling for a chip with an arithmetic of its own, as far as all families share it."""
 
 from dataclasses import field, replace
 from typing import Any, Self
@@ -11,16 +11,16 @@ from locsnn_compile.report.figures.document import GateFigures, SharedFigures
 
 
 class CompiledProgram(Compiled, Frozen, eq=False, repr=False):
-    """A program and its check; ``figures`` are the content of report.json, with types.
+    """A program, its check against the network, and the figures: the content of report.json, with types.
 
-    A family gives each of the three the type that it has there.
+    The class of each family declares these three fields with the family's own types.
     """
 
     program: AnyProgram
     match: ProgramMatch[Any]
     figures: SharedFigures
     choice: None = field(default=None, kw_only=True)
-    """There is nothing to choose: a family has one setting."""
+    """Always None: a family has only one setting, so the compiler chooses none."""
 
     @property
     def chip_name(self) -> str:
@@ -28,5 +28,5 @@ class CompiledProgram(Compiled, Frozen, eq=False, repr=False):
         return self.program.chip.name
 
     def with_gates(self, gates: tuple[GateFigures, ...]) -> Self:
-        """Return the same with these gates in the report."""
+        """Return a copy with these gates (limits that figures must meet) in the report."""
         return replace(self, figures=self.figures.with_gates(gates))

@@ -1,6 +1,8 @@
 """Entries of report.json that all chips with an arithmetic of their own share.
 
-No table of their energies is used: what is not known is None, and named as missing.
+No energies of such chips are published. An unknown figure is None, and the entry next to it says why it is missing.
+The order of fields is the order of entries in report.json: first :class:`FirstEntries`, then those of a family, then
+:class:`LastEntries`.
 """
 
 from collections.abc import Mapping
@@ -35,7 +37,7 @@ from locsnn_compile.report.grounds import Grounds
 
 
 class EnergyNotKnown(Entry):
-    """``energy``, of which nothing is known; ``not_included`` says why."""
+    """The entry ``energy`` if no energy is known; ``not_included`` says why."""
 
     profile: None = None
     source: None = None
@@ -45,9 +47,9 @@ class EnergyNotKnown(Entry):
 
 
 class TimeNotKnown(Entry):
-    """``latency``, of which nothing is known; ``basis`` says why.
+    """The entry ``latency`` if no time on the chip is known; ``basis`` says why.
 
-    The duration of a recording, in ns, is None if it is not known either.
+    ``recording_ns`` is the duration of the recording itself, or None if that is unknown, too.
     """
 
     profile: None = None
@@ -60,15 +62,15 @@ class TimeNotKnown(Entry):
 
 
 class RecordingTime(Protocol):
-    """``latency`` of any family."""
+    """The entry ``latency`` of any family."""
 
     @property
     def per_sample_ns(self) -> float | None:
-        """The time of a recording on the chip; None if it is not known."""
+        """The time of a recording on the chip; None if it is unknown."""
 
 
 class FirstEntries(Entry):
-    """report.json up to the entries of a family.
+    """The entries of report.json before those of a family.
 
     Every ``per_sample`` figure is a mean over the recordings of the check.
     """
@@ -92,24 +94,24 @@ class FirstEntries(Entry):
 
     @property
     def energy_pj(self) -> None:
-        """No energy is known."""
+        """The energy of a recording, which is unknown."""
 
     @property
     def energy_profile(self) -> None:
-        """No table of energy is known."""
+        """The table of energies that was used: none."""
 
     @property
     def latency_ns(self) -> float | None:
-        """The time of a recording on the chip; None if it is not known."""
+        """The time of a recording on the chip; None if it is unknown."""
         return self.latency.per_sample_ns
 
     def with_gates(self, gates: tuple[GateFigures, ...]) -> Self:
-        """Return the same with these gates."""
+        """Return a copy with these gates (limits that figures must meet)."""
         return replace(self, gates=gates)
 
 
 class LastEntries(Entry):
-    """report.json after the entries of a family."""
+    """The entries of report.json after those of a family."""
 
     strategy_choice: None
     chance: IfKnown[ChanceFigures]
@@ -142,10 +144,10 @@ def check_entries(
     overflows: Overflows,
     extra_spikes: float | None = None,
 ) -> CheckEntries:
-    """Return the entries that follow from a network and its check.
+    """Return the entries that follow from a network and its check, whatever the chip.
 
-    ``extra_spikes``: per recording, those of a neuron beyond the first in a step, where it can send
-    several.
+    ``extra_spikes`` is for chips whose neurons can spike several times in a step: the number of spikes beyond the first
+    of a neuron in a step, per recording.
     """
     return CheckEntries(
         schema=SCHEMA,
@@ -165,6 +167,7 @@ def check_entries(
 
 
 def _operations(match: ProgramMatch[Any], extra_spikes: float | None) -> OperationFigures:
+    """Return the counted operations per recording, in all and by phase, next to those of the published method."""
     samples = match.samples
     return OperationFigures(
         per_sample=_per_sample(match.total_counts, samples),
@@ -187,6 +190,7 @@ def _per_sample(counts: ChipCounts, samples: int) -> OperationCounts:
 
 
 def _published(match: ProgramMatch[Any]) -> PublishedOperations:
+    """Return the operations per recording as the published method counts them, from the trained network."""
     by_branch = {phase: count / match.samples for phase, count in match.additions.items()}
     additions = sum(by_branch.values())
     transpose_events = match.total_counts.transpose_events / match.samples
@@ -201,7 +205,7 @@ def _published(match: ProgramMatch[Any]) -> PublishedOperations:
 def skipped_entry(
     grounds: Grounds, *, events_dropped: int, synapses_pruned: int = 0, biases_lost: int = 0
 ) -> SkippedFigures:
-    """Return ``skipped`` of a chip that plays every step, and whose program has all neurons."""
+    """Return the entry ``skipped``. These chips play every step, and their programs have all neurons, so both are 0."""
     return SkippedFigures(
         steps=0,
         events_dropped=events_dropped,
@@ -213,7 +217,7 @@ def skipped_entry(
 
 
 def recording_ns(network: Network, grounds: Grounds) -> float | None:
-    """Return the duration of a recording, in ns; None if that of a step is not known."""
+    """Return the duration of a recording in ns, or None if the duration of a step is unknown."""
     if grounds.step_seconds is None:
         return None
     return network.steps * grounds.step_seconds * 1e9

@@ -1,6 +1,7 @@
-"""The kinds of ``--emit`` of families of chips with an arithmetic of their own, as Xylo and SpiNNaker.
+"""Which files ``--emit`` can write for chips with an arithmetic of their own, such as Xylo and SpiNNaker.
 
-A build of such a family writes its files itself, and only the kinds that show what its chips have.
+``--emit`` has many kinds of files; most show things that these chips do not have, such as cores of a mesh. Each family
+has a table of the kinds that it can write, and refuses all others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,16 +21,16 @@ BuildT = TypeVar("BuildT", contravariant=True)
 
 
 class EmittedKinds(Generic[BuildT], Frozen, eq=False):
-    """By kind of ``--emit``, what writes its files for a build; every other kind is refused.
+    """The kinds of ``--emit`` that a family can write, each with the function that writes its files for a build.
 
-    ``lacking`` says what the other kinds show, and chips of the family do not have.
+    ``lacking`` completes the error for every other kind: it names what those show and the family's chips do not have.
     """
 
     writers: Mapping[str, Callable[[BuildT, ShownRecording | None], Files]]
     lacking: str
 
     def check(self, chip: AnyChip, kinds: Sequence[str]) -> None:
-        """Refuse kinds that show what the chip does not have."""
+        """Raise InputError for a kind that shows what the chip does not have."""
         for kind in kinds:
             if kind not in self.writers:
                 what = f"it shows {self.lacking}, and {chip.name} has none of them"
@@ -39,7 +40,7 @@ class EmittedKinds(Generic[BuildT], Frozen, eq=False):
     def files(
         self, build: BuildT, chip: AnyChip, kinds: Sequence[str], shown: ShownRecording | None
     ) -> Files:
-        """Return the files of some kinds; ``shown`` is the recording that some of them need."""
+        """Return the files of the given kinds; ``shown`` is the recording that some kinds need."""
         self.check(chip, kinds)
         files: Files = {}
         for kind, write in self.writers.items():
@@ -49,17 +50,17 @@ class EmittedKinds(Generic[BuildT], Frozen, eq=False):
 
 
 def text_file(name: str, text: str) -> Files:
-    """Return a file of text; characters that UTF-8 cannot hold, as names may have, are escaped."""
+    """Return a text as a file. Characters that UTF-8 cannot hold are escaped; names of a network may contain such."""
     return {name: text.encode(errors="backslashreplace")}
 
 
 def network_file(compiled: Compiled, shown: ShownRecording | None) -> Files:
-    """Return ``network.txt``, the trained network as stable text; a writer of it needs no recording."""
+    """Return ``network.txt``, the trained network as stable text. It needs no recording, unlike other writers."""
     return text_file("network.txt", network_text(compiled.network))
 
 
 def recording_to_show(network: Network, shown: ShownRecording | None) -> AnyArray:
-    """Return the shown recording, (steps, channels) of a network; ``InputError`` where none is given."""
+    """Return the recording to show, with the network's steps and channels; raise ``InputError`` if none is given."""
     if shown is None:
         raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
     batch_of_one = np.asarray(shown.spikes)[np.newaxis]

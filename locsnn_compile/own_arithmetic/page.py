@@ -1,4 +1,8 @@
-"""The parts of a report's page that all chips with an arithmetic of their own share."""
+"""The parts of a report's page that all chips with an arithmetic of their own share.
+
+A page has a *verdict* per question at the top (does it match, does it fit, what does it cost, ...), then *notices* that
+limit the figures, then sections. Each family fills a :class:`FamilyPage`; :func:`compose_page` adds what is common.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -28,13 +32,13 @@ from locsnn_compile.report.words import words
 
 
 class FamilyPage(Frozen):
-    """What the page of a family says of its own.
+    """The family's own content of a page.
 
     - ``lowering``: how networks are brought to the chip, for the line below the title
     - ``costs``, ``fits``, ``worst``: the verdicts on cost, on room and on the worst time
-    - ``not_known``: what nobody knows of such a chip, by what it is of
-    - ``notices``: what limits the figures, and only such a chip does
-    - ``sections``: all that follow the agreement by population
+    - ``not_known``: figures of such a chip that are unknown, each with the reason
+    - ``notices``: limits of the figures that only chips of this family have
+    - ``sections``: all sections after the agreement by population
     """
 
     lowering: str
@@ -47,7 +51,7 @@ class FamilyPage(Frozen):
 
 
 def compose_page(report: SharedFigures, page: FamilyPage, host: HostFigures | None) -> Report:
-    """Return the whole report, of a network with these layers on the host."""
+    """Return the whole page; ``host`` is the layers of the network that run on the host computer, if any."""
     match = report.match
     names = (report.model.name, report.target)
     recordings = f"{plural(match.samples, 'recording')} of {match.events_source}"
@@ -74,7 +78,7 @@ def compose_page(report: SharedFigures, page: FamilyPage, host: HostFigures | No
 def costs_verdict(
     report: SharedFigures, answer: str, sentence: str, first_facts: tuple[Fact, ...] = ()
 ) -> Verdict:
-    """Say how much a recording takes: counted operations, as energy is not known."""
+    """Return the verdict on the cost of a recording, in counted operations, since energy is unknown."""
     per_sample = report.operations.per_sample
     return Verdict(
         question="What does it cost?",
@@ -92,7 +96,7 @@ def costs_verdict(
 
 
 def worst_verdict(figure: str, figure_label: str, sentence: str) -> Verdict:
-    """Say that the worst time is not known, and what is known in its place."""
+    """Return the verdict that the worst time is unknown, with a figure that is known instead."""
     return Verdict(
         question=QUESTION,
         status="unknown",
@@ -105,10 +109,10 @@ def worst_verdict(figure: str, figure_label: str, sentence: str) -> Verdict:
 
 
 def fits_verdict(report: SharedFigures, taken: str, taker: str, besides: str = "") -> Verdict:
-    """Say that the chip holds the program, and how full the fullest limit is.
+    """Return the verdict that the program fits the chip, with the limit that is used most.
 
-    ``taken`` is what the ``taker``, such as the program, takes of the chip, ``besides`` what stands
-    next to it there.
+    In the texts, the ``taker``, such as the program, takes ``taken``, such as "3 of 856 cores", of the chip;
+    ``besides`` names what else is on the chip.
     """
     limits = report.resources.limits
     fullest = max(limits, key=lambda name: fullness(limits[name]))
@@ -129,13 +133,16 @@ def fits_verdict(report: SharedFigures, taken: str, taker: str, besides: str = "
 
 
 def operations_section(figures: OperationFigures, lead: str, *notes: Block) -> Section:
-    """Counts of the chip by phase, next to those on paper; ``lead`` says what is counted."""
+    """Return the section of operations: the chip's counts by phase, next to the published method's.
+
+    ``lead`` explains what is counted.
+    """
     tables = behaviour.operations(figures)
     return Section(tables.key, tables.title, lead, (*tables.blocks, *notes))
 
 
 def limits_section(report: SharedFigures, of_a_core: str = "") -> Section:
-    """Use of every limit; ``of_a_core`` says whose limits those of a core are."""
+    """Return the section on the use of every limit; ``of_a_core`` adds which core is meant by limits of a core."""
     rows = tuple(
         (words(name), count(use.used), count(use.limit), share(fullness(use)))
         for name, use in report.resources.limits.items()
@@ -151,9 +158,9 @@ def numbers_section(
     lead: str,
     number: Callable[[str, object], str],
 ) -> Section:
-    """Numbers of the chip by population, entries of one ``kind``.
+    """Return the section of the chip's numbers by population.
 
-    ``number`` writes a number, given its key.
+    Each population has an entry of type ``kind``, whose fields become columns; ``number(key, value)`` writes a value.
     """
     keys = keys_of(kind)
     rows = []
@@ -165,7 +172,7 @@ def numbers_section(
 
 
 def provenance_section(report: SharedFigures, keep_in_mind: tuple[str, ...]) -> Section:
-    """What was compiled, for which chip, checked on what; and what to keep in mind."""
+    """Return the section on what was compiled, for which chip, and checked on what, with what to keep in mind."""
     return Section.of(
         "provenance",
         "Provenance",

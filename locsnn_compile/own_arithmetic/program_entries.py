@@ -1,4 +1,5 @@
-"""What every program of another arithmetic keeps of its network, next to what it plays."""
+"""The fields that programs of all families take from the network: its name, its classes, and how events become
+steps."""
 
 from typing import Any
 
@@ -8,6 +9,7 @@ from locsnn_compile.network.network import Network
 
 
 def program_entries(network: Network) -> dict[str, Any]:
-    """Return fields of a program by name: what is known of its recordings and classes."""
-    known = picked(network, "name", "step_seconds", "event_threshold", "class_names")
-    return known | vars(network.event_times or EventTimes()) | network.numbering_entries
+    """Return these fields of a program, by name; unknown ones are None."""
+    entries = picked(network, "name", "step_seconds", "event_threshold", "class_names")
+    event_times = network.event_times or EventTimes()
+    return entries | vars(event_times) | network.numbering_entries

@@ -1,7 +1,9 @@
-"""The float network against a program for SpiNNaker, spike by spike.
+"""Compare a program for SpiNNaker with the float network, spike by spike, and with two other versions of itself.
 
-The same recordings are also played to the program as it would be with the shifts that sPyNNaker
-chooses by itself, so that a report can say what they would cost.
+- With the integers that it was made from, computed as ``loihi-sim`` does: what differs is due to SpiNNaker's
+  arithmetic alone.
+- With the program as it would be if sPyNNaker, SpiNNaker's own software, chose the shifts of weights: what differs is
+  what that choice would cost (:mod:`locsnn_compile.spinnaker.own_choice`).
 """
 
 from collections.abc import Mapping
@@ -39,11 +41,11 @@ from locsnn_compile.verification.matching import PopulationMatch, Progress
 
 
 class SpinnakerMatch(ProgramMatch[SpinnakerCounts]):
-    """How a program compares with the network, with its integers, and with sPyNNaker's own choice.
+    """How a program compares with the network, with its integers, and with sPyNNaker's own choice of shifts.
 
-    ``integers`` compares the program with the integers that it was made from, computed as ``loihi``
-    does. ``own_scale`` compares it (as the reference) with itself, had sPyNNaker chosen the shifts;
-    it is None if those cannot be played.
+    ``integers`` compares it with the integers that it was made from, computed by the arithmetic of ``loihi``.
+    ``own_scale`` compares it, as the reference, with the program that has sPyNNaker's own shifts; it is None if our
+    engine does not model such shifts.
     """
 
     integers: Mapping[str, PopulationMatch]
@@ -56,7 +58,7 @@ def compare_spinnaker(
     recordings: Recordings,
     progress: Progress | None = None,
 ) -> SpinnakerMatch:
-    """Play recordings of the network's own steps and channels to all sides."""
+    """Play recordings, which have the network's steps and channels, to all sides, and return how they compare."""
     network = quantized.network
     compare_batch = partial(_compare_batch, _Sides.of(quantized, program))
     sums = sum_of_batches(network, recordings, compare_batch, progress)
@@ -69,8 +71,8 @@ def compare_spinnaker(
 
 
 class _Sides(NamedTuple):
-    """What plays recordings: the network in float and in integers, the program, and the program with
-    sPyNNaker's own shifts.
+    """The four sides that play the recordings: the network in float (``quantized`` holds it) and in integers, the
+    program, and the program with sPyNNaker's own shifts.
     """
 
     quantized: QuantizedNetwork
@@ -93,7 +95,7 @@ class _Sides(NamedTuple):
 
 
 class _SpinnakerBatch(Sums, eq=False):
-    """The match of some recordings, and those that only SpiNNaker has, as in :class:`SpinnakerMatch`."""
+    """The comparisons of :class:`SpinnakerMatch` for one batch; adding two of them joins their recordings."""
 
     match: BatchMatch[SpinnakerCounts]
     integers: dict[str, PopulationMatch]
@@ -115,7 +117,7 @@ def _compare_batch(sides: _Sides, batch: Batch) -> _SpinnakerBatch:
 def _own_scale(
     sides: _Sides, run: ProgramRun[SpinnakerCounts], recordings: ByteArray
 ) -> dict[str, PopulationMatch]:
-    """Compare the program's spikes with those that sPyNNaker's own shifts leave."""
+    """Compare the program's spikes with those of the program with sPyNNaker's own shifts."""
     if sides.own is None:
         return {}
     own = play_program(sides.own, recordings)
@@ -123,8 +125,10 @@ def _own_scale(
 
 
 def _play(sides: _Sides, recordings: ByteArray) -> ProgramRun[SpinnakerCounts]:
+    """Play recordings (batch, steps, channels) to the program."""
     played = play_program(sides.program, recordings)
-    assert played.scores is not None  # a network has a readout
+    # The program of a network always has a readout.
+    assert played.scores is not None
 
     def potential_at(place: SpikePlace) -> float:
         name = place.population
@@ -144,13 +148,14 @@ def _play(sides: _Sides, recordings: ByteArray) -> ProgramRun[SpinnakerCounts]:
 
 
 def _of_all_phases(counts: Mapping[str, SpinnakerCounts]) -> SpinnakerCounts:
+    """Return the sum of counts over phases."""
     return sum(counts.values(), start=SpinnakerCounts())
 
 
 def _by_phase(played: PlayedSpinnaker) -> dict[str, SpinnakerCounts]:
     """Return the counts of all recordings of a batch, by phase."""
     totals: dict[str, SpinnakerCounts] = {}
-    for of_recording in played.counts:
-        for phase, counts in of_recording.items():
+    for counts_of_recording in played.counts:
+        for phase, counts in counts_of_recording.items():
             totals[phase] = totals.get(phase, SpinnakerCounts()) + counts
     return totals

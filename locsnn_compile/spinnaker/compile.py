@@ -29,17 +29,17 @@ from locsnn_compile.spinnaker.setting import SPINNAKER_SETTING
 def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpinnaker:
     """Compile a network as requested, and check it against the float reference.
 
-    Raises ``TargetError`` for what SpiNNaker lacks, and ``InputError`` for recordings that do not
-    fit and for what a request may ask of other chips only.
+    Raises ``TargetError`` if the network needs something that SpiNNaker does not have. Raises ``InputError`` for
+    recordings that do not fit, and for options that have a meaning for other chips only.
     """
     chip = request.chip
-    _check_asked(request)
+    _check_options(request)
     network = with_psi(request.network, request.check.psi)
     recordings = recordings_for(network, request.check.events, request.check.labels)
     network = network.with_steps_of(recordings)
-    # Recordings that are made up have the steps of the network.
+    # After `with_steps_of`, since recordings that are made up for the calibration get the network's steps.
     calibration = calibration_for(network, recordings, request.setting.calibration)
-    # Recordings that do not fit are refused before all the work.
+    # First what can be refused quickly: recordings that do not fit, and neurons that SpiNNaker does not have.
     fitted = network.fitted(recordings)
     check_neurons(network)
     quantized = quantize_for(chip, network, calibration)
@@ -64,8 +64,8 @@ def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpin
     )
 
 
-def _check_asked(request: CompileRequest[SpinnakerChip]) -> None:
-    """Refuse what means nothing for SpiNNaker."""
+def _check_options(request: CompileRequest[SpinnakerChip]) -> None:
+    """Raise InputError for options that have no meaning for SpiNNaker."""
     name = request.chip.name
     check_only_setting(request, f"no table of the energies of {name} was checked")
 
@@ -73,7 +73,10 @@ def _check_asked(request: CompileRequest[SpinnakerChip]) -> None:
 def quantize_for(
     chip: SpinnakerChip, network: Network, calibration: Recordings
 ) -> QuantizedNetwork:
-    """Round a network to the integers of single compartments."""
+    """Round a network to the integers of ``loihi-sim``, with a single compartment per neuron.
+
+    The calibration recordings are played to the float network, to see how large its potentials get.
+    """
     grid = grid_of(chip)
     calibrated = calibrate(network, network.fitted(calibration), grid.registers)
     return quantize_by(network, grid, SPINNAKER_SETTING.setting, FINE, calibrated)
@@ -85,7 +88,7 @@ def program_of(
     lowered: LoweredSpinnaker,
     chip: SpinnakerChip,
 ) -> SpinnakerProgram:
-    """Return the program with all that is known of its network and recordings."""
+    """Return the program, with the names, classes and recording properties of its network."""
     network = quantized.network
     return SpinnakerProgram(
         chip=chip,
@@ -97,10 +100,12 @@ def program_of(
 
 
 def readout_in_units(readout: Readout) -> Readout:
-    """Return a readout of potentials of 1, from one of the register v of ``loihi``."""
-    read = readout.from_step
-    weights = [
-        float(loihi.in_registers(weight)) if name in read else weight
-        for name, weight in readout.terms
-    ]
+    """Return a readout for potentials in units of the integers, from one for the register v of ``loihi``.
+
+    The register has more bits than the units, so weights of potentials are multiplied; spike counts stay.
+    """
+    weights = []
+    for name, weight in readout.terms:
+        is_read_by_potential = name in readout.from_step
+        weights.append(float(loihi.in_registers(weight)) if is_read_by_potential else weight)
     return replace(readout, weights=tuple(weights))

@@ -1,4 +1,4 @@
-"""What compiling for SpiNNaker gives: a program, its network, and the report of their comparison."""
+"""The result of compiling for SpiNNaker: a program, its network, and the report of their comparison."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -26,7 +26,7 @@ from locsnn_compile.spinnaker.text import program_text
 
 
 class CompiledSpinnaker(CompiledProgram, eq=False, repr=False):
-    """A program for SpiNNaker and its check; ``figures`` are the content of report.json, with types."""
+    """A program for SpiNNaker and its check; ``figures`` is the content of report.json, with types."""
 
     quantized: QuantizedNetwork
     lowered: LoweredSpinnaker
@@ -49,7 +49,7 @@ class CompiledSpinnaker(CompiledProgram, eq=False, repr=False):
         return spinnaker_files(self.program)
 
     def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
-        """Return the files of some kinds of ``--emit``; ``pynn`` needs the recording that is shown."""
+        """Return the files of the given kinds of ``--emit``; ``pynn`` needs the recording ``shown``."""
         return SPINNAKER_KINDS.files(self, self.program.chip, kinds, shown)
 
 
@@ -74,4 +74,4 @@ SPINNAKER_KINDS = EmittedKinds(
     },
     lacking="compartments, cores of a mesh or a board",
 )
-"""The kinds of ``--emit`` that show what a program for SpiNNaker has."""
+"""The kinds of ``--emit`` that can be written for SpiNNaker."""

@@ -1,7 +1,8 @@
-"""How much of a population a core has room for: slots of its ring buffer, and neurons.
+"""Decide how many neurons of a population a core holds, and how many slots its ring buffer has.
 
-A ring buffer has an entry for each neuron, receptor and slot, and a spike's synapses on a core lie in
-one row. Both have limits, which :class:`~hw_model.spinnaker.chips.SpinnakerChip` names.
+A core's ring buffer holds the weights that are due in later steps: an entry per neuron, receptor and *slot*, which is a
+step. The synapses of one source on a core are a *row*. Both are limited, see
+:class:`hw_model.spinnaker.chips.SpinnakerChip`.
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ SLOTS_MIN = 2
 
 
 def slots_for(incoming: list[SignedSynapses]) -> int:
-    """Return how many slots a ring buffer has: the least power of two that holds every delay."""
+    """Return the number of slots of a ring buffer: the smallest power of two that is at least every delay."""
     longest_delay = max((int(part.delay.max(initial=0)) for part in incoming), default=0)
     slots = SLOTS_MIN
     while slots < longest_delay:
@@ -26,9 +27,9 @@ def slots_for(incoming: list[SignedSynapses]) -> int:
 def neurons_per_core(
     size: int, slots: int, incoming: list[SignedSynapses], chip: SpinnakerChip
 ) -> int:
-    """Return the most of a population's ``size`` neurons, a power of two, that a core has room for.
+    """Return the largest power of two of a population's ``size`` neurons that a core has room for.
 
-    Where not even one fits, that is 1, and the check of the whole network says what is too much.
+    If not even one neuron fits, the result is 1, and the check of the whole network reports the limit.
     """
     neurons = chip.neurons_per_core
     while neurons > 1:
@@ -40,7 +41,7 @@ def neurons_per_core(
 
 
 def _ring_bits(neurons: int, slots: int) -> int:
-    """Return the bits that number the entries of a ring buffer."""
+    """Return the bits of an index into a ring buffer: those for the neuron, the slot and the receptor."""
     neuron_bits = (neurons - 1).bit_length()
     slot_bits = (slots - 1).bit_length()
     receptor_bits = (spinnaker.RECEPTORS - 1).bit_length()
@@ -52,7 +53,7 @@ def _fit_rows(incoming: list[SignedSynapses], neurons: int, chip: SpinnakerChip)
 
 
 def longest_row(synapses: SignedSynapses, neurons: int) -> int:
-    """Return the most synapses that one source has on a core of so many neurons."""
+    """Return the most synapses that one source has on a core, if a core has this many ``neurons``."""
     core = synapses.target_index // neurons
     rows = np.stack([synapses.source_index, core])
     _, synapse_counts = np.unique(rows, axis=1, return_counts=True)

@@ -1,7 +1,7 @@
 """report.json of a program for SpiNNaker as a type, with the keys that the reports of all targets share.
 
-Energy, of which no table was checked, is None and named as missing. Time is that of a board that
-keeps up: a millisecond a step.
+Energy is None, with the reason, since no published table was checked. Time is that of a board that keeps up with its
+steps of a millisecond.
 """
 
 from collections.abc import Mapping
@@ -50,10 +50,10 @@ class RealTime(Entry):
 
 
 class SpinnakerNumbers(Entry):
-    """A population in the numbers of IF_curr_exp, as its neurons share them.
+    """The numbers of a population's neurons on SpiNNaker.
 
-    A weight of 1 of the integers is ``weight_unit_na``, and a potential of 1 ``potential_unit_mv``.
-    Shifts and largest sums of a step are those of what excites, then of what inhibits.
+    An integer weight of 1 is ``weight_unit_na``, and a potential of 1 is ``potential_unit_mv``. Pairs, such as shifts
+    and largest sums per step, are for excitation, then inhibition.
     """
 
     strategy: str
@@ -71,12 +71,11 @@ class SpinnakerNumbers(Entry):
 
 
 class ProvenRange(Entry):
-    """What no input can do to a population, proven from its stored integers.
+    """The input rate up to which a population is proven not to overflow, from its stored integers.
 
-    ``safe_period`` is the fewest steps between two spikes of a source at which no ring buffer can
-    saturate and no number can wrap: 1 for any input, 0 if nothing is proven. That is up to
-    ``events_per_second`` of each source. The shares are those of the limits that are reached at
-    worst, by spikes in every step; above 1, a number may not fit.
+    If every source spikes at most once in ``safe_period`` steps, no ring buffer can saturate and no number can wrap: 1
+    means any input, 0 that nothing is proven. This is a rate of ``events_per_second`` per source. The shares say how
+    much of each limit is used in the worst case, with spikes in every step; above 1, a number may not fit.
     """
 
     safe_period: int
@@ -87,7 +86,7 @@ class ProvenRange(Entry):
 
     @classmethod
     def of(cls, network: SpinnakerNetwork, name: str) -> "ProvenRange":
-        """Prove what can be proven of a population."""
+        """Return what can be proven of a population."""
         reach = reach_of(network, name)
         period = safe_period(network, name)
         return cls(
@@ -100,10 +99,10 @@ class ProvenRange(Entry):
 
 
 class OwnScale(Entry):
-    """The shifts that sPyNNaker would choose for a population, and what the program would do with them.
+    """The shifts that sPyNNaker would choose for a population, and how its spikes would compare with the program's.
 
-    ``equal_spikes`` of the ``program_spikes`` are at the same neuron and step; both are None if
-    nobody has checked shifts as large as these.
+    With these shifts, ``equal_spikes`` of the ``program_spikes`` still occur, at the same neuron and step. Both are
+    None if our engine does not model such large shifts.
     """
 
     ring_shifts: tuple[int, int]
@@ -112,7 +111,7 @@ class OwnScale(Entry):
 
 
 class _OwnEntries(FirstEntries):
-    """report.json up to the entries that only SpiNNaker has.
+    """The entries of report.json up to those that only SpiNNaker has.
 
     ``integers_match`` compares the program with the integers that it was made from.
     """
@@ -210,22 +209,26 @@ def _resources(program: SpinnakerProgram) -> ProgramUse:
 
 
 def _fullest(populations: tuple[SpinnakerPopulation, ...]) -> int:
-    """Return the neurons of the fullest core."""
+    """Return the number of neurons on the fullest core."""
     return max(min(population.size, population.neurons_per_core) for population in populations)
 
 
 def _numbers(
     quantized: QuantizedNetwork, scaled: ScaledPopulation, population: SpinnakerPopulation
 ) -> SpinnakerNumbers:
+    """Return the numbers of a population: as rounded (``quantized``), scaled, and stored (``population``)."""
     parameters = population.parameters
-    source = quantized.population(scaled.name)
-    sums = tuple(each * scaled.scales.weight_unit for each in scaled.sums)
+    integers = quantized.population(scaled.name)
+    weight_unit = scaled.scales.weight_unit
     return SpinnakerNumbers(
-        strategy=source.strategy,
-        scale=shared_value(source.scale),
-        weight_unit_na=scaled.scales.weight_unit,
+        strategy=integers.strategy,
+        scale=shared_value(integers.scale),
+        weight_unit_na=weight_unit,
         potential_unit_mv=scaled.scales.potential_unit,
-        largest_sums_na=(sums[0], sums[1]),
+        largest_sums_na=(
+            scaled.sums.excitatory * weight_unit,
+            scaled.sums.inhibitory * weight_unit,
+        ),
         ring_shifts=population.shifts,
         weights_rounded=scaled.weights_rounded,
         tau_m_ms=shared_value(parameters.tau_m / spinnaker.ONE),
@@ -237,9 +240,13 @@ def _numbers(
 
 
 def _own_scale(program: SpinnakerProgram, match: SpinnakerMatch) -> dict[str, OwnScale]:
+    """Return sPyNNaker's own shifts of each population, with the spikes that they leave, if these were played."""
     shifts = own_shifts(program.network)
     if match.own_scale is None:
-        return {name: OwnScale(each, None, None) for name, each in shifts.items()}
+        return {
+            name: OwnScale(own, program_spikes=None, equal_spikes=None)
+            for name, own in shifts.items()
+        }
     return {
         name: OwnScale(shifts[name], spikes.reference_spikes, spikes.common_spikes)
         for name, spikes in match.own_scale.items()

@@ -1,4 +1,8 @@
-"""What SpiNNaker has no neurons for, refused by name before and after a network is in integers."""
+"""Refuse networks whose neurons SpiNNaker does not have, with an error that names the population.
+
+What can be seen from the float network is refused before any work (:func:`check_neurons`), what depends on its integers
+after rounding (:func:`check_compartments`).
+"""
 
 import numpy as np
 
@@ -17,13 +21,13 @@ _SHORTER = "Train with a shorter time constant, or take longer steps."
 
 
 def check_fits_spinnaker(chip: SpinnakerChip, network: Network) -> None:
-    """Refuse a network that no setting could lower, by its neurons."""
+    """Raise ``TargetError`` for a network that cannot be lowered because of its neurons, whatever the chip's size."""
     check_network(network)
     check_neurons(network)
 
 
 def check_neurons(network: Network) -> None:
-    """Refuse neurons that are more than one of SpiNNaker each, or reset otherwise."""
+    """Raise ``TargetError`` for neurons that need several of SpiNNaker's, or that are reset in another way."""
     for population in network.populations:
         neuron = population.neuron
         if isinstance(neuron, SoftCuba):
@@ -37,9 +41,9 @@ def check_neurons(network: Network) -> None:
 
 
 def check_compartments(graph: CompartmentGraph, charges: dict[str, FloatArray]) -> None:
-    """Refuse compartments whose decays, joins or floors IF_curr_exp does not have.
+    """Raise ``TargetError`` for compartments whose decays, joins or floors IF_curr_exp does not have.
 
-    ``charges`` (2, n) by group: the lowest and the highest charge of a step, in the unit of u.
+    ``charges`` has the lowest and the highest charge of a step for each group, (2, n), in units of the register u.
     """
     for group in graph.groups:
         where = f"population {group.name!r}"
@@ -72,10 +76,11 @@ def _check_decay_u(where: str, group: Compartments) -> None:
 
 
 def _check_floor(where: str, group: Compartments, charges: FloatArray) -> None:
-    """Refuse a floor that inputs can reach; the end of the register of ``loihi`` is none.
+    """Raise ``TargetError`` for a floor of the potential that inputs can reach.
 
-    ``charges`` (2, n): the lowest and the highest of a step, in the unit of u.
+    ``charges`` (2, n) is the lowest and the highest charge of a step, in units of the register u.
     """
+    # Without a floor in the network, vmin is the end of the register, which is -vmax.
     has_floor = group.vmin > -group.vmax
     lowest_potential = _lowest_potential(group, charges[0])
     reached = np.flatnonzero(has_floor & (lowest_potential < group.vmin))
@@ -88,9 +93,9 @@ def _check_floor(where: str, group: Compartments, charges: FloatArray) -> None:
 
 
 def _lowest_potential(group: Compartments, lowest_charge: FloatArray) -> FloatArray:
-    """Return where v settles, (n,), if every step brings the lowest charge (n,).
+    """Return the value at which v settles, (n,), if every step brings the lowest charge (n,).
 
-    ``settles_at`` answers for drives above 0, so signs are turned on the way in and out.
+    ``settles_at`` takes positive drives only. The dynamics are symmetric, so the sign is turned before and after.
     """
     lowest_current = -loihi_bounds.settles_at(-lowest_charge, group.decay_u)
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)

@@ -1,7 +1,8 @@
-"""The integers from which SpiNNaker's are made.
+"""The integer grid to which networks are rounded before they are lowered to SpiNNaker.
 
-A network is first rounded to the integers of ``loihi-sim``, and these are then lowered. Two limits of
-that chip do not hold, for ring buffers take longer delays, and neurons rest longer, than its registers.
+A network is first rounded to the integers of ``loihi-sim``, so that the passes for that chip can be used; these
+integers are then lowered to SpiNNaker's. Two limits of ``loihi-sim`` are raised, since SpiNNaker allows longer delays
+and longer refractory periods.
 """
 
 from dataclasses import replace
@@ -13,13 +14,17 @@ from hw_model.spinnaker.chips import SpinnakerChip
 
 _SOURCE = hw.chip("loihi-sim")
 _DELAY_MAX = (1 << 12) - 2
-"""Steps. SpiNNaker's delay is one more, and has to fit into 2^12 slots of a ring buffer."""
+"""The longest delay in steps. In SpiNNaker's count a delay is one more, and must be below 2^12, the most slots of a
+ring buffer."""
 _REFRACTORY_MAX = (1 << 15) - 1
-"""Steps of 1 ms, well below the 65,536 ms at which s16.15 ends."""
+"""The longest refractory period in steps of 1 ms, well below 65,536 ms, where the number format s16.15 ends."""
 REGISTERS = replace(_SOURCE.registers, delay_max=_DELAY_MAX, refractory_max=_REFRACTORY_MAX)
 
 
 @cache
 def grid_of(chip: SpinnakerChip) -> Chip:
-    """Return the chip for whose integers a network is rounded, under the name of a SpiNNaker."""
+    """Return the chip description for rounding: that of ``loihi-sim`` with raised limits, named as the SpiNNaker chip.
+
+    Errors during rounding thus name the chip that the user asked for.
+    """
     return replace(_SOURCE, name=chip.name, registers=REGISTERS)

@@ -1,10 +1,12 @@
-"""Lower a graph of compartments to a network of IF_curr_exp.
+"""Lower a graph of compartments to a network of IF_curr_exp, the neuron model of SpiNNaker.
 
 Before: a ``CompartmentGraph`` of single compartments, in the integers of ``loihi``.
 After:  ``LoweredSpinnaker``: populations with their scales, and projections by receptor.
 
-Scales are chosen population by population, for the largest sums that a step can bring to any of its
-neurons: :mod:`hw_model.arithmetic.spinnaker_inverse` says how. Then nothing wraps or saturates.
+A *scale* says how many nA an integer weight of 1 becomes, or how many mV a potential of 1. The scales of a population
+are as large as possible, so that rounding matters little, and small enough that nothing wraps or saturates even if all
+sources spike at once: :mod:`hw_model.arithmetic.spinnaker_inverse` has the formulas. Synapses with positive weights
+go to the excitatory receptor, those with negative weights to the inhibitory one.
 """
 
 from collections.abc import Iterator
@@ -35,13 +37,12 @@ from locsnn_compile.spinnaker.synapses import (
 
 
 class ScaledPopulation(Shown):
-    """How the numbers of a population were chosen.
+    """The scales of a population, and what was lost by rounding.
 
-    - ``sums``: the largest that weights of each sign bring to a neuron in a step, in units of the
-      integer weights
-    - ``gain``: mV by which a weight of 1 lifts V at once, as rounded, the mean of its neurons
-    - ``current_decay_error``: the largest difference of what a step keeps of a current, as a share
-    - ``weights_rounded``: weights that lost bits when they were stored
+    - ``sums``: the largest sum of weights of each sign that arrives at a neuron in a step, in integer weights
+    - ``gain``: by how many mV a weight of 1 raises V at once, after rounding; the mean over the neurons
+    - ``current_decay_error``: the largest relative error of the share of a current that is left after a step
+    - ``weights_rounded``: the number of weights that lost bits when they were stored
     """
 
     name: str
@@ -53,7 +54,7 @@ class ScaledPopulation(Shown):
 
 
 class LoweredSpinnaker(Shown):
-    """A network for SpiNNaker, and how its numbers were chosen, population by population."""
+    """A network for SpiNNaker, with the scales of each population."""
 
     network: SpinnakerNetwork
     scaled: tuple[ScaledPopulation, ...]
@@ -68,7 +69,7 @@ class _LoweredGroup(NamedTuple):
 
 
 class _FittedNeuron(NamedTuple):
-    """A neuron in the numbers of SpiNNaker: its time constants, and what depends on its scales."""
+    """A neuron in SpiNNaker's numbers: its time constants (``membrane``), and the parameters that depend on scales."""
 
     membrane: Membrane
     parameters: IfCurrExp
@@ -82,7 +83,7 @@ class _StoredProjection(NamedTuple):
 
 
 def lower_to_spinnaker(graph: CompartmentGraph, chip: SpinnakerChip) -> LoweredSpinnaker:
-    """Lower a graph; ``TargetError`` for what SpiNNaker does not have."""
+    """Lower a graph; raise ``TargetError`` if it has something that SpiNNaker does not have."""
     synapses = joined_synapses(graph)
     arrivals = {group.name: arriving(synapses, group.name, group.size) for group in graph.groups}
     charges = {name: _charges(sums) for name, sums in arrivals.items()}
@@ -107,9 +108,9 @@ def lower_to_spinnaker(graph: CompartmentGraph, chip: SpinnakerChip) -> LoweredS
 
 
 def _charges(sums: IntArray) -> FloatArray:
-    """Return the lowest and the highest charge of a step, (2, n), in the unit of u.
+    """Return the lowest and the highest charge of a step, (2, n), in units of the register u.
 
-    ``sums`` (2, n) are those of weights above and below 0, both without sign.
+    ``sums`` (2, n) has the sums of positive and of negative weights, both without sign.
     """
     excitatory, inhibitory = sums
     lowest_and_highest = np.stack([-inhibitory, excitatory])
@@ -125,7 +126,11 @@ def _lowered_group(
     is_read: bool,
     chip: SpinnakerChip,
 ) -> _LoweredGroup:
-    """Return what a group becomes, of synapses that bring at most ``sums`` to a neuron in a step."""
+    """Return the population and projections that a group becomes.
+
+    ``incoming`` is all synapses onto the group, which bring at most ``sums`` to a neuron in a step. ``is_read`` says
+    whether the readout reads its potentials.
+    """
     scales = scales_of(group, sums)
     neurons = _fitted_neurons(group, scales)
     gain = _mean_gain(neurons, scales)
@@ -158,20 +163,21 @@ def _lowered_group(
 
 
 def scales_of(group: Compartments, sums: Sums) -> Scales:
-    """Return the largest scales at which no neuron of a group can wrap."""
+    """Return the largest scales at which no neuron of a group can wrap.
+
+    A scale is an exponent here: the unit is 2^-scale. So the neuron that needs the largest exponent decides.
+    """
     neurons = _bounding_neurons(group)
-    weight = max(
-        inverse.weight_scale(inverse.membrane_of(neuron.decay_u, neuron.decay_v), sums)
-        for neuron in neurons
-    )
-    potential = max(inverse.potential_scale(neuron, sums, weight) for neuron in neurons)
-    return Scales(weight, potential)
+    membranes = [inverse.membrane_of(neuron.decay_u, neuron.decay_v) for neuron in neurons]
+    weight_scale = max(inverse.weight_scale(membrane, sums) for membrane in membranes)
+    potential_scale = max(inverse.potential_scale(neuron, sums, weight_scale) for neuron in neurons)
+    return Scales(weight_scale, potential_scale)
 
 
 def _bounding_neurons(group: Compartments) -> list[LeakyNeuron]:
-    """Return the neurons of a group that differ in what its scales depend on: decays and bias.
+    """Return one neuron for each combination of decays and bias in a group, since scales depend only on these.
 
-    A bias counts without its sign, and thresholds and refractory periods do not count.
+    A bias counts without its sign. Thresholds and refractory periods do not matter, so they get any value.
     """
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
     settings = np.stack([group.decay_u, group.decay_v, np.abs(bias)])
@@ -183,7 +189,7 @@ def _bounding_neurons(group: Compartments) -> list[LeakyNeuron]:
 
 
 def _fitted_neurons(group: Compartments, scales: Scales) -> list[_FittedNeuron]:
-    """Return each neuron of a group in the numbers of SpiNNaker; equal ones are fitted once."""
+    """Return each neuron of a group in SpiNNaker's numbers; neurons with equal parameters are fitted only once."""
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
     settings = np.stack([group.decay_u, group.decay_v, group.threshold, bias, group.refractory])
     distinct, index_of_neuron = np.unique(settings, axis=1, return_inverse=True)
@@ -199,7 +205,7 @@ def _fitted(neuron: LeakyNeuron, scales: Scales) -> _FittedNeuron:
 def _parameters(
     group: Compartments, neurons: list[_FittedNeuron], *, is_read: bool
 ) -> spinnaker.Parameters:
-    """Return the parameters of a group; neurons whose potentials are read out never spike."""
+    """Return the parameters of a group. If its potentials are read out (``is_read``), its neurons never spike."""
     tau_syn = np.array([neuron.membrane.tau_syn for neuron in neurons])
     if is_read:
         v_thresh = np.full(group.size, inverse.UNREACHABLE)
@@ -220,7 +226,7 @@ def _parameters(
 
 
 def _mean_gain(neurons: list[_FittedNeuron], scales: Scales) -> float:
-    """Return how far a weight of 1 lifts V at once, in mV, the mean of neurons."""
+    """Return by how many mV a weight of 1 raises V at once, the mean over the neurons."""
     total = 0.0
     for neuron in neurons:
         total += float(inverse.gain_of(neuron.parameters.c_m, neuron.membrane, scales))
@@ -228,7 +234,7 @@ def _mean_gain(neurons: list[_FittedNeuron], scales: Scales) -> float:
 
 
 def _current_decay_error(group: Compartments) -> float:
-    """Return the largest difference of what a step keeps of a current, as a share."""
+    """Return the largest relative error, over the neurons, of the share of a current that is left after a step."""
     decays = set(group.decay_u.tolist())
     return max(inverse.current_decay_error(decay) for decay in decays)
 
@@ -236,9 +242,9 @@ def _current_decay_error(group: Compartments) -> float:
 def _by_receptor(
     synapses: SignedSynapses, shifts: tuple[int, int], weight_unit: float
 ) -> Iterator[_StoredProjection]:
-    """Yield the projections that synapses become: weights above 0 excite, those below inhibit.
+    """Yield the projections that synapses become: positive weights to the excitatory receptor, negative to the other.
 
-    ``shifts`` are those of the receptors, and ``weight_unit`` is the current, nA, of a weight of 1.
+    ``shifts`` has the shift of each receptor; ``weight_unit`` is the current in nA of an integer weight of 1.
     """
     is_of_receptor = (synapses.weight > 0, synapses.weight < 0)
     for receptor, shift, acts in zip(RECEPTORS, shifts, is_of_receptor, strict=True):

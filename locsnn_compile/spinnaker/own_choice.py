@@ -1,8 +1,10 @@
-"""The shifts that sPyNNaker chooses by itself, and a network as it would have been with them.
+"""The shifts that sPyNNaker would choose by itself, and a network as it would be with them, for comparison.
 
-A population may be told the largest sum of weights that a step can bring; our programs do. Otherwise
-sPyNNaker 7.4.1 estimates that sum, M_r, for each receptor. With w the weights of its synapses, in nA,
-and n the most synapses of one of its neurons, added up over projections:
+sPyNNaker is the software that runs PyNN networks on SpiNNaker. It stores weights as integers of 16 bits, and chooses a
+*shift* per population and receptor that makes them currents. The shift follows from M, the largest sum of weights that
+is expected in a step. Our programs tell sPyNNaker M; otherwise sPyNNaker 7.4.1 estimates M for each receptor, as
+follows. With w the weights of its synapses, in nA, and n the most synapses of one of its neurons, added up over
+projections:
 
     all delays of each projection are equal:
         M = sum over projections of max(w) n, and max(w) at the least
@@ -12,8 +14,8 @@ and n the most synapses of one of its neurons, added up over projections:
         M   = k mean(w) + 5 sqrt(k mean(w)^2 + k s^2 P(N < round(k + 3 sqrt(k))))
         N   a Poisson number of mean k; M is at most the sum above, and at least max(w)
 
-A shift that is too large costs bits of weights; with one that is too small, ring buffers saturate,
-and weights of 2^(P + 1) nA lose their high bits.
+A shift that is too large costs low bits of the weights. With a shift P that is too small, ring buffers saturate, and
+weights of 2^(P + 1) nA and more lose their high bits.
 """
 
 import math
@@ -33,16 +35,17 @@ from hw_model.spinnaker.network import (
 )
 from hw_model.values import FloatArray
 
+# Constants of sPyNNaker 7.4.1; 1,000 steps a second is its step of 1 ms.
 SPIKES_PER_SECOND = 30.0
 STEPS_PER_SECOND = 1000.0
 SIGMAS = 5.0
 POISSON_SIGMAS = 3.0
 _LOGARITHM_LIMIT = 701.0
-"""Where the logarithm of k^limit / limit! is 0, or as far from it as this, sPyNNaker leaves the
-deviation of weights out. Floats end at about e^709."""
+"""If the logarithm of k^limit / limit! is 0, or at least this far from 0, sPyNNaker leaves out the deviation of the
+weights. Floats end at about e^709."""
 
 Shifts = tuple[int, int]
-"""P_r of a population, by receptor in the order of ``RECEPTORS``."""
+"""The shifts of a population, by receptor in the order of ``RECEPTORS``."""
 
 
 def own_shifts(network: SpinnakerNetwork) -> dict[str, Shifts]:
@@ -60,11 +63,11 @@ def _shifts_of(network: SpinnakerNetwork, population: SpinnakerPopulation) -> Sh
 
 
 class Incoming(NamedTuple):
-    """A projection as sPyNNaker sees it.
+    """What sPyNNaker's estimate takes of a projection.
 
-    - ``most_synapses``: the most that a neuron of the target has
-    - ``weights``: nA, without sign, (synapses,)
-    - ``delays_vary``: whether not all its delays are equal
+    - ``most_synapses``: the most synapses of the projection onto one neuron
+    - ``weights`` (synapses,): magnitudes in nA
+    - ``delays_vary``: whether its delays differ
     """
 
     most_synapses: int
@@ -89,12 +92,12 @@ def _onto(
 
 
 def currents(projection: SpinnakerProjection, shift: int) -> FloatArray:
-    """Return what the weights of a projection mean, in nA, (synapses,)."""
+    """Return the weights of a projection in nA, (synapses,), given the shift with which they are stored."""
     return spinnaker_inverse.currents_of(projection.weight, shift)
 
 
 def expected_sum(incoming: list[Incoming]) -> float:
-    """Return M, the sum of a step that sPyNNaker expects of one receptor, in nA."""
+    """Return M, the largest sum of weights that sPyNNaker expects in a step for one receptor, in nA."""
     heaviest_weight = max((float(part.weights.max()) for part in incoming), default=0.0)
     sum_of_all = sum(float(part.weights.max()) * part.most_synapses for part in incoming)
     delays_vary = any(part.delays_vary for part in incoming)
@@ -103,9 +106,9 @@ def expected_sum(incoming: list[Incoming]) -> float:
 
 
 def poisson_bound(incoming: list[Incoming]) -> float:
-    """Return the bound, nA, of synapses whose sources send Poisson numbers of spikes.
+    """Return the expected sum in nA if sources send Poisson numbers of spikes, plus five standard deviations.
 
-    That is k mean(w) + 5 sqrt(k mean(w)^2 + k s^2 P), as above, with ``spikes`` for k.
+    This is k mean(w) + 5 sqrt(k mean(w)^2 + k s^2 P) of the module's docstring, with k named ``spikes``.
     """
     synapses = sum(part.most_synapses for part in incoming)
     mean = sum(part.most_synapses * float(part.weights.mean()) for part in incoming) / synapses
@@ -116,19 +119,19 @@ def poisson_bound(incoming: list[Incoming]) -> float:
 
 
 def _pooled_variance(incoming: list[Incoming], synapses: int, mean: float) -> float:
-    """Return s^2, nA^2: the variance of all weights around their mean, within and between projections."""
+    """Return s^2 in nA^2: the variance of all weights around their mean, within and between projections."""
     if synapses <= 1:
         return 0.0
-    squares = sum(
-        float(part.weights.var()) * (part.most_synapses - 1)
-        + part.most_synapses * (float(part.weights.mean()) - mean) ** 2
-        for part in incoming
-    )
+    squares = 0.0
+    for part in incoming:
+        within = float(part.weights.var()) * (part.most_synapses - 1)
+        between = part.most_synapses * (float(part.weights.mean()) - mean) ** 2
+        squares += within + between
     return squares / (synapses - 1)
 
 
 def _share_counted(spikes: float) -> float:
-    """Return P(N < limit) of a Poisson number N of mean ``spikes``, with sPyNNaker's limit."""
+    """Return P(N < limit) for a Poisson number N with mean ``spikes``, as sPyNNaker computes it."""
     limit = round(spikes + POISSON_SIGMAS * math.sqrt(spikes))
     logarithm = limit * math.log(spikes) - math.lgamma(1 + limit)
     leaves_deviation_out = logarithm == 0.0 or abs(logarithm) >= _LOGARITHM_LIMIT
@@ -142,7 +145,7 @@ def _share_counted(spikes: float) -> float:
 
 
 def with_shifts(network: SpinnakerNetwork, shifts: Mapping[str, Shifts]) -> SpinnakerNetwork:
-    """Return a network with its weights stored for other shifts, by the names of populations."""
+    """Return a network with its weights stored for other shifts, given by population."""
     old_shifts = {population.name: population.shifts for population in network.populations}
     populations = tuple(
         replace(population, shifts=shifts[population.name]) for population in network.populations
@@ -158,6 +161,6 @@ def with_shifts(network: SpinnakerNetwork, shifts: Mapping[str, Shifts]) -> Spin
 
 
 def can_be_played(shifts: Mapping[str, Shifts]) -> bool:
-    """Tell whether shifts are no larger than those for which our model was held to machine code."""
+    """Return whether all shifts are small enough for our engine, which was compared with the chip's machine code."""
     largest_shifts = (max(by_receptor) for by_receptor in shifts.values())
     return all(shift <= spinnaker.SHIFT_MAX for shift in largest_shifts)

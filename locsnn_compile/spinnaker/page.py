@@ -1,4 +1,7 @@
-"""The report of a program for SpiNNaker as content without form."""
+"""The content of a report on a program for SpiNNaker, from which HTML, Markdown and terminal text are rendered.
+
+The constants are texts of the report. The functions turn figures of report.json into verdicts, sections and tables.
+"""
 
 import math
 
@@ -118,30 +121,33 @@ def _fits(report: SpinnakerFigures) -> Verdict:
 
 
 def _notices(match: MatchFigures) -> tuple[Notice, ...]:
-    """Return what limits the figures and only SpiNNaker does."""
-    said = []
+    """Return the notices that only SpiNNaker has: about registers that wrapped and ring buffers that saturated."""
+    notices = []
     if match.wraps:
         text = (
             f"Numbers left their 32 bits {plural(match.wraps, 'time')} and kept the rest. What the "
             "neuron does after that says little about the float network."
         )
-        said.append(Notice("Registers wrapped.", text))
+        notices.append(Notice("Registers wrapped.", text))
     if match.clips:
         text = f"Ring buffers of 16 bits were full {plural(match.clips, 'time')}, and lost what came on top."
-        said.append(Notice("Ring buffers saturated.", text))
-    return tuple(said)
+        notices.append(Notice("Ring buffers saturated.", text))
+    return tuple(notices)
 
 
 def _number(key: str, value: object) -> str:
-    """Return a number in words: shares that are small, and sums that need no decimals, in their own way."""
+    """Return a number of :class:`SpinnakerNumbers` as text."""
     if key == "current_decay_error":
+        # A very small share, which would be 0 % otherwise.
         return f"{value:.2g}"
     if isinstance(value, tuple) and key == "largest_sums_na":
-        return ", ".join(count(each) for each in value)
+        # Whole nA are exact enough.
+        return ", ".join(count(largest_sum) for largest_sum in value)
     return any_value(value)
 
 
 def _integers(report: SpinnakerFigures) -> Section:
+    """Return the section that compares the program with the integers that it was made from."""
     rows = tuple(
         (
             name,
@@ -164,6 +170,7 @@ def _integers(report: SpinnakerFigures) -> Section:
 
 
 def _range_proof(report: SpinnakerFigures) -> Section:
+    """Return the section on the rates up to which nothing can overflow."""
     rows = tuple((name, *_proven_cells(proven)) for name, proven in report.range_proof.items())
     columns = (
         "population",
@@ -183,6 +190,7 @@ def _proven_cells(proven: ProvenRange) -> tuple[Cell, ...]:
 
 
 def _own_scale(report: SpinnakerFigures) -> Section:
+    """Return the section on what sPyNNaker's own choice of shifts would cost."""
     rows = tuple(
         _own_row(name, own, report.quantization[name].ring_shifts)
         for name, own in report.own_scale.items()

@@ -1,4 +1,4 @@
-"""The one setting of the compiler for SpiNNaker, and why there is no other."""
+"""The only setting of the compiler for SpiNNaker, with the reasons why other values have no meaning."""
 
 from locsnn_compile.own_arithmetic.setting import OnlySetting
 from locsnn_compile.settings import Setting
@@ -12,4 +12,4 @@ SPINNAKER_SETTING = OnlySetting(
     },
     fixes={"strategy": "Use strategy reset."},
 )
-"""Each neuron of a SpiNNaker is a single compartment, which strategy ``reset`` gives."""
+"""Strategy ``reset`` makes a single compartment of each neuron, which is what a neuron of SpiNNaker is."""

@@ -1,4 +1,8 @@
-"""All synapses from a source to a population as one list, however many formats they came in."""
+"""Join the synapses between each source and target to one list, with signed weights.
+
+The passes for ``loihi-sim`` divide a projection by the format of its weights, such as by sign. For SpiNNaker they are
+joined again: synapses with equal ends and delay act in the same step, so their weights can be added.
+"""
 
 import numpy as np
 
@@ -11,7 +15,7 @@ from hw_model.values import IntArray, Shown
 class SignedSynapses(Shown):
     """Synapses from ``source`` to ``target``, ordered by source, then target, then delay.
 
-    Arrays are (synapses,): weights in units of a weight of 1, and delays in steps, 1 at the least. No
+    Arrays are (synapses,). Weights are signed, in units of an integer weight of 1. Delays are in steps, 1 or more. No
     two synapses have the same ends and delay, and no weight is 0.
     """
 
@@ -24,7 +28,7 @@ class SignedSynapses(Shown):
 
 
 def joined_synapses(graph: CompartmentGraph) -> tuple[SignedSynapses, ...]:
-    """Return the synapses of a graph, those that act together added up."""
+    """Return the synapses of a graph, one list for each pair of source and target."""
     by_ends: dict[tuple[str, str], list[Synapses]] = {}
     for synapses in graph.synapses:
         by_ends.setdefault((synapses.source, synapses.target), []).append(synapses)
@@ -39,31 +43,32 @@ def _joined(source: str, target: str, parts: list[Synapses]) -> SignedSynapses:
     """
     ends_and_delay = np.concatenate([_ends_and_delay(part) for part in parts], axis=1)
     weights = np.concatenate([_weights(part) for part in parts])
-    different, joined_place = np.unique(ends_and_delay, axis=1, return_inverse=True)
-    weight_sums = np.zeros(different.shape[1], dtype=np.int64)
-    np.add.at(weight_sums, joined_place.ravel(), weights)
+    # `unique` sorts the columns, which gives the order of SignedSynapses.
+    distinct, place = np.unique(ends_and_delay, axis=1, return_inverse=True)
+    weight_sums = np.zeros(distinct.shape[1], dtype=np.int64)
+    np.add.at(weight_sums, place.ravel(), weights)
     acts = weight_sums != 0
-    source_index, target_index, delay = different[:, acts]
+    source_index, target_index, delay = distinct[:, acts]
     return SignedSynapses(source, target, source_index, target_index, delay, weight_sums[acts])
 
 
 def _ends_and_delay(synapses: Synapses) -> IntArray:
-    """Return source, target and delay, in steps of SpiNNaker, of each synapse, (3, synapses)."""
+    """Return the source, target and delay of each synapse, (3, synapses); delays as SpiNNaker counts them."""
     delay = inverse.delays_of(synapses.delay)
     columns: IntArray = np.stack([synapses.source_index, synapses.target_index, delay])
     return columns.astype(np.int64)
 
 
 def _weights(synapses: Synapses) -> IntArray:
-    """Return the weight of each synapse in weights of 1, (synapses,)."""
+    """Return the weight of each synapse in units of an integer weight of 1, (synapses,)."""
     return inverse.weights_in_units(np.asarray(synapses.mantissa), synapses.exponent)
 
 
 def arriving(synapses: tuple[SignedSynapses, ...], target: str, size: int) -> IntArray:
-    """Return the most that weights of each sign bring to each neuron in a step, (2, n), 0 or more.
+    """Return the largest sums of weights that can arrive at each neuron in a step, (2, n), 0 or more.
 
-    Row 0 is of those above 0, row 1 of those below, without sign, in weights of 1. Every source is
-    taken to spike at once, so no step brings more.
+    Row 0 is the sum of positive weights, row 1 of negative weights without sign. All sources spike at once, so no step
+    can bring more.
     """
     excitatory = np.zeros(size, dtype=np.int64)
     inhibitory = np.zeros(size, dtype=np.int64)
@@ -75,6 +80,6 @@ def arriving(synapses: tuple[SignedSynapses, ...], target: str, size: int) -> In
 
 
 def largest_sums(arriving_sums: IntArray) -> Sums:
-    """Return the largest sums of any neuron, from those of :func:`arriving`."""
+    """Return the largest sums of any neuron, given those of :func:`arriving`."""
     excitatory, inhibitory = arriving_sums.max(axis=1).tolist()
     return Sums(excitatory, inhibitory)

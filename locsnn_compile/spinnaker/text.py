@@ -1,4 +1,8 @@
-"""A program for SpiNNaker as stable text, for people to read and for golden tests to compare."""
+"""A program for SpiNNaker as stable text, for people to read and for golden tests to compare.
+
+Large arrays are shown by their range and a digest, so that the text changes if any value does. The words in the lines
+are explained at :class:`hw_model.spinnaker.network.SpinnakerPopulation`.
+"""
 
 from hw_model.program.text import array_text, ended, program_heading
 from hw_model.spinnaker.network import SpinnakerPopulation
@@ -24,10 +28,11 @@ def program_text(program: SpinnakerProgram) -> str:
 
 
 def _population_lines(population: SpinnakerPopulation) -> list[str]:
-    place = f"{population.neurons_per_core} a core, {population.slots} slots"
+    """Return the lines of a population: its size and cores, its units, and a line per parameter."""
+    core_use = f"{population.neurons_per_core} a core, {population.slots} slots"
     parameters = population.parameters._asdict()
     return [
-        f"    population {population.name}: {population.size} neurons, {place}",
+        f"    population {population.name}: {population.size} neurons, {core_use}",
         f"      shifts {population.shifts}, weight {population.weight_unit:g} nA, "
         f"potential {population.potential_unit:g} mV",
         *(f"      {name} {array_text(values)}" for name, values in parameters.items()),

@@ -1,4 +1,4 @@
-"""The float network against a program for a Xylo, spike by spike."""
+"""Compare a program for a Xylo with the float network, spike by spike."""
 
 from functools import partial
 
@@ -29,7 +29,7 @@ def compare_xylo(
     recordings: Recordings,
     progress: Progress | None = None,
 ) -> XyloMatch:
-    """Return how far both sides agree on recordings, which have as many steps and channels as the network."""
+    """Return how both sides compare on recordings, which have the network's steps and channels."""
     network = quantized.parts.network
     compare_batch = partial(_compare_batch, quantized, program)
     sums = sum_of_batches(network, recordings, compare_batch, progress)
@@ -48,12 +48,12 @@ def _compare_batch(
 def _play(
     quantized: QuantizedXylo, program: XyloProgram, spikes: ByteArray
 ) -> ProgramRun[XyloCounts]:
-    """Play spikes (recordings, steps, channels) to the program."""
+    """Play spikes (batch, steps, channels) to the program."""
     played = play_program(program, spikes)
 
     def potential_at(place: SpikePlace) -> float:
         potential = played.potential[place.population][place.recording, place.step, place.neuron]
-        # How many units of the chip a potential of 1 of the float network became.
+        # How many units of the chip's register a potential of 1 in the float network is.
         scale = quantized.scales_of(place.population)[place.neuron]
         return float(potential / scale)
 
@@ -63,8 +63,9 @@ def _play(
     return ProgramRun(
         spikes=played.spikes,
         scores=played.scores,
-        score_scale=1.0,  # scores are numbers of spikes on both sides
-        counts=played.counts,  # one for each recording
+        # Scores are spike counts on both sides.
+        score_scale=1.0,
+        counts=played.counts,
         counts_by_phase={phase.name: counts_of_all},
         potential_at=potential_at,
     )

@@ -19,15 +19,15 @@ from locsnn_compile.xylo.trained import trained_integers
 def fulfil_for_xylo(request: CompileRequest[XyloChip]) -> CompiledXylo:
     """Compile a network as requested, and check it against the float reference.
 
-    Raises ``TargetError`` for what the chip lacks, and ``InputError`` for recordings that do not
-    fit and for what a request may ask of other chips only.
+    Raises ``TargetError`` if the network needs something that the chip does not have. Raises ``InputError`` for
+    recordings that do not fit, and for options that have a meaning for other chips only.
     """
     chip = request.chip
-    _check_asked(request)
+    _check_options(request)
     network = with_psi(request.network, request.check.psi)
     recordings = recordings_for(network, request.check.events, request.check.labels)
     network = network.with_steps_of(recordings)
-    # Recordings that do not fit are refused before all the work.
+    # First, so that recordings that do not fit are refused before the work begins.
     fitted = network.fitted(recordings)
     parts = parts_of(network, chip)
     quantized = trained_integers(parts) if parts.on_grid else quantize_xylo(parts)
@@ -43,20 +43,20 @@ def fulfil_for_xylo(request: CompileRequest[XyloChip]) -> CompiledXylo:
     )
 
 
-def _check_asked(request: CompileRequest[XyloChip]) -> None:
-    """Refuse what means nothing for a Xylo."""
+def _check_options(request: CompileRequest[XyloChip]) -> None:
+    """Raise InputError for options that have no meaning for a Xylo."""
     check_only_setting(request, f"no energies of {request.chip.name} are published")
     if request.setting.calibration is not None:
         check_matters(request.network, {"calibration": "calibration"})
 
 
 def program_of(parts: XyloParts, quantized: QuantizedXylo, chip: XyloChip) -> XyloProgram:
-    """Return the program with all that is known of its network and recordings."""
+    """Return the program, with the names, classes and recording properties of its network."""
     network = parts.network
     return XyloProgram(
         chip=chip,
         network=quantized.network,
-        hidden=tuple(NamedPart(each.name, each.size) for each in parts.hidden),
+        hidden=tuple(NamedPart(population.name, population.size) for population in parts.hidden),
         readout=network.readout,
         steps=None if network.any_length else network.steps,
         provenance={

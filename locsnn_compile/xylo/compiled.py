@@ -1,4 +1,4 @@
-"""What compiling for a Xylo gives: a program, its network, and the report of their comparison."""
+"""The result of compiling for a Xylo: a program, its network, and the report of their comparison."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -24,7 +24,7 @@ from locsnn_compile.xylo.text import program_text
 
 
 class CompiledXylo(CompiledProgram, eq=False, repr=False):
-    """A program for a Xylo and its check; ``figures`` are the content of report.json, with types."""
+    """A program for a Xylo and its check; ``figures`` is the content of report.json, with types."""
 
     quantized: QuantizedXylo
     program: XyloProgram
@@ -46,7 +46,7 @@ class CompiledXylo(CompiledProgram, eq=False, repr=False):
         return xylo_files(self.program)
 
     def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
-        """Return the files of some kinds of ``--emit``; ``xylo`` needs the recording that is shown."""
+        """Return the files of the given kinds of ``--emit``; ``xylo`` needs the recording ``shown``."""
         return XYLO_KINDS.files(self, self.program.chip, kinds, shown)
 
 
@@ -62,4 +62,4 @@ XYLO_KINDS = EmittedKinds(
     writers={"network": network_file, "program": _program_text, "xylo": _rockpool},
     lacking="compartments, cores or a board",
 )
-"""The kinds of ``--emit`` that show what a program for a Xylo has."""
+"""The kinds of ``--emit`` that can be written for a Xylo."""

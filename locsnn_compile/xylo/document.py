@@ -1,6 +1,6 @@
 """report.json of a program for a Xylo as a type, with the keys that the reports of all targets share.
 
-What no published table tells, energy and time, is None and named as missing.
+Energy and time are None, with the reason, since neither is published.
 """
 
 from collections.abc import Mapping
@@ -32,9 +32,9 @@ NO_TABLE = "no table of the energies or times of this chip is published"
 
 
 class XyloNumbers(Entry):
-    """A population in the chip's integers.
+    """The numbers of a population on the chip.
 
-    A decay takes away a share of 2^-dash; errors of decays are shares of the float decay.
+    In a step, a register loses 2^-dash of itself. The errors of decays are relative to the decays of the float network.
     """
 
     strategy: str
@@ -48,7 +48,7 @@ class XyloNumbers(Entry):
 
 
 class _OwnEntries(FirstEntries):
-    """report.json up to the entries that only a Xylo has."""
+    """The entries of report.json up to those that only a Xylo has."""
 
     latency: TimeNotKnown
     quantization: Mapping[str, XyloNumbers]
@@ -82,6 +82,7 @@ def xylo_figures(
 
 
 def _overflows(counts: XyloCounts) -> Overflows:
+    """Return how often registers overflowed. Xylo's saturate, which the report calls clips; they never wrap."""
     saturations = {
         "current_saturations": counts.current_saturations,
         "change_saturations": counts.change_saturations,
@@ -91,6 +92,7 @@ def _overflows(counts: XyloCounts) -> Overflows:
 
 
 def _resources(program: XyloProgram) -> ProgramUse:
+    """Return what the program uses of the chip. A weight of 0 is no synapse."""
     network = program.network
     chip = program.chip
     groups = (network.weights_in, network.weights_hidden, network.weights_out)
@@ -112,6 +114,7 @@ def _resources(program: XyloProgram) -> ProgramUse:
 
 
 def _population(quantized: QuantizedXylo, name: str) -> XyloNumbers:
+    """Return the numbers of a population, which is one of the hidden ones or the outputs."""
     dash_syn, dash_mem = quantized.dashes_of(name)
     network = quantized.network
     if name == quantized.parts.outputs.name:
@@ -134,7 +137,8 @@ def _population(quantized: QuantizedXylo, name: str) -> XyloNumbers:
 
 
 def _decay_errors(quantized: QuantizedXylo, name: str) -> tuple[float, float]:
-    """Return the errors of the decays of current and potential of a population."""
+    """Return the largest errors of the decays of a population's currents and potentials."""
+    # A network that was trained in the chip's integers has exactly their decays.
     if quantized.parts.on_grid:
         return 0.0, 0.0
     neurons = neurons_of((quantized.parts.network.population(name),))
@@ -143,5 +147,5 @@ def _decay_errors(quantized: QuantizedXylo, name: str) -> tuple[float, float]:
 
 
 def _decay_error(decay: FloatArray, dash: IntArray) -> float:
-    """Return the largest difference of a decay from that of its dash, as a share of the decay."""
+    """Return the largest difference between a decay and that of its dash, relative to the decay."""
     return float(np.max(np.abs(xylo.share_lost(dash) - decay) / decay))

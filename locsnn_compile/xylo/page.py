@@ -1,4 +1,7 @@
-"""The report of a program for a Xylo as content without form."""
+"""The content of a report on a program for a Xylo, from which HTML, Markdown and terminal text are rendered.
+
+The constants are texts of the report. The functions turn figures of report.json into verdicts, notices and sections.
+"""
 
 from locsnn_compile.own_arithmetic.page import (
     FamilyPage,
@@ -77,7 +80,7 @@ def _fits(report: XyloFigures) -> Verdict:
 
 
 def _notices(saturations: int) -> tuple[Notice, ...]:
-    """Return what limits the figures and only a Xylo does."""
+    """Return the notice that registers saturated, if they did."""
     if not saturations:
         return ()
     text = (
@@ -88,13 +91,13 @@ def _notices(saturations: int) -> tuple[Notice, ...]:
 
 
 def _operations(figures: OperationFigures) -> Section:
-    extra = count(figures.extra_spikes or 0.0)
-    several = f"Spikes of hidden neurons beyond the first in a step: {extra} per recording."
-    return operations_section(figures, _OPERATIONS, several)
+    extra_spikes = count(figures.extra_spikes or 0.0)
+    note = f"Spikes of hidden neurons beyond the first in a step: {extra_spikes} per recording."
+    return operations_section(figures, _OPERATIONS, note)
 
 
 def _number(key: str, value: object) -> str:
-    """Return a number of :class:`XyloNumbers` in words."""
+    """Return a number of :class:`XyloNumbers` as text."""
     if isinstance(value, float) and key in _SHARES:
         return share(value)
     return any_value(value)

@@ -1,7 +1,9 @@
-"""Take a network apart into what a Xylo has: inputs, hidden neurons and outputs.
+"""Divide a network into the parts of a Xylo: input lines, hidden neurons and outputs.
 
 Before: a checked ``Network``.
-After:  ``XyloParts``; everything that a Xylo lacks has been refused, each by its name.
+After:  ``XyloParts``. A network with anything that a Xylo does not have is refused; the error names it.
+
+Functions ``_check_...`` raise ``TargetError`` for one kind of such things each.
 """
 
 from collections.abc import Callable
@@ -20,16 +22,18 @@ from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.xylo_neurons import XyloNeuron
 
 MOST_LOST = 2.0**-0.5
-"""The largest decay of a current whose nearest dash is 1: with dash 0, no input would ever act."""
+"""Currents must lose less than this share per step. A dash d stands for a loss of 2^-d, and the dash is rounded in the
+exponent, so a loss of 2^-0.5 or more would get dash 0: the current would lose everything before it acts."""
 _EXACT = 1e-6
-"""How much a drop may differ from a subtraction of the threshold, as a share of the threshold."""
+"""How much a neuron's drop may differ from a subtraction of the threshold, relative to the threshold. Chosen by hand:
+room for parameters in float32."""
 
 
 class XyloParts(Shown):
-    """A network whose every feature a Xylo has.
+    """A network that fits the structure of a Xylo.
 
-    ``hidden`` are the populations of the hidden neurons in network order, ``outputs`` is the one
-    that is read out.
+    ``view`` is its one input, ``hidden`` the populations that become the chip's hidden neurons, in network order, and
+    ``outputs`` the population that is read out.
     """
 
     network: Network
@@ -39,20 +43,21 @@ class XyloParts(Shown):
 
     @property
     def on_grid(self) -> bool:
-        """Whether its numbers are already the integers of a Xylo."""
+        """Whether the network was trained in the integers of a Xylo, so that nothing has to be rounded."""
         return not self.network.has_float_weights
 
 
 def check_fits_xylo(chip: XyloChip, network: Network) -> None:
-    """Refuse a network that has what a Xylo lacks, or more of it."""
+    """Raise ``TargetError`` for a network that has something that a Xylo does not have, or too much of something."""
     check_network(network)
     parts_of(network, chip)
 
 
 def parts_of(network: Network, chip: XyloChip) -> XyloParts:
-    """Return the parts of a network; a ``TargetError`` names the first thing that is lacking."""
+    """Return the parts of a network; a ``TargetError`` names the first thing that the chip does not have."""
     for check in _CHECKS_OF_NETWORK:
         check(network)
+    # `_check_readout` has made sure that there is just one.
     (output_name,) = network.readout.populations
     parts = XyloParts(
         network=network,
@@ -115,26 +120,29 @@ def _check_neurons(network: Network) -> None:
             what = f"a Xylo has no neurons like {type(neuron).__name__}"
             fix = "Give Cuba or SoftCuba neurons."
             raise TargetError(population.where, what, fix=fix)
-        _check_decays(population, neuron, heard=bool(network.into(population.name)))
+        _check_decays(population, neuron, has_inputs=bool(network.into(population.name)))
         _check_reset(population, neuron)
 
 
 def _check_spikes(network: Network, population: Population, neuron: XyloNeuron) -> None:
-    """Refuse integers of a Xylo next to float, and neurons that spike in another way than their place."""
+    """Refuse neurons trained in a Xylo's integers next to float ones, or with another limit of spikes per step.
+
+    The chip's limit is 31 for a hidden neuron, and 1 for an output.
+    """
     if network.has_float_weights:
         what = "it has the integers of a Xylo, and other populations are in float"
         raise TargetError(population.where, what, fix="Give all populations in one kind of number.")
-    most = xylo.HIDDEN_SPIKES_MAX
+    most_spikes = xylo.HIDDEN_SPIKES_MAX
     if population.name in network.readout.populations:
-        most = xylo.OUTPUT_SPIKES_MAX
-    if neuron.most_spikes != most:
+        most_spikes = xylo.OUTPUT_SPIKES_MAX
+    if neuron.most_spikes != most_spikes:
         what = "its neurons may spike another number of times in a step than a Xylo's"
-        measured = f"{neuron.most_spikes} against {most}"
-        raise TargetError(population.where, what, measured=measured, fix=f"Give {most}.")
+        measured = f"{neuron.most_spikes} against {most_spikes}"
+        raise TargetError(population.where, what, measured=measured, fix=f"Give {most_spikes}.")
 
 
 def _check_reset(population: Population, neuron: Cuba | SoftCuba) -> None:
-    """Refuse resets, floors and refractory steps that a Xylo has not."""
+    """Refuse resets, floors and refractory steps that a Xylo does not have."""
     if neuron.has_floor:
         what = "its potential has a floor, and on a Xylo only the end of a register stops it"
         raise TargetError(population.where, what, fix="Train without a floor.")
@@ -147,34 +155,43 @@ def _check_reset(population: Population, neuron: Cuba | SoftCuba) -> None:
         measured = f"{counted(longest - 1, 'step')} against 0"
         fix = "Train without a refractory period."
         raise TargetError(population.where, what, measured=measured, fix=fix)
+    # With a decay of 1, the potential is forgotten in every step anyway, so a reset to 0 is no difference.
     if np.any(neuron.decay_v < 1):
         what = "a spike resets its potential to 0, and on a Xylo it subtracts the threshold"
         fix = "Read a NIR graph with --reset subtract, or give SoftCuba neurons."
         raise TargetError(population.where, what, fix=fix)
 
 
-def _check_decays(population: Population, neuron: Leaky, *, heard: bool) -> None:
-    """Refuse decays that no dash is near to; the current of neurons that hear nothing stays 0."""
+def _check_decays(population: Population, neuron: Leaky, *, has_inputs: bool) -> None:
+    """Refuse decays that are too far from those that the chip has.
+
+    Without inputs, the current is always 0, so that its decay does not matter.
+    """
     for name, decay in (("current", neuron.decay_u), ("potential", neuron.decay_v)):
         if np.any(decay == 0):
             what = f"its {name} never decays, and on a Xylo every {name} does"
             fix = "Train with a finite time constant."
             raise TargetError(population.where, what, fix=fix)
-    largest = float(np.max(neuron.decay_u))
-    if largest >= MOST_LOST and heard:
+    largest_loss = float(np.max(neuron.decay_u))
+    if largest_loss >= MOST_LOST and has_inputs:
         what = "its current decays faster than one of a Xylo, which keeps half of it or more"
-        measured = f"a step loses {largest:.4g} against less than {MOST_LOST:.4g}"
+        measured = f"a step loses {largest_loss:.4g} against less than {MOST_LOST:.4g}"
         fix = "Train neurons with a synaptic current, or give a smaller step (--dt)."
         raise TargetError(population.where, what, measured=measured, fix=fix)
 
 
 def _check_drop(population: Population, neuron: SoftCuba) -> None:
-    at_once = (1 - neuron.decay_v) * neuron.threshold
-    off = np.abs(neuron.drop - at_once) > _EXACT * neuron.threshold
-    if not off.any():
+    """Refuse soft resets that are no subtraction of the threshold.
+
+    A Xylo subtracts the threshold in the step of the spike. A SoftCuba neuron subtracts ``drop`` in the next step,
+    after the decay; both are equal if the drop is the decayed threshold.
+    """
+    decayed_threshold = (1 - neuron.decay_v) * neuron.threshold
+    differs = np.abs(neuron.drop - decayed_threshold) > _EXACT * neuron.threshold
+    if not differs.any():
         return
-    first = int(np.flatnonzero(off)[0])
-    measured = f"{neuron.drop[first]:.4g} against {at_once[first]:.4g} in neuron {first}"
+    first = int(np.flatnonzero(differs)[0])
+    measured = f"{neuron.drop[first]:.4g} against {decayed_threshold[first]:.4g} in neuron {first}"
     what = "what a spike takes from the next potential is not the decayed threshold"
     fix = "Read a NIR graph with --reset subtract, or give drop = (1 - decay_v) * threshold."
     raise TargetError(population.where, what, measured=measured, fix=fix)
@@ -183,6 +200,7 @@ def _check_drop(population: Population, neuron: SoftCuba) -> None:
 def _check_delays(network: Network) -> None:
     for projection in network.projections:
         longest = int(np.max(projection.delay, initial=0))
+        # A delay of synapses that are all 0 delays nothing.
         if longest and values_of(projection.held).any():
             what = "its spikes arrive late, and a Xylo has no delays"
             measured = f"{counted(longest, 'step')} against 0"
@@ -258,9 +276,9 @@ def _check_sizes(parts: XyloParts, chip: XyloChip) -> None:
 
 
 class XyloNeurons(Shown):
-    """Leaky neurons of some populations one after the other, in float, each (n,).
+    """The float parameters of the neurons of some populations, one population after the other, each (n,).
 
-    A neuron spikes where v > threshold if ``strict``, else where v >= threshold.
+    A neuron spikes if v > threshold where ``strict``, else if v >= threshold.
     """
 
     decay_u: FloatArray
@@ -271,17 +289,17 @@ class XyloNeurons(Shown):
 
 
 def neurons_of(populations: tuple[Population, ...]) -> XyloNeurons:
-    """Return the neurons of populations that :func:`parts_of` let through."""
-    rows = [_neurons(population) for population in populations]
-    return XyloNeurons(
-        **{
-            name: np.concatenate([getattr(row, name) for row in rows])
-            for name in XyloNeurons.__dataclass_fields__
-        }
-    )
+    """Return the parameters of populations that :func:`parts_of` has accepted."""
+    by_population = [_neurons(population) for population in populations]
+    joined = {
+        name: np.concatenate([getattr(neurons, name) for neurons in by_population])
+        for name in XyloNeurons.__dataclass_fields__
+    }
+    return XyloNeurons(**joined)
 
 
 def _neurons(population: Population) -> XyloNeurons:
+    """Return the parameters of one population. SoftCuba neurons have no bias, and compare with v > threshold."""
     neuron = population.neuron
     assert isinstance(neuron, Cuba | SoftCuba)
     at_threshold = isinstance(neuron, Cuba) and neuron.rule == ">="

@@ -1,4 +1,4 @@
-"""The integers of a Xylo next to the populations that they came from."""
+"""A network in the integers of a Xylo, together with the populations and scales that they came from."""
 
 from hw_model.values import FloatArray, IntArray, Shown
 from hw_model.xylo.network import XyloNetwork
@@ -7,11 +7,11 @@ from locsnn_compile.xylo.parts import XyloParts
 
 
 class XyloScales(Shown):
-    """How many units of the registers the float network's units become, neuron by neuron, (n,).
+    """How many units of the chip's registers 1 in the float network becomes, per neuron, (n,).
 
-    ``current``: of a weight. ``potential``: of a threshold and a bias. They differ because the
-    chip's response to a spike has another peak than the float neuron's. ``level``: the largest
-    weight of a neuron is 127 * 2^level units.
+    ``current`` is for weights, ``potential`` for thresholds and biases. They differ because the response to a spike has
+    another peak on the chip than in the float neuron. At ``level``, the largest weight of a neuron is 127 * 2^level
+    units.
     """
 
     current: FloatArray
@@ -29,7 +29,7 @@ class QuantizedXylo(Shown):
 
     @property
     def populations(self) -> tuple[Population, ...]:
-        """Hidden populations, then that of the outputs."""
+        """The hidden populations, then the outputs."""
         return (*self.parts.hidden, self.parts.outputs)
 
     def scales_of(self, name: str) -> FloatArray:
@@ -39,11 +39,11 @@ class QuantizedXylo(Shown):
         return self.hidden_scales.potential[self.place(name)]
 
     def place(self, name: str) -> slice:
-        """Return where a hidden population lies among the hidden neurons."""
+        """Return the place of a hidden population among all hidden neurons."""
         return places(self.parts.hidden)[name]
 
     def dashes_of(self, name: str) -> tuple[IntArray, IntArray]:
-        """Return the dashes of current and potential of each neuron of a population, (n,) each."""
+        """Return the dashes (stored decays) of current and potential of a population's neurons, (n,) each."""
         if name == self.parts.outputs.name:
             outputs = self.network.outputs
             return outputs.dash_syn[:, 0], outputs.dash_mem
@@ -52,10 +52,10 @@ class QuantizedXylo(Shown):
 
 
 def places(populations: tuple[Population, ...]) -> dict[str, slice]:
-    """Return where each population lies if they stand one after the other."""
+    """Return the place of each population's neurons if the populations follow one another."""
     first = 0
-    place: dict[str, slice] = {}
+    place_of: dict[str, slice] = {}
     for population in populations:
-        place[population.name] = slice(first, first + population.size)
+        place_of[population.name] = slice(first, first + population.size)
         first += population.size
-    return place
+    return place_of

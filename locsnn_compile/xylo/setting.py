@@ -1,4 +1,4 @@
-"""The one setting of the compiler for a Xylo, and why there is no other."""
+"""The only setting of the compiler for a Xylo, with the reasons why other values have no meaning."""
 
 from hw_model.arithmetic import xylo
 from locsnn_compile.own_arithmetic.setting import OnlySetting
@@ -13,4 +13,4 @@ XYLO_SETTING = OnlySetting(
     },
     fixes={},
 )
-"""Neurons leak as the chip's do, and its weights have 8 bits."""
+"""Strategy ``native`` maps each leaky neuron to one of the chip's, which leak, too; the chip's weights have 8 bits."""

@@ -1,4 +1,7 @@
-"""The three groups of synapses of a Xylo, each of which has a shift of its own."""
+"""The three groups of synapses of a Xylo, each of which has its own shift of weights.
+
+All projections of the network within a group become one matrix on the chip.
+"""
 
 from enum import Enum
 from typing import Generic, NamedTuple, TypeVar
@@ -14,7 +17,7 @@ Numbers = TypeVar("Numbers", FloatArray, IntArray)
 
 
 class SynapseGroup(Enum):
-    """A group of synapses; its value is the word for it in messages."""
+    """A group of synapses. Its value is the word for it in error messages."""
 
     INTO_HIDDEN = "inputs"
     AMONG_HIDDEN = "hidden neurons"
@@ -22,7 +25,7 @@ class SynapseGroup(Enum):
 
 
 class GroupedWeights(NamedTuple, Generic[Numbers]):
-    """Weights, source first: (inputs, hidden), (hidden, hidden) and (hidden, outputs)."""
+    """The weights of the three groups, source first: (inputs, hidden), (hidden, hidden) and (hidden, outputs)."""
 
     into_hidden: Numbers
     among_hidden: Numbers
@@ -30,7 +33,7 @@ class GroupedWeights(NamedTuple, Generic[Numbers]):
 
 
 def group_of(parts: XyloParts, projection: Projection | ChipProjection) -> SynapseGroup:
-    """Return the group that a projection becomes a part of."""
+    """Return the group that a projection belongs to."""
     if projection.target == parts.outputs.name:
         return SynapseGroup.INTO_OUTPUTS
     if projection.source == parts.view.name:
@@ -39,7 +42,7 @@ def group_of(parts: XyloParts, projection: Projection | ChipProjection) -> Synap
 
 
 def no_weights(parts: XyloParts, of_type: type[np.generic]) -> GroupedWeights[Numbers]:
-    """Return weights of 0."""
+    """Return weights of 0 in the shapes of a network, to add projections to."""
     hidden = sum(population.size for population in parts.hidden)
     return GroupedWeights(
         into_hidden=np.zeros((parts.view.lines, hidden), dtype=of_type),
@@ -54,7 +57,7 @@ def add_weights(
     projection: Projection | ChipProjection,
     added: Numbers,
 ) -> None:
-    """Add the weights (sources, targets) of a projection to those of its group, in place."""
+    """Add the weights ``added`` (sources, targets) of a projection to its group, in place."""
     place = places(parts.hidden)
     match group_of(parts, projection):
         case SynapseGroup.INTO_OUTPUTS:

@@ -1,4 +1,7 @@
-"""A program for a Xylo as stable text, for people to read and for golden tests to compare."""
+"""A program for a Xylo as stable text, for people to read and for golden tests to compare.
+
+Large arrays are shown by their range and a digest, so that the text changes if any value does.
+"""
 
 from hw_model.program.text import array_text, ended, program_heading
 from hw_model.xylo.network import XyloPopulation
@@ -10,7 +13,7 @@ def program_text(program: XyloProgram) -> str:
     network = program.network
     lines = program_heading(program.name, program.chip.name, program.provenance)
     lines.append(f"  inputs: {program.inputs}")
-    # The chip has one hidden population, in which the hidden populations of the network lie one after another.
+    # On the chip, the hidden populations of the network are one, so their parameters are shown once for all.
     for name, place in program.places.items():
         lines.append(f"  hidden {name}: neurons {place.start}..{place.stop - 1}")
     lines.append(f"    {_population_text(network.hidden)}")

@@ -1,6 +1,6 @@
-"""Take over the integers of a network that was trained on the arithmetic of a Xylo.
+"""Take over the integers of a network that was trained in the arithmetic of a Xylo.
 
-Before: ``XyloParts`` on the grid.
+Before: ``XyloParts`` whose network has the chip's integers already.
 After:  ``QuantizedXylo`` with exactly those integers; nothing is rounded.
 """
 
@@ -27,7 +27,7 @@ from locsnn_compile.xylo.synapses import (
 
 
 def trained_integers(parts: XyloParts) -> QuantizedXylo:
-    """Return the integers of a network; a ``TargetError`` where a group of synapses has two shifts."""
+    """Return the integers of a network; raise ``TargetError`` if a group of synapses has more than one shift."""
     weights: GroupedWeights[IntArray] = no_weights(parts, np.int64)
     shifts: dict[SynapseGroup, set[int]] = {group: set() for group in SynapseGroup}
     for projection in parts.network.projections:
@@ -46,10 +46,11 @@ def trained_integers(parts: XyloParts) -> QuantizedXylo:
         shift_hidden=_one_shift(SynapseGroup.AMONG_HIDDEN, shifts),
         shift_out=_one_shift(SynapseGroup.INTO_OUTPUTS, shifts),
     )
-    return QuantizedXylo(parts, network, _as_they_are(hidden.size), _as_they_are(outputs.size))
+    return QuantizedXylo(parts, network, _unit_scales(hidden.size), _unit_scales(outputs.size))
 
 
 def _population(populations: Iterable[Population]) -> XyloPopulation:
+    """Return the parameters of all neurons of some populations, one population after the other."""
     neurons = [population.neuron for population in populations]
     assert all(isinstance(neuron, XyloNeuron) for neuron in neurons)
 
@@ -64,15 +65,16 @@ def _population(populations: Iterable[Population]) -> XyloPopulation:
 
 
 def _one_shift(group: SynapseGroup, shifts: dict[SynapseGroup, set[int]]) -> int:
-    of_group = shifts[group]
-    if len(of_group) > 1:
+    """Return the shift of a group's weights; raise ``TargetError`` if its projections have several."""
+    shifts_of_group = shifts[group]
+    if len(shifts_of_group) > 1:
         what = f"weights of {group.value} have several shifts, and a Xylo has one for them all"
-        measured = f"{sorted(of_group)}"
+        measured = f"{sorted(shifts_of_group)}"
         raise TargetError("weights", what, measured=measured, fix="Give them one exponent.")
-    # A group without synapses has no shift of its own: any will do.
-    return max(of_group, default=0)
+    # For a group without synapses, any shift will do.
+    return max(shifts_of_group, default=0)
 
 
-def _as_they_are(size: int) -> XyloScales:
-    """Return scales of 1: the network's own units are those of the registers."""
+def _unit_scales(size: int) -> XyloScales:
+    """Return scales of 1: the network's units are those of the chip's registers."""
     return XyloScales(current=np.ones(size), potential=np.ones(size), level=0)
