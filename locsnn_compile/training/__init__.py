@@ -1,1 +1,1 @@
-"""Losses, the training loop, and the options of a run."""
+"""How the networks of :mod:`locsnn_compile.models` learn: the options of a run, its losses and its loop."""

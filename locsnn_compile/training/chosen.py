@@ -1,8 +1,8 @@
-"""Options that nobody gave, chosen from the recordings to train on, and why.
+"""Choose the options of a training run that the user did not give, from the training recordings, and say why.
 
 What is chosen: the network and its windows, the optimizer, the learning rate, dropout, class weights, the threshold of
-neurons and the walk. An option that is given stays as it is, and so do those that say how data are read. The test part
-is never looked at.
+neurons and the walk (the order in which a location branch visits the channels). An option that is given is never
+changed, nor are options that say how data are read. The test part is never looked at.
 """
 
 import math
@@ -23,8 +23,9 @@ from locsnn_compile.training.rates import rate_for_updates
 from locsnn_compile.training.window_choice import choose_windows, levels_text
 
 COUNTING = "window-snn"
+"""The network that is chosen, whose neurons count events in windows of time."""
 COUNTING_AND_SPIKING = "hybrid-window"
-"""The network that is chosen, and the one where an option asks for neurons that the first does not have."""
+"""The network that is chosen if the user gave an option of spiking neurons, which the first does not have."""
 _OF_DESCENT = """
     learning_rate schedule batch_size loss count_scale label_smoothing
     neighbour_smoothing class_order class_weights weight_average pruned
@@ -32,21 +33,23 @@ _OF_DESCENT = """
     time_stretch time_shift taxel_shift target
 """
 DESCENT = frozenset(_OF_DESCENT.split())
-"""Options that have an effect, or help, only where weights descend along a gradient."""
+"""Options that have an effect, or help, only if weights are learned by gradient descent."""
 OPTIONS_OF_WINDOWS = ("window_steps", "window_stride", "window_levels")
 SHORT_STEPS = 50
+"""Recordings of fewer steps are short: potentials hardly reach the published threshold in them."""
 SHORT_THETA = 2.0
-"""In recordings of so few steps, potentials hardly reach the published threshold. On grasps of 24 steps, a threshold of
-2 instead of 10 doubled the accuracy of ``hybrid``."""
+"""The threshold for short recordings. On grasps of 24 steps, it doubled the accuracy of ``hybrid``, compared with the
+published threshold of 10."""
 LARGEST_SCORE = 10.0
-"""Of a class whose output spikes in every step. Where it is smaller, a loss asks for ever more spikes, and hidden
-neurons end in spiking all the time."""
+"""The score of a class whose output spikes in every step (``count_scale`` times the steps). If the largest score is
+smaller, cross-entropy asks for ever more spikes, and hidden neurons end up spiking all the time."""
 UNEVEN_FROM = 2.0
-"""Ratio of the commonest and the rarest class from which classes are made to count alike."""
+"""The number of recordings of the commonest class divided by that of the rarest, from which on recordings of rare
+classes weigh more, so that all classes count alike. Chosen by hand."""
 
 
 class Reason(Frozen):
-    """Options that were chosen together, by name, and why."""
+    """Options that were chosen together, name -> value, and why."""
 
     values: Mapping[str, Any]
     why: str
@@ -59,7 +62,7 @@ class Reason(Frozen):
 
 
 class Chosen(Frozen):
-    """A complete configuration, and what of it was chosen from the data."""
+    """A complete configuration, what of it was chosen from the data (``reasons``), and from which (``facts``)."""
 
     config: TrainingConfig
     facts: str
@@ -77,7 +80,7 @@ class Chosen(Frozen):
 
     @property
     def text(self) -> str:
-        """What a checkpoint keeps of it."""
+        """The text that a checkpoint stores."""
         return "; ".join(reason.words for reason in self.reasons)
 
 
@@ -90,7 +93,7 @@ def choose(
     """Return the configuration of the given ``values``, completed from the train part ``recordings``.
 
     With ``defaults: fixed``, nothing is chosen. ``classes``: their number, if it is more than the labels show.
-    ``progress`` is called with the number of windows judged and to judge.
+    ``progress`` is called with (windows judged, windows to judge).
     """
     config = config_from_mapping(values)
     labels = recordings.needed_labels("train on")
@@ -105,14 +108,14 @@ def choose(
 
 @dataclass(eq=False)
 class _Choices:
-    """The configuration so far, the options that were ``given`` and stay as they are, and why others changed."""
+    """The configuration so far, the options that were ``given`` and must not change, and the choices made so far."""
 
     config: TrainingConfig
     given: frozenset[str]
     reasons: list[Reason] = field(default_factory=list)
 
     def settle(self, why: str, **options: Any) -> None:
-        """Take these options, except those that were given."""
+        """Set these options, except those that were given, for the reason ``why``."""
         open_options = {name: value for name, value in options.items() if name not in self.given}
         if open_options:
             self.config = replace(self.config, **open_options)
@@ -126,7 +129,7 @@ def _choose_all(
     recordings_of_class: IntArray,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    """Choose the network, then what suits it."""
+    """Choose the network, and then the options that suit it and the recordings."""
     if "model" not in choices.given and choices.config.model != XYLO_MODEL:
         model, why = _model(choices.config, choices.given)
         # A network has defaults of its own, so all options are read anew.
@@ -137,6 +140,7 @@ def _choose_all(
     if structure.window_branch and not choices.given & set(OPTIONS_OF_WINDOWS):
         _choose_windows(choices, recordings, progress, smoothing_too=computes_output)
     if computes_output:
+        # Nothing is learned by descent, so dropout and further epochs would change nothing.
         choices.settle(
             "its output is computed, so it does not depend on the number of updates",
             optimizer="prototypes",
@@ -157,7 +161,10 @@ def _choose_all(
 
 
 def _may_compute_output(choices: _Choices, recordings_of_class: IntArray) -> bool:
-    """Tell whether prototypes are computed: if no option asks for descent, and all of two classes or more occur."""
+    """Return whether the output may be computed from prototypes instead of being learned by descent.
+
+    That is so if no option asks for descent, and at least two classes exist, of which all occur.
+    """
     network_can = choices.config.model == COUNTING
     optimizer_is_open = choices.config.optimizer in ("sgd", "prototypes")
     asks_for_descent = bool(choices.given & (DESCENT | {"optimizer"}))
@@ -172,12 +179,13 @@ def _choose_windows(
     *,
     smoothing_too: bool,
 ) -> None:
-    """Choose the windows of time and their levels by cross-validation, and with them the smoothing of prototypes."""
+    """Choose windows and levels by cross-validation; if ``smoothing_too``, also the smoothing of prototypes."""
     config = choices.config
     labels = recordings.needed_labels("train on")
     polarities = POLARITIES if config.sensor is None else config.sensor.polarities
     choice = choose_windows(recordings.spikes, labels, polarities, config.seed, progress)
     if choice is None:
+        # The defaults, cut to the recordings: a window cannot be longer, and a level of 2 needs two steps.
         steps = min(config.window_steps, recordings.spikes.shape[1])
         levels = "1" if steps < 2 else config.window_levels
         why = "there are too few recordings to compare others"
@@ -200,6 +208,7 @@ def _choose_for_spiking(choices: _Choices, recordings: Recordings) -> None:
     structure = ARCHITECTURES[config.model]
     learned_from = len(recordings) * (1.0 - config.validation_fraction)
     updates = config.epochs * math.ceil(learned_from / config.batch_size)
+    # Two digits, as a user would write the option.
     rate = float(f"{rate_for_updates(updates):.2g}")
     if config.optimizer in ("adamw", "rmsprop") and rate != config.learning_rate:
         choices.settle(f"there are {updates} updates of the weights", learning_rate=rate)
@@ -211,7 +220,7 @@ def _choose_for_spiking(choices: _Choices, recordings: Recordings) -> None:
 
 
 def _choose_for_xylo(choices: _Choices, recordings: Recordings) -> None:
-    """Choose what a spike of an output adds to the score of its class."""
+    """Choose ``count_scale``, the amount that a spike of an output adds to the score of its class."""
     config = choices.config
     steps = recordings.spikes.shape[1]
     count_scale = float(f"{LARGEST_SCORE / steps:.2g}")
@@ -221,7 +230,7 @@ def _choose_for_xylo(choices: _Choices, recordings: Recordings) -> None:
 
 
 def _model(config: TrainingConfig, given: frozenset[str]) -> tuple[str, str]:
-    """Return the network for options that are ``given``, and why."""
+    """Return (network, why): the one that counts, unless a ``given`` option has no effect there."""
     counting = replace(config, model=COUNTING)
     for option in sorted(given):
         for need in said_of(TrainingConfig)[option]:
@@ -231,6 +240,7 @@ def _model(config: TrainingConfig, given: frozenset[str]) -> tuple[str, str]:
 
 
 def _facts(recordings: Recordings, classes: int) -> str:
+    """Return the sizes of the recordings in words."""
     samples, steps, channels = recordings.spikes.shape
     sizes = (
         f"{counted(samples, 'recording')}, {channels} channels, {steps} steps, {classes} classes"

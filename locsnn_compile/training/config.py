@@ -1,4 +1,9 @@
-"""All options of a training run, in one frozen value that a YAML file can hold."""
+"""All options of a training run, in one frozen value that a YAML file can hold.
+
+:class:`TrainingConfig` has a field per option. The annotation of a field holds what is checked about it: the range or
+the choices of its values, and any number of :class:`Need`, the conditions under which the option has an effect. An
+option that would change nothing is refused when a user gives it.
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,6 +25,7 @@ from locsnn_compile.settings import TRAINABLE
 
 SHARE = between(0.0, 1.0)
 STEPS = between(0, 20_000)
+"""The range of options that count steps."""
 
 USUAL: dict[str, dict[str, Any]] = {
     "tactile-sgnet": {"hidden": 128},
@@ -53,7 +59,12 @@ LOCATION_CONSTANTS = {"srm": ("theta", "tau_sr", "tau_ref"), "lif": ("decay", "t
 
 
 class EpochRecord(Frozen):
-    """One epoch: the mean training loss, and the validation figures, or None without validation."""
+    """The figures of one epoch.
+
+    ``phase`` is ``select`` (training on a part, validation on the rest) or ``refit`` (training afresh on everything);
+    ``epoch`` counts from 1 within the phase. ``loss`` is the mean training loss; the validation figures are None
+    without validation.
+    """
 
     phase: str
     epoch: int
@@ -68,13 +79,18 @@ Progress = Callable[[int, int, EpochRecord], None]
 
 
 class Need(NamedTuple):
-    """The condition under which an option has an effect; otherwise, why it has none, and what to do."""
+    """The condition under which an option has an effect.
+
+    - ``counts``: whether it has one, given the configuration and the structure of its network
+    - ``why``, ``fix``: for the error if it has none
+    """
 
     counts: "Callable[[TrainingConfig, Architecture], bool]"
     why: str
     fix: str = "Leave it out."
 
 
+# In the conditions below, c is the configuration and a the structure of its network.
 CHIP = Need(
     lambda c, _: c.target != "float",
     "the network is trained in float, and no chip holds it",
@@ -125,18 +141,21 @@ NEIGHBOURS = Need(
 class TrainingConfig(Shown, Checked, eq=True):
     """A training run, except for its data.
 
-    - ``location_weight``: lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of the
-      losses of the single branches. ``loss`` spike-count uses ``target_right`` and ``target_wrong`` (spikes per
-      recording); cross-entropy uses ``count_scale``, ``label_smoothing``, and ``neighbour_smoothing`` with
-      ``class_order``: see :mod:`locsnn_compile.training.measure`.
+    For branches (time, location, window), see :mod:`locsnn_compile.models.architectures`; a taxel is one
+    touch-sensitive point of the sensor, with one or two polarities, each of which is a channel.
+
+    - ``location_weight``: the factor lambda of the location branch's scores in the loss. ``branch_loss``: this share of
+      the loss is the mean of the losses of the single branches. ``loss`` spike-count uses ``target_right`` and
+      ``target_wrong`` (spikes per recording); cross-entropy uses ``count_scale``, ``label_smoothing``, and
+      ``neighbour_smoothing`` with ``class_order``: see :mod:`locsnn_compile.training.measure`.
     - ``class_weights`` balanced: recordings of rare classes weigh more in the loss, so that all classes count alike.
-    - Augmentation, drawn anew for every recording of a batch. ``event_dropout``: it loses each event with a probability
-      drawn from 0 to this. ``channel_dropout``: the same for channels with all their events; ``taxel_dropout``: for
-      taxels with both polarities. ``event_noise``: it gains events with a probability drawn in the same way wherever it
-      has none. ``mixing``: with such a probability, a taxel comes from another recording of the class.
-      ``time_stretch``: times are multiplied by a factor from 1 minus this to 1 plus this. ``cut_end``: it ends after a
-      share of its steps drawn from 1 minus this to 1. ``time_shift``: it moves by up to this number of steps to either
-      side; ``taxel_shift``: each taxel moves by itself.
+    - Augmentation, drawn anew for every recording of a batch. ``event_dropout``: the recording loses each event with a
+      probability drawn from 0 to this. ``channel_dropout``: the same for channels with all their events;
+      ``taxel_dropout``: for taxels with both polarities. ``event_noise``: the recording gains events with a probability
+      drawn in the same way, wherever it has none. ``mixing``: with such a probability, a taxel comes from another
+      recording of the class. ``time_stretch``: times are multiplied by a factor from 1 minus this to 1 plus this.
+      ``cut_end``: the recording ends after a share of its steps drawn from 1 minus this to 1. ``time_shift``: the
+      recording moves by up to this number of steps to either side; ``taxel_shift``: each taxel moves by itself.
     - ``weight_average``: measure and keep a running average of the weights, which retains this share of itself at every
       step; 0 keeps the weights of the last step.
     - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
@@ -150,8 +169,9 @@ class TrainingConfig(Shown, Checked, eq=True):
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
     - ``step_seconds``: width of a time bin, if the data do not contain it (None: 0.02 s for single events, unknown for
       bins). ``event_threshold``: a bin with more single events is 1 (None: 0). ``steps``: shorter recordings are padded
-      with silence, longer ones are cut (None: the length of the longest). ``psi``: how late the time-weighted
-      prediction turns to the location branch; the checkpoint keeps it (None: not stated).
+      with silence, longer ones are cut (None: the length of the longest). ``psi``: the rate at which the
+      prediction while a recording still plays turns from the time branch to the location branch, see
+      :mod:`hw_model.streaming.psi`; training does not use it, the checkpoint stores it (None: not stated).
     - The sensor, by default NeuTouch: ``grid`` (columns x rows, such as 16x16), ``channels`` (with ``columns`` if they
       are those of a grid) or ``layout`` (a YAML file), with ``polarities`` (default: 2 for a grid, 1 for channels); see
       :class:`locsnn_compile.data.sensor.SensorLayout`. ``only_taxels``, ``only_polarity``, ``merge_polarities`` and
@@ -287,8 +307,9 @@ class TrainingConfig(Shown, Checked, eq=True):
 
     @property
     def recorded(self) -> SensorLayout | None:
-        """The sensor of the recordings that is asked for; None for NeuTouch."""
+        """The sensor of the recordings that the options describe; None for NeuTouch."""
         polarities = self.polarities
+        # Whoever merges or picks a polarity has a sensor with two.
         has_both = self.merge_polarities or self.only_polarity is not None
         if polarities is None and has_both and self._describes_sensor:
             polarities = POLARITIES
@@ -296,25 +317,28 @@ class TrainingConfig(Shown, Checked, eq=True):
 
     @property
     def sensor(self) -> SensorLayout | None:
-        """The sensor of the network: of those channels that are read; None for NeuTouch."""
+        """The channels of that sensor that the network gets, as a sensor of their own; None for NeuTouch."""
         recorded = self.recorded
         return None if recorded is None else selected_layout(recorded, asked_selection(self))
 
     @property
     def _describes_sensor(self) -> bool:
-        return any(given is not None for given in (self.grid, self.channels, self.layout))
+        """Whether options describe the sensor."""
+        descriptions = (self.grid, self.channels, self.layout)
+        return any(description is not None for description in descriptions)
 
 
 def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
     """Raise ``InputError`` for an option that has no effect in any of the configurations.
 
-    ``given``: the options that were given, as messages show them.
+    ``given``: the names of the options that were given -> how messages show them.
     """
     for option, shown in given.items():
         for need in said_of(TrainingConfig)[option]:
-            if isinstance(need, Need) and not any(
-                need.counts(c, ARCHITECTURES[c.model]) for c in configs
-            ):
+            if not isinstance(need, Need):
+                continue  # a range or choices
+            has_effect = any(need.counts(c, ARCHITECTURES[c.model]) for c in configs)
+            if not has_effect:
                 raise InputError(shown, f"it would change nothing: {need.why}", fix=need.fix)
 
 
@@ -332,12 +356,12 @@ def config_from_mapping(
 
 
 def is_xylo(target: str) -> bool:
-    """Tell whether a target is a Xylo: by its name, or by what its chip file says."""
+    """Return whether a target is a Xylo: by its name, or by what its chip file says."""
     return family_of(target) is XYLOS
 
 
 def check_network_of_target(config: TrainingConfig) -> None:
-    """Raise ``InputError`` where the target is a Xylo, or the network is that of a Xylo, but not both."""
+    """Raise ``InputError`` if the target is a Xylo and the network is not for one, or the other way round."""
     is_for_xylo = is_xylo(config.target)
     if is_for_xylo and config.model != XYLO_MODEL:
         what = f"{config.target} has no neurons like those of {config.model!r}"

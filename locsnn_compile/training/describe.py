@@ -1,6 +1,10 @@
-"""From a configuration to a network, and from a network to start from to the options that it determines."""
+"""Describe the network that the options of a run ask for.
 
-from collections.abc import Mapping
+And the other way round, for fine-tuning: which options an existing network, the one to start from, determines, and
+whether the options and recordings of a run fit it.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from typing import Any
 
@@ -34,8 +38,9 @@ from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig, c
 def describe(
     recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model"
 ) -> NetworkDescription:
-    """Return the network that ``config`` asks for on data of this shape; ``InputError`` if they do not fit."""
+    """Return the network that ``config`` asks for on such recordings; ``InputError`` if they do not fit."""
     channels = recordings.spikes.shape[2]
+    # The sensor that options describe, else the grid that the recordings state, else NeuTouch.
     sensor = config.sensor or grid_layout(recordings.channels)
     sensor = sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
@@ -50,18 +55,27 @@ def describe(
         fix=fix,
     )
     structure = ARCHITECTURES[config.model]
-    neuron, location_neuron = _neuron(config), _neuron(config, location=True)
-    located = "location" in structure.branches
-    order, taxels = location_order(order_text(config.order), sensor) if located else (None, None)
+    neuron = _neuron(config)
+    location_neuron = None
+    order = None
+    taxels = None
+    if "location" in structure.branches:
+        order, taxels = location_order(order_text(config.order), sensor)
+        location_neuron = _neuron(config, location=True)
+        if location_neuron == neuron:
+            location_neuron = None
     return NetworkDescription(
         architecture=config.model,
         input=InputLayout(
-            sensor, steps, recordings.step_seconds or config.step_seconds, recordings.threshold
+            sensor=sensor,
+            steps=steps,
+            step_seconds=recordings.step_seconds or config.step_seconds,
+            event_threshold=recordings.threshold,
         ),
         classes=classes,
         **picked(config, "hidden", "align_events"),
         neuron=neuron,
-        location_neuron=location_neuron if located and location_neuron != neuron else None,
+        location_neuron=location_neuron,
         location_order=order,
         location_taxels=taxels,
         name=name,
@@ -85,7 +99,10 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
 
 
 def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
-    """Return the constants of the neurons, which have the names of options; location constants take precedence."""
+    """Return the constants of the neurons, which are options of the same names; None if there are no such neurons.
+
+    With ``location``, options such as ``location_theta`` take precedence, if they are given.
+    """
     neurons = ARCHITECTURES[config.model].neurons
     if neurons == "xylo":
         dash_syn = _whole_numbers("dash_syn", config.dash_syn, "2 4")
@@ -94,20 +111,23 @@ def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
     if neurons not in LOCATION_CONSTANTS:
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
-    values = {item.name: getattr(config, item.name) for item in fields(kind)}
-    own = {
-        name: getattr(config, f"location_{name}")
-        for name in (LOCATION_CONSTANTS[neurons] if location else ())
-    }
-    return kind(**values | {name: value for name, value in own.items() if value is not None})
+    values = {constant.name: getattr(config, constant.name) for constant in fields(kind)}
+    if location:
+        for name in LOCATION_CONSTANTS[neurons]:
+            location_value = getattr(config, f"location_{name}")
+            if location_value is not None:
+                values[name] = location_value
+    return kind(**values)
 
 
 def _windows(config: TrainingConfig) -> WindowParameters:
+    """Return the windows that options ask for."""
     levels = _whole_numbers("window_levels", config.window_levels, "1 2")
     return WindowParameters(config.window_steps, config.window_stride, levels)
 
 
 def _graph(config: TrainingConfig, sensor: SensorLayout) -> GraphParameters:
+    """Return the graph convolutions that options ask for, on the taxels of a sensor."""
     edges = taxel_graph(
         config.graph, sensor, neighbours=config.neighbours, nearer_mm=config.nearer_mm
     )
@@ -115,64 +135,66 @@ def _graph(config: TrainingConfig, sensor: SensorLayout) -> GraphParameters:
 
 
 FINE_TUNING: dict[str, Any] = {"epochs": 60, "learning_rate": 0.001, "validation_fraction": 0.0}
-"""Options that differ from a run from scratch. A network that was refitted has seen the whole train part, so no share
-of it could choose an epoch."""
+"""Defaults of fine-tuning that differ from those of a run from scratch; the first two were chosen by hand. Nothing is
+held out for validation, because the network to start from has been trained on the whole train part, so its accuracy on
+any share of it says nothing."""
 
 
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
-    """Return the options that are determined by the network to start from."""
-    found: dict[str, Any] = {
+    """Return the options, name -> value, that the network to start from determines."""
+    options: dict[str, Any] = {
         "model": start.architecture,
         "hidden": start.hidden,
         "align_events": start.align_events,
     }
-    names = (name for kind in LOCATION_CONSTANTS.values() for name in kind)
-    found |= {f"location_{name}": getattr(start.location_neuron, name, None) for name in names}
-    found |= {
-        name: " ".join(map(str, getattr(start, name))) for name in ("delays", "location_delays")
-    }
+    for constants in LOCATION_CONSTANTS.values():
+        for name in constants:
+            options[f"location_{name}"] = getattr(start.location_neuron, name, None)
+    options["delays"] = _option_text(start.delays)
+    options["location_delays"] = _option_text(start.location_delays)
     if start.location_order is not None:
-        found["order"] = start.location_order
+        options["order"] = start.location_order
     if start.structure.window_branch:
-        windows = asdict(start.windows) | {"levels": " ".join(map(str, start.windows.levels))}
-        found |= {f"window_{name}": value for name, value in windows.items()}
+        options["window_steps"] = start.windows.steps
+        options["window_stride"] = start.windows.stride
+        options["window_levels"] = _option_text(start.windows.levels)
     if start.neuron is not None:
-        found |= asdict(start.neuron)
+        options |= asdict(start.neuron)
     if isinstance(start.neuron, XyloParameters):
-        found |= {
-            name: " ".join(map(str, getattr(start.neuron, name)))
-            for name in ("dash_syn", "dash_mem")
-        }
-    if (graph := start.graph) is not None:
-        found |= {"graph": graph.name} | {
-            key: getattr(graph, key) for key in ("hops", "features", "step_features")
-        }
-    return found
+        options["dash_syn"] = _option_text(start.neuron.dash_syn)
+        options["dash_mem"] = _option_text(start.neuron.dash_mem)
+    if start.graph is not None:
+        options["graph"] = start.graph.name
+        options |= picked(start.graph, "hops", "features", "step_features")
+    return options
+
+
+def _option_text(numbers: Sequence[int]) -> str:
+    """Return numbers as an option that takes several has them, separated by spaces."""
+    return " ".join(map(str, numbers))
 
 
 _OF_SENSOR = ("grid", "polarities", "channels", "layout", "columns", *SELECTING)
-"""Options that say what the sensor is, and what the network gets of it."""
+"""Options that describe the sensor, or select which of its channels the network gets."""
 
 
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
     """Raise ``InputError`` for a given option that contradicts the network to start from."""
     of_sensor = {name: value for name, value in values.items() if name in _OF_SENSOR}
-    asked = config_from_mapping(of_sensor).sensor
-    own = start.input.sensor
-    if asked is not None and asked != own:
+    option_sensor = config_from_mapping(of_sensor).sensor
+    start_sensor = start.input.sensor
+    if option_sensor is not None and option_sensor != start_sensor:
         what = "the network to start from has another layout"
         raise InputError(
-            f"sensor {asked.name!r}",
+            f"sensor {option_sensor.name!r}",
             what,
-            measured=f"sensor {own.name!r}",
+            measured=f"sensor {start_sensor.name!r}",
             fix="Leave the option out.",
         )
-    for name, wanted in fixed_by(start).items():
-        if name in values and values[name] != wanted:
-            what, measured = (
-                "the network to start from has another value",
-                f"got {values[name]!r} against {wanted!r}",
-            )
+    for name, start_value in fixed_by(start).items():
+        if name in values and values[name] != start_value:
+            what = "the network to start from has another value"
+            measured = f"got {values[name]!r} against {start_value!r}"
             raise InputError(
                 f"training option {name!r}", what, measured=measured, fix="Leave the option out."
             )
@@ -186,9 +208,10 @@ def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> Tra
 def class_for_ties(
     config: TrainingConfig, description: NetworkDescription, start: Checkpoint | None
 ) -> int | None:
-    """Return the class that ties predict: as asked for, else that of the network to start from; None for no class.
+    """Return the class that is predicted if the scores of all classes are equal; None for no class.
 
-    A name is looked for among the classes before a number.
+    It is the option ``tie``, or else that of the network to start from. The option is looked up among the names of the
+    classes before it is taken for a number. Raises ``InputError`` if it is neither.
     """
     if config.tie is None:
         return None if start is None else start.tie_class
@@ -208,12 +231,11 @@ def class_for_ties(
 
 
 def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:
-    """Raise ``InputError`` for recordings of another shape, or with more classes."""
-    layout, (_, steps, channels) = start.input, recordings.spikes.shape
-    where, fix = (
-        f"recordings {recordings.source!r}",
-        "Give recordings like those that it was trained on.",
-    )
+    """Raise ``InputError`` for recordings of another shape than the network takes, or with more classes."""
+    layout = start.input
+    _, steps, channels = recordings.spikes.shape
+    where = f"recordings {recordings.source!r}"
+    fix = "Give recordings like those that it was trained on."
     check_same(
         steps,
         layout.steps,

@@ -1,4 +1,4 @@
-"""From a trained network to a checkpoint: measure the test part once, and record how the network was trained."""
+"""Write the checkpoint of a trained network: measure it on the test part, once, and record how it was trained."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -19,9 +19,10 @@ from locsnn_compile.training.train import TrainingResult
 
 
 class Comparison(Frozen):
-    """The accuracy of a network next to those of counting events, on recordings that none of them learned from.
+    """The accuracy of a network next to those of counting events, on recordings from which none of them learned.
 
-    ``part`` is that of the ``recordings`` (a number): ``test``, or ``validation`` where the data have no test part.
+    - ``part``: ``test``, or ``validation`` if the data have no test part; ``recordings``: their number
+    - ``accuracy``: of the network; ``baselines``: of counting events, see :mod:`.event_counts`
     """
 
     part: str
@@ -31,7 +32,7 @@ class Comparison(Frozen):
 
     @property
     def words(self) -> str:
-        """The line that gives the baselines."""
+        """The line that states the accuracies of the baselines."""
         counts = _figure(self.baselines.counts)
         in_bins = _figure(self.baselines.counts_in_bins)
         on = f"on {counted(self.recordings, 'recording')} of the {self.part} part"
@@ -48,6 +49,7 @@ class Comparison(Frozen):
 
 
 def _figure(accuracy: float | None) -> str:
+    """Return an accuracy in words."""
     return "too large to solve" if accuracy is None else f"{accuracy:.3f}"
 
 
@@ -58,7 +60,10 @@ def compare_with_counting(
     test: Recordings | None,
     confused: IntArray | None,
 ) -> Comparison | None:
-    """Return the comparison on the test part, else on the validation part; None if nothing was held out."""
+    """Return the comparison on the test part, or else on the validation part; None if nothing was held out.
+
+    ``confused`` is the confusion matrix of the test part.
+    """
     labels = recordings.needed_labels("train on")
     if test is not None and confused is not None:
         truth = test.needed_labels("measure with")
@@ -66,15 +71,19 @@ def compare_with_counting(
         return Comparison("test", len(test), accuracy_of(confused, test), counting)
     if result.validation_accuracy is None:
         return None
-    training, held = stratified_split(labels, config.validation_fraction, config.seed)
+    # The same split as in training.
+    training, validation = stratified_split(labels, config.validation_fraction, config.seed)
     counting = measure_baselines(
-        recordings.spikes[training], labels[training], recordings.spikes[held], labels[held]
+        recordings.spikes[training],
+        labels[training],
+        recordings.spikes[validation],
+        labels[validation],
     )
-    return Comparison("validation", len(held), result.validation_accuracy, counting)
+    return Comparison("validation", len(validation), result.validation_accuracy, counting)
 
 
 class Measured(Frozen, eq=False):
-    """What an export measured: the confusion of the test part, None without one, and the comparison with counting."""
+    """What an export measured: the confusion matrix of the test part, None without one, and the comparison."""
 
     confusion: IntArray | None
     comparison: Comparison | None
@@ -88,7 +97,7 @@ def training_entry(
     confused: IntArray | None = None,
     comparison: Comparison | None = None,
 ) -> dict[str, Plain]:
-    """Return the checkpoint's ``training`` entry: data, figures and confusion of the test, the whole configuration."""
+    """Return the checkpoint's entry ``training``: the data, the figures of the test, and the whole configuration."""
     counting = None if comparison is None else comparison.baselines
     figures: dict[str, Plain] = {
         "dataset": recordings.source,
@@ -105,39 +114,40 @@ def training_entry(
 
 
 def _confusion_text(confused: IntArray) -> str:
-    """Return the rows of a confusion matrix; without its column of ties where there is none."""
+    """Return the rows of a confusion matrix as text, without the last column, that of ties, if there are no ties."""
     shown = confused if confused[:, -1].any() else confused[:, :-1]
     return "; ".join(" ".join(map(str, row)) for row in shown.tolist())
 
 
 def accuracy_of(confused: IntArray, test: Recordings) -> float:
-    """Return the share of recordings that a confusion matrix has as predicted correctly."""
+    """Return the share of the test recordings that were predicted correctly, by their confusion matrix."""
     return int(np.trace(confused)) / len(test)
 
 
-def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArray:
-    """Return min(wanted, available) row numbers: equally many of every class, up to a difference of one.
+def carried_rows(labels: IntArray | None, available: int, most: int) -> IntArray:
+    """Return min(most, available) row numbers: equally many of every class, up to a difference of one.
 
-    Classes with too few rows give all of them, and the others share the rest evenly. Rows are spread evenly over each
-    class.
+    Classes with too few rows give all of them, and the others share the rest evenly. The rows of a class are spread
+    evenly over it.
     """
     if labels is None:
-        return spread_rows(available, wanted)
-    rows = {int(label): np.flatnonzero(labels == label) for label in np.unique(labels)}
-    take, left = dict.fromkeys(rows, 0), min(wanted, available)
-    while left:
-        open_classes = [label for label in rows if take[label] < len(rows[label])]
-        for i in spread_rows(len(open_classes), left):
-            take[open_classes[i]] += 1
-            left -= 1
-    return np.sort(
-        np.concatenate([own[spread_rows(len(own), take[label])] for label, own in rows.items()])
-    )
+        return spread_rows(available, most)
+    rows_of_class = {int(label): np.flatnonzero(labels == label) for label in np.unique(labels)}
+    counts = dict.fromkeys(rows_of_class, 0)
+    unassigned = min(most, available)
+    # Round by round, one row for each class that has rows left; in the last round, for some of them.
+    while unassigned:
+        open_classes = [label for label, rows in rows_of_class.items() if counts[label] < len(rows)]
+        for i in spread_rows(len(open_classes), unassigned):
+            counts[open_classes[i]] += 1
+            unassigned -= 1
+    chosen = [rows[spread_rows(len(rows), counts[label])] for label, rows in rows_of_class.items()]
+    return np.sort(np.concatenate(chosen))
 
 
-def spread_rows(available: int, wanted: int) -> IntArray:
-    """Return min(wanted, available) row numbers, evenly spread."""
-    count = min(wanted, available)
+def spread_rows(available: int, most: int) -> IntArray:
+    """Return min(most, available) row numbers, evenly spread from 0 on."""
+    count = min(most, available)
     return np.arange(count, dtype=np.int64) * available // max(count, 1)
 
 
@@ -159,11 +169,14 @@ def export_checkpoint(  # noqa: PLR0913 - what earlier steps made, each used onc
     """
     network = result.network
     weights = dict(network.stored_weights())
-    # In float64, like the compiler's reference; the network stays in float64.
+    # Measured in float64, like the compiler's reference; double() changes the network itself, so the
+    # weights to store were taken before.
     confused = None if test is None else confusion(network.double(), test)
     comparison = compare_with_counting(result, config, recordings, test, confused)
     pool = recordings if test is None else test
-    kept = pool.subset(carried_rows(pool.labels, len(pool), carried)) if carried > 0 else None
+    carried_recordings = None
+    if carried > 0:
+        carried_recordings = pool.subset(carried_rows(pool.labels, len(pool), carried))
     training = training_entry(result, config, recordings, test, confused, comparison)
     if recordings.recorded is not None:
         training |= recorded_entries(recordings.recorded)
@@ -172,5 +185,6 @@ def export_checkpoint(  # noqa: PLR0913 - what earlier steps made, each used onc
     if start is not None:
         training |= {"start": start.description.name, "start_sha256": start.sha256}
     numbers = picked(network, "chip", "xylo")
-    Checkpoint(network.description, weights, kept, training, **numbers).save(path)
+    checkpoint = Checkpoint(network.description, weights, carried_recordings, training, **numbers)
+    checkpoint.save(path)
     return Measured(confused, comparison)

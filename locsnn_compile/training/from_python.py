@@ -1,6 +1,7 @@
-"""``lc.train``: from recordings to the checkpoint of ``locsnn train``. torch is imported when it is called.
+"""``lc.train``, the Python function behind the command ``locsnn train``: from recordings to a checkpoint.
 
-A run takes a train part, and a test part that is measured once.
+A run learns from the train part of the recordings, and measures the test part once. torch is imported only when the
+function is called. The command uses the functions for reading parts as well.
 """
 
 import logging
@@ -33,16 +34,16 @@ from locsnn_compile.training.config import (
 _OF_FILES = ("classes", "time_unit", "max_steps")
 """Options that say how files are read."""
 _ONLY_OF_FILES = ("split", "fold", "axes", *SELECTING, *_OF_FILES)
-"""Options that only recordings in a file can follow."""
+"""Options that only apply to recordings in files, not to recordings in memory."""
 
 
 def read_parts(
     data: str | Path, config: TrainingConfig, start: Checkpoint | None
 ) -> tuple[Recordings, Recordings | None]:
-    """Return the train part and the test part, in one length: that of the longest recording, or as asked for.
+    """Return (train part, test part or None), both in one length: that of the longest recording, or the option's.
 
-    Data without a train part are all trained on, and have no test part. ``start`` is the network to start from, whose
-    input the recordings must fit. Raises ``InputError`` for what cannot be read or used.
+    Data without a train part are all used for training, and have no test part. ``start`` is the network to start from,
+    whose input the recordings must fit. Raises ``InputError`` for data that cannot be read or used.
     """
     options = picked(config, "step_seconds", "steps", "axes", "fold", *SELECTING, *_OF_FILES)
     options["sensor"] = config.recorded
@@ -88,7 +89,7 @@ def _parts_to_read(data: str | Path, test_share: float | None) -> list[str | Non
 
 
 def _in_same_channels(parts: Sequence[Recordings]) -> list[Recordings]:
-    """Return the train and the test part in the same channels; ``InputError`` if they have others."""
+    """Return the train and the test part with the same channels; ``InputError`` if their sensors differ."""
     train_part, *others = on_one_sensor(parts)
     channels = train_part.spikes.shape[2]
     for part in others:
@@ -107,12 +108,15 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
 
 
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
-    """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
+    """Return recordings in memory, padded or cut to the option ``steps``.
+
+    Raises ``InputError`` for options that only apply to files, and for options that contradict the recordings.
+    """
     for name, value in picked(config, *_ONLY_OF_FILES).items():
-        # A polarity of 0 was asked for, and equals False.
+        # Compared by identity: only_polarity 0 is an option that was given, and equals False.
         if value is not None and value is not False:
             raise _needs_file(part, name, value)
-    # Recordings that do not say how wide their bins are have the width asked for.
+    # If recordings do not say how wide their bins are, the option says it, and nothing is to be checked.
     if part.step_seconds is not None:
         _check_binned_so("step_seconds", config.step_seconds, part.step_seconds)
     if part.threshold is not None:
@@ -122,19 +126,21 @@ def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     return part if config.steps is None else part.with_steps(config.steps)
 
 
-def _check_binned_so(option: str, asked: float | None, own: float) -> None:
-    """Check that an option, if asked for, is the one with which the recordings were binned."""
-    if asked is not None and not same(asked, own):
-        measured = f"got {asked} against {own:g}"
+def _check_binned_so(option: str, option_value: float | None, stored_value: float) -> None:
+    """Refuse an option, if given, that is not the value with which the recordings were binned."""
+    if option_value is not None and not same(option_value, stored_value):
+        measured = f"got {option_value} against {stored_value:g}"
         raise _unfit_option(option, "the recordings have another", measured)
 
 
 def _needs_file(part: Recordings, option: str, value: object) -> InputError:
+    """Return the error for an option that only applies to files."""
     what = f"recordings {part.source!r} are in memory, as they are"
     return _unfit_option(option, what, f"got {value}")
 
 
 def _unfit_option(option: str, what: str, measured: str) -> InputError:
+    """Return the error for an option that does not fit recordings in memory."""
     fix = "Leave it out, or give a file."
     return InputError(f"training option {option!r}", what, measured=measured, fix=fix)
 
@@ -142,7 +148,7 @@ def _unfit_option(option: str, what: str, measured: str) -> InputError:
 def _recordings_of(
     recordings: Recordings | ArrayLike, labels: ArrayLike | None, step_seconds: float | None
 ) -> Recordings:
-    """Return recordings as they are, or those of an array and its labels, in bins of this width."""
+    """Return ``recordings``, or those of an array and its labels, with bins of the width ``step_seconds``."""
     if isinstance(recordings, Recordings):
         return recordings
     label_array = None if labels is None else np.asarray(labels)

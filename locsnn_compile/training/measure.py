@@ -1,7 +1,11 @@
 """The loss of a batch, the figures of a set of recordings, and remarks about runs that learned nothing.
 
-Losses are those of Kang et al. 2022, over output spike counts: the spike-count loss of SLAYER, with its sum over time,
-over locations, or over both with weights. Every count is (batch, classes), every loss (batch,).
+Class scores are the numbers of output spikes (or the potentials of a branch of windows), added over the branches of a
+network. Losses are those of Kang et al. 2022: the spike-count loss of SLAYER, of counts over time, over locations, or
+over both with weights; or cross-entropy of the same counts. Every count is (batch, classes), every loss (batch,).
+
+A *remark* is a sentence for the user. Recordings in which the scores of all classes are equal are *ties*: they predict
+no class, unless the option ``tie`` names one.
 """
 
 import math
@@ -22,18 +26,17 @@ from locsnn_compile.training.config import TrainingConfig
 
 
 class Loss:
-    """The loss of a configuration; ``targets`` (classes, classes) are the desired outputs for each label.
+    """The loss of a configuration.
 
-    Targets are spikes for the spike-count loss, and shares for cross-entropy. Raises ``InputError`` for neighbours that
-    are not classes.
+    ``targets`` (classes, classes) has a row for each label, the outputs that are wanted: numbers of spikes for the
+    spike-count loss, probabilities for cross-entropy. Raises ``InputError`` for neighbours that are not classes.
     """
 
     def __init__(self, config: TrainingConfig, classes: int) -> None:
         self.config = config
         if config.loss == "spike-count":
-            targets = config.target_wrong + (config.target_right - config.target_wrong) * np.eye(
-                classes
-            )
+            difference = config.target_right - config.target_wrong
+            targets = config.target_wrong + difference * np.eye(classes)
         else:
             targets = label_shares(config, classes)
         self.targets = torch.from_numpy(targets).to(config.device)
@@ -45,18 +48,20 @@ class Loss:
         labels: Tensor,
         weights: Tensor | None = None,
     ) -> Tensor:
-        """Return the scalar loss for the result of the network's ``forward``, and labels (batch,).
+        """Return the scalar loss for the result of the network's ``forward``, ``activity``, and labels (batch,).
 
         ``weights`` (classes,): how much a recording of each class counts; None: all count alike.
         """
-        scores, alone = network.scores(activity), self.config.branch_loss
-        each = self.of_counts(weighted_counts(scores, self.config.location_weight), labels)
-        if alone:
-            own = torch.stack([self.of_counts(counts, labels) for counts in scores.values()]).mean(
-                dim=0
-            )
-            each = (1.0 - alone) * each + alone * own
-        loss = (each if weights is None else weights[labels] * each).mean()
+        scores = network.scores(activity)
+        share_of_branches = self.config.branch_loss
+        losses = self.of_counts(weighted_counts(scores, self.config.location_weight), labels)
+        if share_of_branches:
+            branch_losses = [self.of_counts(counts, labels) for counts in scores.values()]
+            mean_of_branches = torch.stack(branch_losses).mean(dim=0)
+            losses = (1.0 - share_of_branches) * losses + share_of_branches * mean_of_branches
+        if weights is not None:
+            losses = weights[labels] * losses
+        loss = losses.mean()
         if self.config.spike_cost:
             hidden = [spikes.sum(dim=1).mean() for spikes in network.hidden_spikes(activity)]
             loss = loss + self.config.spike_cost * sum(hidden, start=torch.zeros(()))
@@ -76,38 +81,44 @@ class Loss:
 
 
 def weighted_counts(branch_counts: Mapping[str, Tensor], location_weight: float) -> Tensor:
-    """Return sum_t o1 + lambda * sum_l o2 + windows, (batch, classes); a single branch has weight 1."""
-    first, *others = branch_counts.items()
-    total = first[1]
-    for branch, counts in others:
-        total = total + (location_weight * counts if branch == "location" else counts)
+    """Return the sum of the counts of all branches, (batch, classes), with the location branch times its weight.
+
+    In the letters of Kang et al.: sum_t o1 + lambda * sum_l o2, and windows with weight 1. A single branch, whichever
+    it is, has weight 1.
+    """
+    (_, total), *further_branches = branch_counts.items()
+    for branch, counts in further_branches:
+        weighted = location_weight * counts if branch == "location" else counts
+        total = total + weighted
     return total
 
 
 def label_shares(config: TrainingConfig, classes: int) -> FloatArray:
-    """Return the share of each class in each label, (classes, classes); rows add up to 1.
+    """Return the target probability of each class (column) for each label (row); rows add up to 1.
 
     With s = ``label_smoothing``, K classes and n = ``neighbour_smoothing``, every class gets s / K. Of the remaining
-    1 - s, each neighbour gets the share n, and the right class the rest.
+    1 - s, each neighbour gets the share n, and the right class the rest. Raises ``InputError`` if the right class would
+    get no more than a neighbour.
     """
-    given = config.neighbour_smoothing * _neighbours(config.class_order, classes)
-    left = 1.0 - given.sum(axis=1)
-    crowded = int(np.argmin(left - given.max(axis=1)))
-    if left[crowded] <= given[crowded].max():
-        where, what = (
-            "training option 'neighbour_smoothing'",
-            f"label {crowded} would get no more than a neighbour",
-        )
-        measured = f"{left[crowded]:.3g} against {given[crowded].max():.3g}"
+    of_neighbours = config.neighbour_smoothing * _neighbours(config.class_order, classes)
+    of_right_class = 1.0 - of_neighbours.sum(axis=1)
+    most_of_neighbour = of_neighbours.max(axis=1)
+    closest = int(np.argmin(of_right_class - most_of_neighbour))
+    if of_right_class[closest] <= most_of_neighbour[closest]:
+        where = "training option 'neighbour_smoothing'"
+        what = f"label {closest} would get no more than a neighbour"
+        measured = f"{of_right_class[closest]:.3g} against {most_of_neighbour[closest]:.3g}"
         raise InputError(where, what, measured=measured, fix="Give a smaller share.")
     smooth = config.label_smoothing
-    return np.asarray((1.0 - smooth) * (given + np.diag(left)) + smooth / classes)
+    shares = of_neighbours + np.diag(of_right_class)
+    return np.asarray((1.0 - smooth) * shares + smooth / classes)
 
 
 def _neighbours(order: str, classes: int) -> FloatArray:
     """Return how much each class (column) is a neighbour of each label (row), (classes, classes).
 
-    ``order`` has ranges such as 0-4 5-9, in which adjacent classes are neighbours, or names a .csv file of the matrix.
+    ``order`` has ranges of classes such as ``0-4 5-9``, in each of which adjacent classes are neighbours (4 and 5 are
+    not), or is the name of a .csv file of the matrix.
     """
     if order.endswith(".csv"):
         return _matrix(Path(order), classes)
@@ -145,6 +156,7 @@ def _matrix(path: Path, classes: int) -> FloatArray:
 
 
 def _refused(what: str, measured: str) -> InputError:
+    """Return the error for an option ``class_order`` that cannot be used."""
     return InputError(
         "training option 'class_order'",
         what,
@@ -154,48 +166,61 @@ def _refused(what: str, measured: str) -> InputError:
 
 
 NO_CLASS = "tie"
-"""What a recording predicts in which all classes tie, in tables."""
+"""The name, in tables, of the column of ties."""
 _LIKELY = 1.645
-"""95 % of guesses stay below this number of standard deviations above chance."""
+"""The accuracy of guessing is below chance plus this number of standard deviations in 95 % of cases (one-sided)."""
 _NAMED = 12
-"""Largest number of labels that are named; others are only counted."""
+"""Most labels that a remark names; more are only counted."""
 _UNEVEN = 5
-"""Ratio of recordings of the commonest and the rarest label from which a run remarks on it."""
+"""The number of recordings of the commonest label divided by that of the rarest, from which on there is a remark.
+Chosen by hand."""
+_BATCH = 32
+"""How many recordings are evaluated at a time, which bounds the memory; chosen by hand."""
 
 
 def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
-    """Return how much a recording of each class counts, so that classes count alike; None if recordings count alike."""
+    """Return the weight of a recording of each class, (classes,), with which all classes count alike.
+
+    The weights of all recordings average to 1. None if the configuration wants recordings to count alike.
+    """
     if config.class_weights == "equal":
         return None
     counts = np.bincount(labels, minlength=classes)
-    found = len(labels) / (np.count_nonzero(counts) * np.maximum(counts, 1))
-    return torch.from_numpy(found.astype(np.float32)).to(config.device)
+    occurring = np.count_nonzero(counts)
+    # The maximum only avoids a division by 0 for classes that do not occur.
+    weights = len(labels) / (occurring * np.maximum(counts, 1))
+    return torch.from_numpy(weights.astype(np.float32)).to(config.device)
 
 
 def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
-    """Yield rows of spikes (samples, steps, channels) and the result of ``forward``, in the network's float type."""
+    """Yield (rows, result of ``forward`` on these rows) for spikes (samples, steps, channels), batch by batch.
+
+    The network computes in its own float type.
+    """
     like = next(network.parameters())
-    for start in range(0, len(spikes), 32):
-        rows = slice(start, start + 32)
+    for start in range(0, len(spikes), _BATCH):
+        rows = slice(start, start + _BATCH)
         yield rows, network(torch.from_numpy(np.array(spikes[rows])).to(like))
 
 
 @torch.no_grad()
 def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
-    """Return the scores (samples, classes) summed over all branches."""
-    found = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
-    return np.concatenate(found).astype(np.float64)
+    """Return the class scores (samples, classes), added over all branches."""
+    scores = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
+    return np.concatenate(scores).astype(np.float64)
 
 
 def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
     """Return how often each label (row) was predicted as each class (column), (classes, classes + 1).
 
-    The last column counts the recordings in which all classes tie, so that none is predicted.
-    Raises ``InputError`` for recordings without labels, and for those that do not fit the network.
+    The last column counts the ties, recordings that predict no class. Raises ``InputError`` for recordings without
+    labels, and for recordings that do not fit the network.
     """
-    labels, classes = recordings.needed_labels("measure with"), network.description.classes
+    labels = recordings.needed_labels("measure with")
+    classes = network.description.classes
     predicted = decided(class_scores(network, recordings.spikes), network.tie_class)
     columns = classes + 1
+    # One number for each pair of label and prediction, so that one count fills the whole matrix.
     pairs = labels * columns + np.where(predicted < 0, classes, predicted)
     return np.bincount(pairs, minlength=classes * columns).reshape(classes, columns)
 
@@ -205,26 +230,27 @@ def evaluate(
     network: TouchModel, loss: Loss, spikes: ByteArray, labels: IntArray
 ) -> tuple[float, float]:
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
-    total, right = 0.0, 0
+    total_loss = 0.0
+    right = 0
     for rows, activity in _played(network, spikes):
         scores = network.total(activity)
         y = torch.from_numpy(labels[rows].copy()).to(scores.device)
-        total += float(loss(network, activity, y)) * len(y)
+        # The mean of a batch times its size, because the last batch may be smaller.
+        total_loss += float(loss(network, activity, y)) * len(y)
         predicted = decided(scores.cpu().numpy(), network.tie_class)
         right += int((predicted == labels[rows]).sum())
-    return total / len(labels), right / len(labels)
+    return total_loss / len(labels), right / len(labels)
 
 
 def check_events(recordings: Recordings) -> None:
     """Refuse training recordings if none of them has an event."""
     if not recordings.spikes.any():
-        lost = recordings.binned is not None and recordings.binned.dropped > 0
-        measured = (
-            recordings.binned.words
-            if recordings.binned and lost
-            else counted(len(recordings), "recording")
-        )
-        fix = "Lower --threshold, or give more --steps." if lost else "Give recordings with events."
+        measured = counted(len(recordings), "recording")
+        fix = "Give recordings with events."
+        if recordings.binned is not None and recordings.binned.dropped > 0:
+            # There were events, but binning has left all of them out.
+            measured = recordings.binned.words
+            fix = "Lower --threshold, or give more --steps."
         raise InputError(
             f"recordings {recordings.source!r}",
             "none of them has an event",
@@ -234,43 +260,82 @@ def check_events(recordings: Recordings) -> None:
 
 
 def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:
-    """Return a sentence for everything that recordings cannot teach: empty ones, and rare or missing labels."""
-    labels, found = recordings.needed_labels("train on"), []
+    """Return the remarks on training recordings: on empty ones, on labels without events, and on uneven labels."""
+    labels = recordings.needed_labels("train on")
+    # Recordings of each label, and those of them that have an event.
     counts = np.bincount(labels, minlength=classes)
-    heard = np.bincount(labels[recordings.spikes.any(axis=(1, 2))], minlength=classes)
-    if empty := len(labels) - int(heard.sum()):
-        of = f"{empty} of {counted(len(labels), 'recording')}"
-        found.append(f"{of} to train on {'has' if empty == 1 else 'have'} no event.")
-    silent = np.flatnonzero((counts > 0) & (heard == 0))
-    found += [_silent_remark(recordings, int(label), config) for label in silent[:_NAMED]]
+    with_events = np.bincount(labels[recordings.spikes.any(axis=(1, 2))], minlength=classes)
+    return [
+        *_empty_remarks(len(labels), int(with_events.sum())),
+        *_silent_remarks(recordings, np.flatnonzero((counts > 0) & (with_events == 0)), config),
+        *_missing_remarks(counts),
+        *_uneven_remarks(recordings, counts, config),
+        *_walk_remarks(recordings.spikes.shape[2], config),
+        *_single_remarks(counts, config),
+    ]
+
+
+def _empty_remarks(recordings: int, with_events: int) -> list[str]:
+    """Return a sentence if some of the recordings have no event."""
+    empty = recordings - with_events
+    if not empty:
+        return []
+    have = "has" if empty == 1 else "have"
+    return [f"{empty} of {counted(recordings, 'recording')} to train on {have} no event."]
+
+
+def _silent_remarks(
+    recordings: Recordings, silent_labels: IntArray, config: TrainingConfig
+) -> list[str]:
+    """Return a sentence for each of the first labels without an event in any of their recordings."""
+    return [_silent_remark(recordings, int(label), config) for label in silent_labels[:_NAMED]]
+
+
+def _missing_remarks(counts: IntArray) -> list[str]:
+    """Return a sentence if labels have no recording; ``counts`` (classes,) are the recordings of each."""
     missing = np.flatnonzero(counts == 0)
-    if len(missing):
-        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
-        named = ", ".join(map(str, missing[:_NAMED])) + more
-        found.append(
-            f"No recording to train on has label {named}: labels count from 0 to {classes - 1} here."
-        )
-    most, least = int(counts.argmax()), int(np.where(counts, counts, len(labels) + 1).argmin())
+    if not len(missing):
+        return []
+    named = ", ".join(map(str, missing[:_NAMED]))
+    if len(missing) > _NAMED:
+        named += f" and {len(missing) - _NAMED} more"
+    largest = len(counts) - 1
+    return [f"No recording to train on has label {named}: labels count from 0 to {largest} here."]
+
+
+def _uneven_remarks(recordings: Recordings, counts: IntArray, config: TrainingConfig) -> list[str]:
+    """Return sentences if all recordings have one label, or if some labels have many more recordings than others."""
+    remarks = []
+    most = int(counts.argmax())
+    # The rarest label that occurs: labels without recordings get a count above all others.
+    least = int(np.where(counts, counts, counts.sum() + 1).argmin())
     if np.count_nonzero(counts) == 1:
-        found.append(
+        remarks.append(
             f"All recordings to train on have label {most}: there is nothing to tell apart."
         )
     if counts[most] >= _UNEVEN * counts[least] and config.class_weights == "equal":
         uneven = f"{recordings.called(most)} has {counted(counts[most], 'recording')}"
         uneven += f", {recordings.called(least)} {counts[least]}"
-        found.append(
+        remarks.append(
             f"Labels are uneven: {uneven}. With balanced class weights, all count equally."
         )
-    found += _walk_remarks(recordings.spikes.shape[2], config)
-    if counts[most] == 1 and config.validation_fraction > 0:
-        found.append(
-            "Every label has one recording to train on: none was held back, and the last epoch was taken."
-        )
-    return found
+    return remarks
+
+
+def _single_remarks(counts: IntArray, config: TrainingConfig) -> list[str]:
+    """Return a sentence if no label has two recordings, so that there can be no validation."""
+    if counts.max() > 1 or config.validation_fraction == 0:
+        return []
+    what = "Every label has one recording to train on"
+    return [f"{what}: none was held back, and the last epoch was taken."]
 
 
 def _silent_remark(recordings: Recordings, label: int, config: TrainingConfig) -> str:
-    """Return the sentence on a label without an event; where silence makes all classes tie, what that means for it."""
+    """Return the sentence on a label without an event.
+
+    In networks whose outputs are silent without events, such recordings are ties; the sentence then says what that
+    means for the label.
+    """
     silent = f"No recording of {recordings.called(label)} has an event"
     structure = ARCHITECTURES[config.model]
     if config.tie is not None or not structure.spiking or structure.neurons == "windows":
@@ -294,11 +359,11 @@ def _walk_remarks(channels: int, config: TrainingConfig) -> list[str]:
 
 
 def tie_remarks(confused: IntArray) -> list[str]:
-    """Return a sentence on the recordings in which all classes tie, the last column of a confusion matrix."""
-    ties, measured = int(confused[:, -1].sum()), int(confused.sum())
+    """Return a sentence on the ties, the last column of a confusion matrix of the test part."""
+    ties = int(confused[:, -1].sum())
     if not ties:
         return []
-    recordings = counted(measured, "test recording")
+    recordings = counted(int(confused.sum()), "test recording")
     return [
         f"All classes tie in {ties} of {recordings}: they predict no class (column {NO_CLASS!r}) and count as wrong."
     ]
@@ -313,8 +378,10 @@ def result_remarks(
 
     ``advice`` is what to do about outputs that are silent.
     """
-    labels, scores = recordings.needed_labels("train on"), class_scores(network, recordings.spikes)
+    labels = recordings.needed_labels("train on")
+    scores = class_scores(network, recordings.spikes)
     predicted = decided(scores, network.tie_class)
+    # Without the class for ties, which would hide that all are ties. A single class always ties with itself.
     if (decided(scores) < 0).all() and scores.shape[1] > 1:
         return [f"{silent_outputs(network, len(labels))}: every prediction is a tie. {advice}"]
     accuracy = float((predicted == labels).mean())
@@ -322,7 +389,7 @@ def result_remarks(
 
 
 def silent_outputs(network: TouchModel, recordings: int) -> str:
-    """Return the start of a sentence: outputs said nothing in any of so many recordings."""
+    """Return the start of a sentence about outputs that are silent in all of so many recordings."""
     structure = network.description.structure
     spiking = structure.spiking and structure.neurons != "windows"
     what = "No output neuron spikes" if spiking else "All class scores are equal"
@@ -330,9 +397,13 @@ def silent_outputs(network: TouchModel, recordings: int) -> str:
 
 
 def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:
-    """Return a sentence if guessing the commonest class could reach this accuracy on the recordings ``which``."""
+    """Return a sentence if guessing could easily reach this accuracy; ``which`` says on which recordings it is.
+
+    Chance is the share of the commonest label, with the standard deviation of so many independent guesses.
+    """
     chance = float(np.bincount(labels).max() / len(labels))
-    if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
+    deviation = math.sqrt(chance * (1 - chance) / len(labels))
+    if chance == 1 or accuracy > chance + _LIKELY * deviation:
         return []
     what = f"Accuracy {accuracy:.3f} on the {counted(len(labels), 'recording')} {which} is not clearly above chance"
     return [f"{what}, {chance:.3f} for the commonest label."]

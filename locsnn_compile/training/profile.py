@@ -1,4 +1,4 @@
-"""The epochs of a training run as a picture, and as scalars for TensorBoard, if it is installed."""
+"""Show the course of a training run, its losses and accuracies by epoch: as a picture, and in TensorBoard."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +10,11 @@ from locsnn_compile.training.config import EpochRecord, Progress
 
 
 def profile(history: Sequence[EpochRecord], name: str) -> bytes:
-    """Return the picture as an SVG file; equal input gives equal bytes. Figures that were not measured are left out."""
+    """Return the picture as an SVG file; equal input gives equal bytes.
+
+    The first phase of a run (``select``) trains on a part of the recordings and validates on the rest; the second
+    (``refit``) trains afresh on all. Curves of figures that were not measured are left out.
+    """
     losses = (
         _curve("training, part of the recordings", history, "select", lambda row: row.loss),
         _curve("validation", history, "select", lambda row: row.validation_loss),
@@ -27,11 +31,13 @@ def _curve(
     phase: str,
     figure: Callable[[EpochRecord], float | None],
 ) -> Curve:
+    """Return the curve of a ``figure`` over the epochs of a phase, without epochs in which it was not measured."""
     measured = [(float(row.epoch), figure(row)) for row in history if row.phase == phase]
     return Curve(label, tuple((epoch, value) for epoch, value in measured if value is not None))
 
 
 def _panel(title: str, curves: tuple[Curve, ...]) -> Panel:
+    """Return a panel of the curves that have points, over epochs."""
     return Panel(
         title, "epoch", tuple(curve for curve in curves if curve.points), x_log=False, y_log=False
     )

@@ -1,14 +1,19 @@
-"""Windows without descent: an output that finds the class with the nearest mean recording, its prototype.
+"""Compute the output weights of a window network without gradient descent, from prototypes of the classes.
 
-As in linear discriminant analysis, distances are relative to how recordings differ from the prototype of their own
-class, so that variations within classes count little:
+In a network that counts events in windows (``window-snn``), hidden neurons do not learn, so the output is a linear
+classifier of their spikes. This one predicts the class with the nearest *prototype*, the mean of its training
+recordings. As in linear discriminant analysis, distances are relative to how recordings differ from the prototype of
+their own class, so that variations within classes count little:
 
     score of class k  =  m_k S h - m_k S m_k / 2          S = (ridge I + A^T A)^-1
 
-h (hidden,) are the spikes of a recording, m_k is the mean of class k, and the rows of A (recordings, hidden) are the
-training recordings minus the mean of their class. S is never formed. The system that is solved has a row per hidden
-neuron or per recording, whichever are fewer: (A^T A + ridge I) S m_k = m_k, or ridge S m_k = m_k - A^T (A A^T +
-ridge I)^-1 A m_k; a scale of all scores changes no answer.
+h (hidden,) are the hidden spikes of a recording, m_k is the prototype of class k, and the rows of A (recordings,
+hidden) are the hidden spikes of the training recordings minus the prototype of their class. S is never formed. The
+system that is solved has a row per hidden neuron or per recording, whichever are fewer:
+
+    (A^T A + ridge I) S m_k = m_k,     or     ridge S m_k = m_k - A^T (A A^T + ridge I)^-1 A m_k
+
+A common factor of all scores does not change the prediction.
 """
 
 from collections.abc import Iterable
@@ -25,15 +30,15 @@ from locsnn_compile.training.config import TrainingConfig
 PROTOTYPES = "prototypes"
 """The name of this ``optimizer`` in a configuration."""
 MOST_GIBIBYTES = 16.0
-"""Largest memory that is taken."""
+"""Largest memory that a run may take; larger runs are refused."""
 STATED_FROM = 1.0
-"""Gibibytes from which a run states what it takes, before it takes it."""
+"""Memory in GiB from which a run tells the user, beforehand, how much it takes."""
 
 
 class Size(Frozen):
-    """The size of a solution from so many ``copies`` of recordings (rows) and ``hidden`` neurons (columns).
+    """The size of the matrix A: ``copies`` of recordings (rows) and ``hidden`` neurons (columns).
 
-    A copy is a recording as it was drawn in one epoch.
+    A copy is a recording as augmentation changed it in one epoch.
     """
 
     copies: int
@@ -41,7 +46,7 @@ class Size(Frozen):
 
     @property
     def is_by_hidden(self) -> bool:
-        """Whether the system has a row for each hidden neuron, as it has if these are fewer than the copies."""
+        """Whether the system has a row for each hidden neuron, because these are fewer than the copies."""
         return self.hidden < self.copies
 
     @property
@@ -65,7 +70,7 @@ class Size(Frozen):
 
 
 def repeats(config: TrainingConfig) -> int:
-    """Return the number of epochs whose copies are used: 1 if nothing is drawn, because all copies are the same."""
+    """Return the number of epochs whose copies are used: 1 without augmentation, because all copies are then equal."""
     drawn = (
         config.event_dropout,
         config.channel_dropout,
@@ -97,6 +102,7 @@ def size_of(network: TouchModel, recordings: int, config: TrainingConfig) -> Siz
 
 
 def _windows_of(network: TouchModel) -> WindowNetwork:
+    """Return the network as a window network; ``InputError`` for any other."""
     if not isinstance(network, WindowNetwork):
         fix = "Use another optimizer, or model window-snn."
         raise InputError(
@@ -109,23 +115,30 @@ def _windows_of(network: TouchModel) -> WindowNetwork:
 def set_prototypes(
     network: TouchModel, drawn: Iterable[tuple[Float32Array, IntArray]], smoothing: float
 ) -> None:
-    """Set the output of a window network for recordings (spikes, labels), in batches.
+    """Set the output weights and biases of a window network by its training recordings.
 
-    The ridge is ``smoothing`` times the mean squared distance of a recording to its prototype. Scores are scaled so
-    that their standard deviation over classes is 1 on average. Raises ``InputError`` for other networks, for a
-    class without recordings, and for a single class.
+    ``drawn`` are batches (spikes, labels), as :func:`locsnn_compile.training.batches.batches` yields them. The ridge is
+    ``smoothing`` times the mean squared distance of a recording to its prototype. Scores are scaled so that their
+    standard deviation over classes is 1 on average. Raises ``InputError`` for other networks, for a class without
+    recordings, and for a single class.
     """
     windows = _windows_of(network)
-    pairs = [(windows.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
-    hidden, labels = (torch.cat(parts) for parts in zip(*pairs, strict=True))
-    member = torch.nn.functional.one_hot(labels, len(windows.bias)).to(hidden)
-    of_class = member.sum(dim=0)
+    hidden_of_batches = []
+    labels_of_batches = []
+    for spikes, batch_labels in drawn:
+        hidden_of_batches.append(windows.hidden(torch.from_numpy(spikes)))
+        labels_of_batches.append(torch.from_numpy(batch_labels))
+    hidden = torch.cat(hidden_of_batches)
+    labels = torch.cat(labels_of_batches)
+    is_member = torch.nn.functional.one_hot(labels, len(windows.bias)).to(hidden)
+    of_class = is_member.sum(dim=0)
     _check_classes(of_class)
-    means = member.T @ hidden / of_class[:, None]
+    means = is_member.T @ hidden / of_class[:, None]
     output = _solved(hidden - means[labels], means, smoothing)
-    # The network weighs hidden spikes less the usual ones: the bias gives back what these are worth.
+    # The network multiplies its weights by hidden spikes minus their mean (``usual``): the bias makes up for that.
     bias = -0.5 * (output * means).sum(dim=1) + output @ windows.usual
     scores = (hidden - windows.usual) @ output.T + bias
+    # Never a division by 0, if all scores are equal.
     scale = 1.0 / scores.std(dim=1).mean().clamp(min=torch.finfo(torch.float32).tiny)
     windows.output.copy_(scale * output)
     windows.bias.copy_(scale * bias)
@@ -134,13 +147,10 @@ def set_prototypes(
 def _check_classes(of_class: Tensor) -> None:
     """Refuse a class without recordings, and a single class; ``of_class``: the number of recordings of each."""
     if not of_class.all():
-        where, what = (
-            f"label {int(of_class.argmin())}",
-            "it has no recording to learn from, so it has no prototype",
-        )
-        raise InputError(
-            where, what, fix="Use another optimizer, or number the labels without a gap."
-        )
+        where = f"label {int(of_class.argmin())}"
+        what = "it has no recording to learn from, so it has no prototype"
+        fix = "Use another optimizer, or number the labels without a gap."
+        raise InputError(where, what, fix=fix)
     if len(of_class) == 1:
         fix = "Use another optimizer, or recordings of several classes."
         raise InputError(
@@ -151,12 +161,17 @@ def _check_classes(of_class: Tensor) -> None:
 
 
 def _solved(apart: Tensor, means: Tensor, smoothing: float) -> Tensor:
-    """Return a multiple of S m_k, (classes, hidden), for the rows ``apart`` of A and the means (classes, hidden)."""
+    """Return ridge * S m_k, (classes, hidden).
+
+    ``apart`` is the matrix A of the module's docstring, (recordings, hidden), and ``means`` are the prototypes m_k,
+    (classes, hidden). The system is solved in float64, because it is often nearly singular.
+    """
     copies, hidden = apart.shape
-    # Never 0, so that the system can be solved where every recording is its prototype.
+    # Never 0, so that the system can be solved even if every recording equals its prototype.
     least_ridge = torch.finfo(torch.float32).tiny
     if Size(copies, hidden).is_by_hidden:
         products = (apart.T @ apart).double()
+        # The trace divided by the recordings is their mean squared distance to their prototypes.
         ridge = smoothing * products.trace() / copies + least_ridge
         products.diagonal().add_(ridge)
         whitened: Tensor = torch.linalg.solve(products, means.T.double())

@@ -1,9 +1,20 @@
-"""The learning rate that a run of few updates needs. Apart from the schedule, so that torch is not needed for it."""
+"""The learning rate that a run of few updates needs.
 
-USUAL_UPDATES, USUAL_RATE, LARGEST_RATE = 8_000, 0.003, 0.1
-"""A run of so many updates learns well at the usual rate, on Ev-Objects; no rate above the largest was of use."""
+In a module of its own, apart from :mod:`.schedule`, so that options can be chosen without importing torch.
+"""
+
+USUAL_UPDATES = 8_000
+"""Updates of the weights with which a run learns well at the usual rate, measured on Ev-Objects."""
+USUAL_RATE = 0.003
+"""The default learning rate of the optimizers adamw and rmsprop."""
+LARGEST_RATE = 0.1
+"""The largest rate that is suggested: larger ones did not help in any run that was tried."""
 
 
 def rate_for_updates(updates: int) -> float:
-    """Return the rate at which a run of so few updates still moves its weights as far: lr * updates stays the same."""
+    """Return the learning rate for a run of so many ``updates`` of its weights.
+
+    These optimizers move a weight by about the rate in each update. So the product of rate and updates, how far weights
+    can move, is kept at that of a usual run, within the usual and the largest rate.
+    """
     return min(max(USUAL_RATE * USUAL_UPDATES / max(updates, 1), USUAL_RATE), LARGEST_RATE)

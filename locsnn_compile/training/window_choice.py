@@ -1,10 +1,15 @@
-"""Which windows tell the recordings of a train part apart: those of the best cross-validation.
+"""Choose the windows of a window network by cross-validation on the training recordings.
 
-Every candidate is judged as ``optimizer: prototypes`` would use it (:mod:`locsnn_compile.training.prototypes`), on
-folds of the train part. Scores need inner products of recordings alone, so a candidate costs a matrix of recordings by
-recordings, however many hidden neurons it has. With G = H H^T of the hidden spikes H (recordings, hidden), M the
-(recordings, classes) matrix of which a column averages over a class, and C = I - M onehot^T that takes the mean of its
-class from every recording:
+A *window* is a range of consecutive time steps in which hidden neurons count the events of a channel; its *levels* are
+the numbers of events that are told apart, a neuron for each (see
+:class:`locsnn_compile.models.graph_and_windows.WindowParameters`). A candidate is a length of windows with a set of
+levels. Every candidate is judged on folds of the training recordings with the output weights that ``optimizer:
+prototypes`` would compute (:mod:`locsnn_compile.training.prototypes`).
+
+The scores depend on the hidden spikes only through inner products of recordings, so the cost of a candidate is that of
+a matrix of recordings by recordings, however many hidden neurons it has. With G = H H^T of the hidden spikes H
+(recordings, hidden), M the (recordings, classes) matrix of which a column averages over a class, and C = I - M onehot^T
+that subtracts the mean of its class from every recording:
 
     scores = G B,  less half of what each prototype scores on itself        B = M - C^T (C G C^T + ridge I)^-1 C G M
 """
@@ -29,25 +34,31 @@ from locsnn_compile.models.graph_and_windows import (
 )
 
 FOLDS = 5
+"""Parts into which recordings are divided; each is scored by prototypes of the others."""
 SMOOTHINGS = (0.02, 0.1, 0.5, 2.0)
 """Smoothings tried; see :func:`locsnn_compile.training.prototypes.set_prototypes`."""
 MOST_RECORDINGS = 600
-"""Recordings that are looked at, evenly from all classes: with more, the order of the candidates hardly changes."""
+"""Most recordings that are used, evenly from all classes: with more, the ranking of the candidates hardly changes."""
 MOST_LEVELS = 8
+"""Levels of the largest candidate set."""
 MOST_VALUES = 50_000_000
-"""Largest number of hidden spikes of a candidate at once: 200 MB."""
+"""Largest number of hidden spikes of a candidate: 200 MB in float32."""
 TOLERANCE = 1.0
 """Accuracies count as equal within this number of standard errors of the best; then margins decide."""
 MARGIN_KEPT = 0.9
-"""Margins count as equal from this share of the best on; then the fewest hidden neurons win."""
+"""Margins count as equal from this share of the widest on; then the fewest hidden neurons win. Chosen by hand."""
+_DRAW_ROWS = 3
+_DRAW_FOLDS = 4
+"""The purposes of random draws, which go into their seeds so that they differ from all other draws of a run."""
 
 
 class Judgement(Frozen):
-    """How one candidate did in cross-validation, with the best of :data:`SMOOTHINGS`.
+    """The result of one candidate in cross-validation, with the best of :data:`SMOOTHINGS`.
 
-    ``accuracy``: the mean over classes. ``margin``: by how much the score of the right class exceeds the best other
-    one, on average over recordings, in standard deviations over recordings. It tells candidates apart of which each
-    is right about every recording.
+    - ``hidden``: the number of its hidden neurons
+    - ``accuracy``: the mean of the accuracies of the classes
+    - ``margin``: the score of the right class minus the best of the other scores, on average over recordings, in
+      standard deviations over recordings. It ranks candidates that are all right about every recording.
     """
 
     windows: WindowParameters
@@ -58,9 +69,10 @@ class Judgement(Frozen):
 
 
 class WindowChoice(Frozen):
-    """The chosen windows and smoothing, and what they were chosen by.
+    """The chosen windows and smoothing, and on what the choice is based.
 
-    ``accuracy`` is the mean over classes of cross-validation; ``candidates`` is the number of windows tried.
+    ``accuracy`` is that of cross-validation, the mean over classes; ``candidates``, ``folds`` and ``recordings`` are
+    numbers.
     """
 
     windows: WindowParameters
@@ -78,12 +90,14 @@ def choose_windows(
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> WindowChoice | None:
-    """Return the windows for recordings (samples, steps, channels); None if fewer than two classes have two recordings.
+    """Return the choice for recordings (samples, steps, channels); None if it cannot be made.
 
-    ``progress`` is called with the number of candidates judged and to judge.
+    That is so if fewer than two classes have two recordings, or if all candidates are too large. ``polarities``: those
+    of a taxel, whose channels share an output. ``progress`` is called with (candidates judged, candidates to judge).
     """
     rows = balanced_rows(labels, MOST_RECORDINGS, seed)
     looked_at = spikes[rows]
+    # Classes are renumbered without gaps.
     _, classes = np.unique(labels[rows], return_inverse=True)
     folds = fold_numbers(classes, seed)
     if folds is None:
@@ -104,39 +118,48 @@ def choose_windows(
 
 
 def best_of(judged: Sequence[Judgement], recordings: int) -> Judgement:
-    """Return the candidate of the best accuracy; among equal ones by margin, then by fewest hidden neurons."""
+    """Return the candidate of the best accuracy; of equally accurate ones, by margin, and then the smallest.
+
+    See :data:`TOLERANCE` and :data:`MARGIN_KEPT` for what counts as equal.
+    """
     highest = max(candidate.accuracy for candidate in judged)
     error = np.sqrt(highest * (1 - highest) / recordings)
-    accurate = [row for row in judged if row.accuracy >= highest - TOLERANCE * error - 1e-9]
+    # The slack makes up for the rounding of means.
+    least_accuracy = highest - TOLERANCE * error - 1e-9
+    accurate = [candidate for candidate in judged if candidate.accuracy >= least_accuracy]
     widest = max(candidate.margin for candidate in accurate)
-    clear = [row for row in accurate if row.margin >= min(MARGIN_KEPT * widest, widest)]
-    return min(clear, key=lambda row: (row.hidden, -row.margin))
+    # If the widest margin is negative, 0.9 of it would be above it: then only the widest is left.
+    least_margin = min(MARGIN_KEPT * widest, widest)
+    clear = [candidate for candidate in accurate if candidate.margin >= least_margin]
+    return min(clear, key=lambda candidate: (candidate.hidden, -candidate.margin))
 
 
 def judge(
     hidden: Float32Array, windows: WindowParameters, classes: IntArray, folds: IntArray
 ) -> Judgement:
-    """Return how hidden spikes (samples, hidden) of some windows tell the classes apart."""
+    """Return how well the hidden spikes (samples, hidden) of some windows tell the classes apart."""
     scores = cross_validate(hidden @ hidden.T, classes, folds)
     rows = np.arange(len(classes))
-    accuracies, margins = np.empty(len(SMOOTHINGS)), np.empty(len(SMOOTHINGS))
+    accuracies = np.empty(len(SMOOTHINGS))
+    margins = np.empty(len(SMOOTHINGS))
     for number, score in enumerate(scores):
         right = score.argmax(axis=1) == classes
         accuracies[number] = np.mean(
             [right[classes == label].mean() for label in np.unique(classes)]
         )
-        others = score.copy()
-        others[rows, classes] = -np.inf
-        ahead = score[rows, classes] - others.max(axis=1)
-        # Of equal recordings, margins do not vary at all.
-        margins[number] = ahead.mean() / max(float(ahead.std()), 1e-9)
+        score_of_others = score.copy()
+        score_of_others[rows, classes] = -np.inf
+        lead = score[rows, classes] - score_of_others.max(axis=1)
+        # The maximum avoids a division by 0: if all recordings are equal, the lead does not vary at all.
+        margins[number] = lead.mean() / max(float(lead.std()), 1e-9)
+    # Sorted by accuracy, and then by margin: lexsort sorts by its last key first.
     best = int(np.lexsort((margins, accuracies))[-1])
     return Judgement(
-        windows,
-        SMOOTHINGS[best],
-        hidden.shape[1],
-        float(accuracies[best]),
-        float(margins[best]),
+        windows=windows,
+        smoothing=SMOOTHINGS[best],
+        hidden=hidden.shape[1],
+        accuracy=float(accuracies[best]),
+        margin=float(margins[best]),
     )
 
 
@@ -144,7 +167,9 @@ def balanced_rows(labels: IntArray, most: int, seed: int) -> IntArray:
     """Return up to ``most`` sorted rows, drawn evenly from the classes; all rows if there are no more."""
     if len(labels) <= most:
         return np.arange(len(labels), dtype=np.int64)
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 3])))
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _DRAW_ROWS])))
+    # Every recording gets a turn: one of each class in turn 0, one in turn 1, ... The fraction puts the
+    # classes within a turn in a random order. The first ``most`` in this order are taken.
     turn = np.zeros(len(labels))
     for label in np.unique(labels):
         members = np.flatnonzero(labels == label)
@@ -153,11 +178,14 @@ def balanced_rows(labels: IntArray, most: int, seed: int) -> IntArray:
 
 
 def fold_numbers(classes: IntArray, seed: int) -> IntArray | None:
-    """Return the fold of every recording, (samples,), classes spread evenly; None if fewer than two have two."""
+    """Return the fold of every recording, (samples,), with each class spread evenly over the folds.
+
+    None if fewer than two classes have two recordings.
+    """
     sizes = np.bincount(classes)
     if np.count_nonzero(sizes >= 2) < 2:
         return None
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 4])))
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _DRAW_FOLDS])))
     folds = np.zeros(len(classes), dtype=np.int64)
     for label in range(len(sizes)):
         members = rng.permutation(np.flatnonzero(classes == label))
@@ -166,15 +194,16 @@ def fold_numbers(classes: IntArray, seed: int) -> IntArray | None:
 
 
 def candidate_windows(spikes: ByteArray, polarities: int) -> list[WindowParameters]:
-    """Return windows of all steps, of half of them, and so on, with the levels that their counts ask for.
+    """Return windows as long as the recording, half as long, and so on, each with several sets of levels.
 
-    Windows overlap by half. Those with more hidden neurons than a network or an output can have are left out.
+    Windows overlap by half. Candidates with more hidden neurons than a network or an output can have are left out.
     """
     samples, steps, channels = spikes.shape
-    found: list[WindowParameters] = []
+    candidates: list[WindowParameters] = []
     length = steps
     while length:
         stride = max(1, length // 2)
+        # 50 to 100 recordings show the distribution of counts well enough.
         counts = window_counts(spikes[:: max(1, samples // 50)], length, stride)
         for levels in candidate_levels(counts):
             windows = WindowParameters(length, stride, levels)
@@ -185,23 +214,28 @@ def candidate_windows(spikes: ByteArray, polarities: int) -> list[WindowParamete
                 and of_channel * channels * samples <= MOST_VALUES
             )
             if fits:
-                found.append(windows)
+                candidates.append(windows)
         length //= 2
-    return found
+    return candidates
 
 
 def candidate_levels(counts: AnyArray) -> list[tuple[int, ...]]:
-    """Return numbers of events to tell apart in windows of such counts: few from 1 on, and some spread over them."""
+    """Return sets of levels to try for windows with such counts of events.
+
+    They are 1; 1 and 2; 1 to 4; and levels at evenly spaced quantiles of the counts. None exceeds the largest count.
+    """
     most = max(1, int(counts.max(initial=1)))
+    # From 2 % to 98 %, to leave out counts that hardly any recording has.
     quantiles = np.quantile(counts, np.linspace(0.02, 0.98, MOST_LEVELS), method="nearest")
-    spread = sorted({max(1, int(count)) for count in quantiles} | {1})
-    sets = [tuple(range(1, 1 + min(top, most))) for top in (1, 2, 4)] + [tuple(spread)]
-    return sorted(set(sets))
+    at_quantiles = sorted({max(1, int(count)) for count in quantiles} | {1})
+    first_levels = [tuple(range(1, 1 + min(top, most))) for top in (1, 2, 4)]
+    return sorted({*first_levels, tuple(at_quantiles)})
 
 
 def window_counts(spikes: ByteArray, length: int, stride: int) -> IntArray:
     """Return the events of every channel in every window, (samples, windows, channels)."""
     samples, steps, channels = spikes.shape
+    # The events before each step; those in a window are the difference of two entries.
     before = np.zeros((samples, steps + 1, channels), dtype=np.int32)
     np.cumsum(spikes, axis=1, out=before[:, 1:])
     starts = np.arange(0, steps - length + 1, stride)
@@ -209,10 +243,13 @@ def window_counts(spikes: ByteArray, length: int, stride: int) -> IntArray:
 
 
 def window_spikes(spikes: ByteArray, windows: WindowParameters) -> Float32Array:
-    """Return the spikes of the hidden neurons, (samples, hidden), in an order of their own."""
+    """Return the spikes of the hidden neurons, (samples, hidden).
+
+    Their order is not that of the network, which does not matter for inner products.
+    """
     counts = window_counts(spikes, windows.steps, windows.stride)
-    reached: list[BoolArray] = [counts >= level for level in windows.levels]
-    return np.concatenate(reached, axis=2).reshape(len(spikes), -1).astype(np.float32)
+    reaches_level: list[BoolArray] = [counts >= level for level in windows.levels]
+    return np.concatenate(reaches_level, axis=2).reshape(len(spikes), -1).astype(np.float32)
 
 
 def cross_validate(products: AnyArray, classes: IntArray, folds: IntArray) -> FloatArray:
@@ -222,32 +259,41 @@ def cross_validate(products: AnyArray, classes: IntArray, folds: IntArray) -> Fl
     """
     scores = np.zeros((len(SMOOTHINGS), len(classes), int(classes.max()) + 1))
     for fold in range(int(folds.max()) + 1):
-        learned, held = np.flatnonzero(folds != fold), np.flatnonzero(folds == fold)
-        scores[:, held] = prototype_scores(products.astype(np.float64), classes, learned, held)
+        training = np.flatnonzero(folds != fold)
+        held_out = np.flatnonzero(folds == fold)
+        scores[:, held_out] = prototype_scores(
+            products.astype(np.float64), classes, training, held_out
+        )
     return scores
 
 
 def prototype_scores(
-    products: FloatArray, classes: IntArray, learned: IntArray, held: IntArray
+    products: FloatArray, classes: IntArray, training: IntArray, held_out: IntArray
 ) -> FloatArray:
-    """Return class scores (smoothings, held, classes) of recordings ``held``, learned from the others."""
-    own = np.eye(int(classes.max()) + 1)[classes[learned]]
-    sizes = own.sum(axis=0)
-    means = own / np.maximum(sizes, 1)
-    among = products[np.ix_(learned, learned)]
-    # C G C^T and C G M, with C applied as a subtraction.
-    centred = among - (means.T @ among)[classes[learned]]
-    apart = centred - (centred @ means)[:, classes[learned]]
+    """Return the class scores (smoothings, held out, classes) of recordings by prototypes of the training ones.
+
+    The equation is in the module's docstring; its letters are in the comments.
+    """
+    onehot = np.eye(int(classes.max()) + 1)[classes[training]]
+    sizes = onehot.sum(axis=0)
+    means = onehot / np.maximum(sizes, 1)  # M
+    among = products[np.ix_(training, training)]  # G
+    # C G and C G C^T, with C applied as a subtraction.
+    centred = among - (means.T @ among)[classes[training]]
+    apart = centred - (centred @ means)[:, classes[training]]
+    # Eigenvectors of C G C^T make the system diagonal, so that every smoothing is solved at little cost.
     values, vectors = np.linalg.eigh(apart)
     turned = vectors.T @ (centred @ means)
-    scores = np.empty((len(SMOOTHINGS), len(held), len(sizes)))
+    scores = np.empty((len(SMOOTHINGS), len(held_out), len(sizes)))
     for number, smoothing in enumerate(SMOOTHINGS):
-        ridge = smoothing * np.trace(apart) / len(learned) + np.finfo(np.float32).tiny
+        # As in set_prototypes: the mean squared distance to the prototypes, and never 0.
+        ridge = smoothing * np.trace(apart) / len(training) + np.finfo(np.float32).tiny
+        # Rounding may make eigenvalues of 0 slightly negative.
         solved = vectors @ (turned / (np.maximum(values, 0.0) + ridge)[:, np.newaxis])
-        # C^T takes from each class's mean what its recordings have together.
-        outputs = means - solved + means @ (own.T @ solved)
+        # B, with C^T = I - onehot M^T applied as a subtraction.
+        outputs = means - solved + means @ (onehot.T @ solved)
         on_itself = (means * (among @ outputs)).sum(axis=0)
-        scores[number] = products[np.ix_(held, learned)] @ outputs - 0.5 * on_itself
+        scores[number] = products[np.ix_(held_out, training)] @ outputs - 0.5 * on_itself
     # A class of which all recordings were held out is never right: -1e9 is below all scores.
     scores[:, :, sizes == 0] = -1e9
     return scores

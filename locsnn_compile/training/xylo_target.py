@@ -1,7 +1,9 @@
-"""The numbers of a Xylo that a run keeps while its weights learn: thresholds, shifts, and what a weight is worth.
+"""Choose the integers of a network that is trained on the arithmetic of the chip Xylo.
 
-Charges of 8 bits are shifted by :data:`SHIFT`, so that a register of 16 bits is much finer than they are: a decay
-rounds down, and takes whole units. The largest weight charges a current with ``weight_room`` thresholds of its neuron.
+Thresholds, and the format of weights, stay fixed during the run, while the weights learn. A mantissa of 8 bits is
+shifted left by :data:`SHIFT` before it is added to a current, a register of 16 bits. So a unit of the register is much
+smaller than the smallest weight, and the decays, which round to whole units, lose little. The threshold is chosen so
+that the largest weight is ``weight_room`` thresholds.
 """
 
 import numpy as np
@@ -14,7 +16,8 @@ from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses
 from locsnn_compile.training.config import TrainingConfig
 
 SHIFT = 3
-"""With it, a current holds 32 of the largest charges, and a threshold of 0.8 of them is 1270 units."""
+"""With this shift, a current holds 32 of the largest charges, each 127 << 3 = 1016 units; and the threshold, 0.8 of
+such a charge with the usual ``weight_room`` of 1.25, is 813 units."""
 
 
 def xylo_numbers(config: TrainingConfig, description: NetworkDescription) -> XyloNumbers:

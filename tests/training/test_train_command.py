@@ -208,10 +208,10 @@ def test_a_stopped_run_resumes(
 
     record = training.EpochRecord
 
-    def stopping(phase: str, epoch: int, *figures: float | None) -> EpochRecord:
+    def stopping(phase: str, epoch: int, **figures: float | None) -> EpochRecord:
         if (phase, epoch) == ("select", 11):
             raise KeyboardInterrupt
-        return record(phase, epoch, *figures)  # type: ignore[arg-type]
+        return record(phase=phase, epoch=epoch, **figures)  # type: ignore[arg-type]
 
     monkeypatch.setattr(training, "EpochRecord", stopping)
     capsys.readouterr()

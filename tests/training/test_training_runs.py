@@ -202,7 +202,7 @@ def test_choice_of_the_epoch(accuracy: list[float], smoothing: int, chosen: int)
         for epoch, value in enumerate(accuracy, start=1)
     ]
     rows.append(EpochRecord("refit", 1, 0.1, 1.0, None, None))
-    assert choose_epoch(rows, smoothing, held=10) == chosen
+    assert choose_epoch(rows, smoothing, validated=10) == chosen
 
 
 def test_learning_rates() -> None:
