@@ -1,4 +1,4 @@
-"""Files of a program for other tools: test benches, waveform viewers, graph tools, simulators.
+"""Emitters: they write a program as files for other tools, such as waveform viewers, graph tools and simulators.
 
-A module for each kind; :mod:`locsnn_compile.emitters` lists them.
+Each kind of file has a module or a folder here; :mod:`locsnn_compile.emitters` lists them for ``--emit``.
 """

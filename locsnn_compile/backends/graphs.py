@@ -1,4 +1,8 @@
-"""``--emit graphml`` and ``--emit dot``: the placed program as a graph, for graph tools and for Graphviz."""
+"""``--emit graphml`` and ``--emit dot``: write the placed program as a graph, for graph tools and for Graphviz.
+
+A node is an input, or a slice: the part of a group of compartments that lies on one core. An edge stands for all
+synapses between two nodes, or for compartments that are joined to others on the same core.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,7 +17,7 @@ from hw_model.values import Frozen, IntArray
 
 
 class InputNode(Frozen):
-    """An input of a program."""
+    """An input of a program, with ``size`` lines."""
 
     kind: ClassVar[str] = "input"
     name: str
@@ -22,7 +26,10 @@ class InputNode(Frozen):
 
 
 class SliceNode(Frozen):
-    """Compartments ``start`` to ``stop`` of the group ``name``, which share a core."""
+    """A slice: compartments ``start`` to ``stop`` (excluded) of the group ``name``, which share a core.
+
+    ``slot`` is the place of the core among all cores of the chips, and ``tile_x``, ``tile_y`` its tile in the mesh.
+    """
 
     kind: ClassVar[str] = "compartments"
     name: str
@@ -38,7 +45,7 @@ class SliceNode(Frozen):
 
 
 class SynapseCount(Frozen):
-    """What an edge carries: ``synapses``, their axons at the target, and the hops of a spike."""
+    """What an edge carries: its synapses, the input axons at the target that have any of them, and a spike's hops."""
 
     kind: ClassVar[str] = "synapses"
     synapses: int
@@ -47,7 +54,7 @@ class SynapseCount(Frozen):
 
 
 class JoinCount(Frozen):
-    """Compartments that add their voltage one to one to those of the target."""
+    """What an edge carries: the number of compartments that add their voltage to that of a parent at the target."""
 
     kind: ClassVar[str] = "joined"
     compartments: int
@@ -65,68 +72,76 @@ Node = InputNode | SliceNode
 
 
 def placed_graph(program: hw.ChipProgram) -> tuple[dict[str, Node], list[Edge]]:
-    """Return the nodes of a program by their names, and its edges, in the program's order."""
+    """Return the nodes of a program by their names, and its edges, in the program's order.
+
+    Names are ``i0`` for the first input and ``c2s0`` for the first slice of core 2.
+    """
     nodes: dict[str, Node] = {
-        f"i{k}": InputNode(item.name, item.phase, item.size)
-        for k, item in enumerate(program.inputs)
+        f"i{k}": InputNode(program_input.name, program_input.phase, program_input.size)
+        for k, program_input in enumerate(program.inputs)
     }
     for core in program.cores:
         tile_x, tile_y = program.chip.tile_of(core.slot)
-        for k, piece in enumerate(core.slices):
-            nodes[_slice(core, k)] = SliceNode(
-                name=piece.group,
+        for k, core_slice in enumerate(core.slices):
+            nodes[_slice_name(core, k)] = SliceNode(
+                name=core_slice.group,
                 phase=core.phase,
-                size=piece.size,
-                start=piece.start,
-                stop=piece.stop,
+                size=core_slice.size,
+                start=core_slice.start,
+                stop=core_slice.stop,
                 core=core.number,
                 slot=core.slot,
                 tile_x=tile_x,
                 tile_y=tile_y,
-                spiking=piece.group in program.spiking,
+                spiking=core_slice.group in program.spiking,
             )
-    synapses = [edge for core in program.cores for edge in _into(core, program)]
-    joins = [edge for core in program.cores for edge in _joins(core)]
+    synapses = [edge for core in program.cores for edge in _synapse_edges(core, program)]
+    joins = [edge for core in program.cores for edge in _join_edges(core)]
     return nodes, synapses + joins
 
 
-def _slice(core: Core, number: int) -> str:
-    """Return the name of a node."""
+def _slice_name(core: Core, number: int) -> str:
+    """Return the name of the node of a slice, given its number on its core."""
     return f"c{core.number}s{number}"
 
 
 class _Source(NamedTuple):
-    """A node that may send spikes to a core, so many hops away."""
+    """A node that may send spikes to a core, and its distance to the core in hops."""
 
     node: str
     hops: int
 
 
 def _sources(core: Core, program: hw.ChipProgram) -> tuple[list[_Source], IntArray]:
-    """Return what may send to a core, and by input axon of the core its number in that list, (axons,)."""
+    """Return the nodes that may send spikes to a core, and which of them each input axon of the core belongs to.
+
+    The second is the index in the first, (axons,).
+    """
     sources: list[_Source] = []
     source_of_axon = np.full(core.axons.input_axons, -1, dtype=np.int64)
-    for k, item in enumerate(program.inputs):
-        route = program.route_of(item.name)
+    for k, program_input in enumerate(program.inputs):
+        route = program.route_of(program_input.name)
         source_of_axon[route.axon[route.core == core.number]] = k
-        sources.append(_Source(f"i{k}", 0))
+        # Events come from outside the chip, so their hops are not counted.
+        sources.append(_Source(f"i{k}", hops=0))
     for sender in program.cores_of(core.phase):
-        sent_here = sender.axons.out_core == core.number
-        slice_number = sender.slice_of_compartment[sender.axons.out_compartment[sent_here]]
-        source_of_axon[sender.axons.out_axon[sent_here]] = len(sources) + slice_number
+        is_sent_to_core = sender.axons.out_core == core.number
+        slice_number = sender.slice_of_compartment[sender.axons.out_compartment[is_sent_to_core]]
+        source_of_axon[sender.axons.out_axon[is_sent_to_core]] = len(sources) + slice_number
         hops = sum(program.chip.hops(sender.slot, core.slot))
-        sources += [_Source(_slice(sender, k), hops) for k in range(len(sender.slices))]
+        sources += [_Source(_slice_name(sender, k), hops) for k in range(len(sender.slices))]
     return sources, source_of_axon
 
 
-def _into(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
-    """Yield the edges onto a core: its synapses, counted by the nodes of their source and target."""
+def _synapse_edges(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
+    """Yield the edges of synapses onto a core: an edge for each pair of a source and a slice of the core."""
     sources, source_of_axon = _sources(core, program)
     axon = core.axons.axon_of_synapse
     slice_count = len(core.slices)
-    # The source and the slice of a synapse, as one number.
+    # The source and the slice of a synapse, as one number, by which numpy can count.
     ends = source_of_axon[axon] * slice_count + core.slice_of_compartment[core.axons.target]
     edges, synapse_counts = np.unique(ends, return_counts=True)
+    # An axon counts once for each edge, however many synapses it has there.
     ends_of_used_axon = np.unique(np.stack((ends, axon)), axis=1)[0]
     axon_counts = np.unique(ends_of_used_axon, return_counts=True)[1]
     for edge, synapses, axons in zip(
@@ -135,17 +150,17 @@ def _into(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
         source_number, slice_number = divmod(edge, slice_count)
         source = sources[source_number]
         carried = SynapseCount(synapses=synapses, axons=axons, hops=source.hops)
-        yield Edge(source.node, _slice(core, slice_number), carried)
+        yield Edge(source.node, _slice_name(core, slice_number), carried)
 
 
-def _joins(core: Core) -> Iterator[Edge]:
-    piece_of = core.slice_of_compartment
+def _join_edges(core: Core) -> Iterator[Edge]:
+    """Yield the edges of joined compartments of a core, which always share it with their parents."""
     children = np.flatnonzero(core.parent >= 0)
-    joined = Counter(
-        zip(piece_of[children].tolist(), piece_of[core.parent[children]].tolist(), strict=True)
-    )
-    for (child, parent), count in sorted(joined.items()):
-        yield Edge(_slice(core, child), _slice(core, parent), JoinCount(count))
+    child_slices = core.slice_of_compartment[children].tolist()
+    parent_slices = core.slice_of_compartment[core.parent[children]].tolist()
+    counts = Counter(zip(child_slices, parent_slices, strict=True))
+    for (child, parent), count in sorted(counts.items()):
+        yield Edge(_slice_name(core, child), _slice_name(core, parent), JoinCount(count))
 
 
 GRAPHML_FILE = "program.graphml"
@@ -153,13 +168,16 @@ DOT_FILE = "program.dot"
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 
 Values = Mapping[str, str | int | bool]
-"""What GraphML says of a graph, a node or an edge, by name."""
+"""The values of a graph, a node or an edge in GraphML, by name."""
 _TYPES = {str: "string", int: "long", bool: "boolean"}
-"""The types of values in GraphML."""
+"""GraphML's names of types."""
 
 
 def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
-    """Return the file by name: a node for each input and slice, edges for synapses and joined compartments."""
+    """Return the content of the GraphML file, by its name.
+
+    It has a node for each input and slice, and edges for synapses and for joined compartments.
+    """
     nodes, edges = placed_graph(program)
     about: Values = {"name": program.name, "target": program.chip.name}
     keys = (
@@ -177,12 +195,15 @@ def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
 
 
 def _values(part: Node | SynapseCount | JoinCount) -> Values:
-    """Return the fields of a node or of what an edge carries by name, its kind first."""
+    """Return the values of a node, or of what an edge carries, by name; the kind comes first."""
     return {"kind": part.kind, **vars(part)}
 
 
 def _graphml_keys(domain: str, parts: Iterable[Values]) -> str:
-    """Declare every name that parts of a domain (graph, node or edge) use, with the type of its values."""
+    """Declare every name that the parts of a domain (graph, node or edge) use, with the type of its values.
+
+    GraphML wants these declarations before any value.
+    """
     types = {name: _TYPES[type(value)] for values in parts for name, value in values.items()}
     return "".join(
         f'<key id="{domain}_{name}" for="{domain}" attr.name="{name}" attr.type="{type_name}"/>'
@@ -211,7 +232,7 @@ def _graphml_value(value: str | int | bool) -> str:
 
 
 def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
-    """Return the file by name: a box for each core, and dashed edges for joined compartments."""
+    """Return the content of the Graphviz file, by its name: a box per core, dashed edges for joined compartments."""
     nodes, edges = placed_graph(program)
     parts = [
         *(_dot_input(name, node) for name, node in nodes.items() if isinstance(node, InputNode)),
@@ -264,5 +285,8 @@ def _dot_edge(edge: Edge) -> str:
 
 def _quoted(text: str) -> str:
     """Return a text for a quoted string, with backslashes and quotes escaped and control characters replaced."""
-    printable = "".join(c if c.isprintable() else "\ufffd" for c in text)
+    printable = "".join(
+        character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text
+    )
+    # Backslashes first, as escaping quotes adds some.
     return printable.replace("\\", "\\\\").replace('"', '\\"')

@@ -1,6 +1,7 @@
-"""What emitters share: a recording played to a program, with every spike and register, and names.
+"""What emitters share: a recording played to a program, with every spike and register, and safe names.
 
-Names are for formats that allow few characters, and for Markdown.
+Files for other tools often hold one recording and its results, so that a user can check the other tool against ours.
+Names of populations may have any characters; many formats allow only letters, digits and underscores.
 """
 
 import re
@@ -21,11 +22,15 @@ from locsnn_compile.errors import InputError
 
 
 class Played(Frozen, eq=False):
-    """A recording on a program.
+    """A recording that was played to a program.
 
-    ``runs[phase]`` are the steps that a phase runs: all, but for one over time that starts at the first touch. Lines
-    and what methods return hold these steps alone; ``result`` holds all. ``lines[phase]`` (steps, lines) are the spikes
-    of the phase's input lines, input by input, after the transpose buffer. ``title`` names the recording.
+    - ``title``: names the recording in the files
+    - ``runs[phase]``: the steps that a phase runs: all, or those from the first event on for a phase that begins there
+    - ``lines[phase]``: the spikes of the phase's input lines, (steps, lines), input by input. Events that went through
+      the transpose buffer are already transposed
+    - ``result``: what the program did, in all steps
+
+    Lines, and what methods return, hold only the steps of ``runs``.
     """
 
     program: hw.ChipProgram
@@ -41,8 +46,8 @@ class Played(Frozen, eq=False):
     def recorded(self, phase: str, kind: Register | Literal["spikes"], group: str) -> IntArray:
         """Return spikes, u, v or the potential of a group of a phase, (steps, compartments)."""
         runs = self.runs[phase]
-        of_group: Mapping[str, IntArray] = getattr(self.result, kind)
-        return of_group[group][runs.start : runs.stop]
+        by_group: Mapping[str, IntArray] = getattr(self.result, kind)
+        return by_group[group][runs.start : runs.stop]
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
@@ -51,44 +56,52 @@ class Played(Frozen, eq=False):
 
     def register(self, core: Core, kind: Register) -> IntArray:
         """Return a register of every compartment of a core, (steps, compartments)."""
-        return np.concatenate(
-            [self.recorded(core.phase, kind, p.group)[:, p.start : p.stop] for p in core.slices],
-            axis=1,
-        )
+        slices = []
+        for core_slice in core.slices:
+            group_values = self.recorded(core.phase, kind, core_slice.group)
+            slices.append(group_values[:, core_slice.start : core_slice.stop])
+        return np.concatenate(slices, axis=1)
 
     def spikes(self, core: Core) -> ByteArray:
-        """Return the spikes of every compartment of a core, (steps, compartments); joined ones never spike."""
+        """Return the spikes of every compartment of a core, (steps, compartments).
+
+        Compartments that are joined to a parent (dendrites) never spike.
+        """
         lines = self.lines[core.phase].shape[1]
         return self._sent[core.phase][:, lines + self.program.columns_of_core(core)]
 
     def input_axons(self, core: Core) -> ByteArray:
-        """Return the spikes that input lines send to a core, (steps, input axons of the core)."""
+        """Return the spikes that reach a core from input lines, (steps, input axons); 0 on axons of compartments."""
         lines = self.lines[core.phase].shape[1]
-        from_lines: ByteArray = self.axons(core) * (self.program.senders[core.number] < lines)
+        is_line = self.program.senders[core.number] < lines
+        from_lines: ByteArray = self.axons(core) * is_line
         return from_lines
 
     def axons(self, core: Core) -> ByteArray:
         """Return all spikes that reach a core, from input lines and from compartments, (steps, input axons)."""
         return self._sent[core.phase][:, self.program.senders[core.number]]
 
-    def readme(self, package: str, **given: str) -> str:
-        """Return the README of an emitter, filled with the names of program, recording and chip, and with more."""
+    def readme(self, package: str, **values: str) -> str:
+        """Return the README of an emitter, with the names of program, recording and chip and further values filled in.
+
+        ``package`` is that of the emitter, which holds the template.
+        """
         names = {"program": self.program.name, "title": self.title, "chip": self.program.chip.name}
-        return filled(
-            package,
-            "README.template.md",
-            **{key: _code_span(name) for key, name in names.items()},
-            **given,
-        )
+        code_spans = {key: _code_span(name) for key, name in names.items()}
+        return filled(package, "README.template.md", **code_spans, **values)
 
     @cached_property
     def _sent(self) -> dict[str, ByteArray]:
-        """The spikes of all sources of each phase, (steps, lines + columns)."""
+        """The spikes of all senders of each phase, (steps, lines + compartments).
+
+        The columns are numbered as in ``program.senders``: input lines first, then compartments.
+        """
         sent = {}
         for phase, lines in self.lines.items():
-            count = sum(core.compartments for core in self.program.cores_of(phase))
-            spikes = np.zeros((len(lines), count), dtype=np.uint8)
+            compartments = sum(core.compartments for core in self.program.cores_of(phase))
+            spikes = np.zeros((len(lines), compartments), dtype=np.uint8)
             for name, columns in self.program.columns_of(phase).items():
+                # Groups that never spike are not in the result.
                 if name in self.result.spikes:
                     spikes[:, columns] = self.recorded(phase, "spikes", name)
             sent[phase] = np.concatenate((lines, spikes), axis=1)
@@ -96,7 +109,10 @@ class Played(Frozen, eq=False):
 
 
 def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "recording 0") -> Played:
-    """Play one recording (steps, channels), or a mapping of them by stream, and keep everything."""
+    """Play one recording, and keep every spike and register.
+
+    ``spikes`` are (steps, channels), or a mapping of such arrays by stream, for a program with several input streams.
+    """
     streams, batched = read_streams(program, spikes)
     if batched:
         raise InputError(
@@ -104,33 +120,41 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
             "several recordings were given",
             fix="Give one, of shape (steps, channels).",
         )
+    # Streams are batches of recordings, (recordings, steps, channels); this batch has one.
     recording = {name: array[0] for name, array in streams.items()}
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential", "activity"))
     events = {name: list_events(name, array) for name, array in streams.items()}
-    inputs = {phase.name: play(program, phase, events, None, Player()) for phase in program.phases}
-    runs = {
-        phase: range(int(played_phase.start[0]), int(played_phase.stop[0]))
-        for phase, played_phase in inputs.items()
-    }
-    lines = {
-        phase: played_phase.lines(0)[runs[phase].start : runs[phase].stop]
-        for phase, played_phase in inputs.items()
-    }
+    runs = {}
+    lines = {}
+    for phase in program.phases:
+        phase_input = play(program, phase, events, None, Player())
+        run = range(int(phase_input.start[0]), int(phase_input.stop[0]))
+        runs[phase.name] = run
+        lines[phase.name] = phase_input.lines(0)[run.start : run.stop]
     return Played(program, title, runs, lines, result)
 
 
 def unique_names(texts: Iterable[str]) -> dict[str, str]:
-    """Return a unique name of letters, digits and underscores for every text."""
+    """Return a unique identifier of letters, digits and underscores for every text.
+
+    It does not begin with a digit. Texts that would get the same identifier are numbered from 2 on.
+    """
     names: dict[str, str] = {}
     for text in texts:
-        base = "_" * text[:1].isdigit() + re.sub(r"[^A-Za-z0-9_]", "_", text) or "_"
-        name, number = base, 2
+        identifier = re.sub(r"[^A-Za-z0-9_]", "_", text)
+        if not identifier or text[:1].isdigit():
+            identifier = f"_{identifier}"
+        name = identifier
+        number = 2
         while name in names.values():
-            name, number = f"{base}_{number}", number + 1
+            name = f"{identifier}_{number}"
+            number += 1
         names[text] = name
     return names
 
 
 def _code_span(text: str) -> str:
-    """Return a text as a code span of Markdown, on one line and without characters that would end it."""
-    return f"`{' '.join(text.replace('`', chr(39)).split())}`"
+    """Return a text as a code span of Markdown, on one line and without backticks, which would end it."""
+    without_backticks = text.replace("`", "'")
+    one_line = " ".join(without_backticks.split())
+    return f"`{one_line}`"

@@ -1,13 +1,16 @@
-"""Compiled models as files of other tools, with one exporter per format."""
+"""``--emit nir`` and ``--emit net``: write a compiled model in a format in which other tools exchange networks.
+
+Each format has an exporter. What both formats cannot hold is refused here, and the rest in the exporter.
+"""
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.quantized import QuantizedNetwork
 
 
 def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
-    """Return a model as a file of another tool: ``nir``, or ``net`` of lava-dl.
+    """Return a model as a file of the format ``kind``: ``nir``, or ``net`` of lava-dl.
 
-    Raises ``InputError`` for a model that the format cannot hold.
+    Raise InputError for a model that the format cannot hold.
     """
     network = quantized.network
     for population in network.populations:
@@ -24,7 +27,8 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
         from locsnn_compile.backends.exchange.net_file import net_bytes as written
     from locsnn_compile.backends.exchange.floats import HELD
 
-    content = written(quantized)  # first, since its refusals say more
+    # Before the checks below, because the exporter's errors say more about the reason.
+    content = written(quantized)
     if set(network.readout.weights) != {1.0}:
         measured = ", ".join(f"{weight:g}" for weight in network.readout.weights)[:80]
         what = "the format cannot weigh what is read out"

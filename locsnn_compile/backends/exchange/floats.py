@@ -1,4 +1,8 @@
-"""Neurons and weights as files of other tools see them: in floats, whichever kind of numbers a network holds."""
+"""Give the neurons and weights of a network in floats, as files of other tools hold them.
+
+A network may have been trained in floats, or in the integers of a chip; integers become floats in the units of the
+registers.
+"""
 
 from collections.abc import Iterable
 
@@ -19,11 +23,14 @@ from locsnn_compile.network.projections import (
 )
 
 HELD = "program.yaml holds it, and --emit network shows it."
-"""The way out for a part of a network that a format cannot hold."""
+"""How to get a part of a network that a format cannot hold, for errors."""
 
 
 def weights_of(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
-    """Return weights and the factor that they stand for."""
+    """Return the weights of a projection, and the factor by which to multiply them.
+
+    The factor is applied by the caller, since sparse and dense weights are multiplied in different places.
+    """
     if isinstance(projection, ChipProjection):
         mantissas = values_of(projection.mantissa)
         units = loihi.whole_units(loihi.charge_of(mantissas, projection.exponent)).astype(
@@ -34,7 +41,7 @@ def weights_of(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
 
 
 def neurons_of(neuron: Cuba | ChipCuba) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
-    """Return both decays, the threshold above which it spikes, and the bias, each (n,)."""
+    """Return what u and v lose in a step (shares of 1), the threshold above which v spikes, and the bias, each (n,)."""
     if isinstance(neuron, ChipCuba):
         bias = neuron.bias_mantissa * 2.0**neuron.bias_exponent
         return (
@@ -43,18 +50,23 @@ def neurons_of(neuron: Cuba | ChipCuba) -> tuple[AnyArray, AnyArray, AnyArray, A
             loihi.threshold_of(neuron.threshold.astype(np.float64)),
             bias,
         )
-    # Files spike only above the threshold; to spike at it as well, take the next number below.
+    # In the files, a neuron spikes only above its threshold. For a neuron that spikes at its threshold as well, write
+    # the next smaller float.
     threshold = neuron.threshold if neuron.rule == ">" else np.nextafter(neuron.threshold, -np.inf)
     return neuron.decay_u, neuron.decay_v, threshold, neuron.bias
 
 
 def may_spike(neuron: Cuba | ChipCuba, onto: Iterable[Projection | ChipProjection]) -> bool:
-    """Tell whether spikes of all inputs of one sign in every step, and biases, lead a neuron above its threshold.
+    """Whether any input can lead a neuron above its threshold.
 
-    The highest threshold in integers stands for neurons that must not spike.
+    The largest input is spikes of all sources of one sign in every step, together with the bias. A neuron in integers
+    with the highest threshold counts as silent: files mark neurons that must not spike in this way.
     """
-    u, v, threshold, bias = neurons_of(neuron)
+    decay_u, decay_v, threshold, bias = neurons_of(neuron)
     charge = sum(row_sums(weights) * factor for weights, factor in map(weights_of, onto))
-    reached = (charge / np.maximum(u, 1e-99) + np.abs(bias)) / np.maximum(v, 1e-99)
-    silent = isinstance(neuron, ChipCuba) and neuron.threshold >= THRESHOLD_MAX
-    return bool(((reached > threshold) & ~np.asarray(silent)).any())
+    # A constant charge q drives u to q / decay_u, and v to (u + bias) / decay_v. Without decay, they grow for ever.
+    tiny = 1e-99
+    largest_u = charge / np.maximum(decay_u, tiny)
+    largest_v = (largest_u + np.abs(bias)) / np.maximum(decay_v, tiny)
+    is_silent = isinstance(neuron, ChipCuba) and neuron.threshold >= THRESHOLD_MAX
+    return bool(((largest_v > threshold) & ~np.asarray(is_silent)).any())

@@ -1,4 +1,8 @@
-"""A network as a lava-dl ``.net`` file: one that came from such a file, or a chain of layers whose integers fit."""
+"""Write a network as a ``.net`` file of lava-dl, Intel's library that trains networks for Loihi.
+
+A network that came from such a file is written as it was. Any other must be a chain of layers, each connected to the
+one before it and perhaps to itself, whose integers fit the format.
+"""
 
 import io
 from typing import Any
@@ -20,22 +24,27 @@ _OTHER = "Emit another kind."
 
 
 def net_bytes(quantized: QuantizedNetwork) -> bytes:
-    """Return the file; ``InputError`` for a network that is not a chain of dense layers in lava-dl's integers."""
+    """Return the content of the file.
+
+    Raise InputError for a network that is not a chain of dense layers in lava-dl's integers.
+    """
     origin = quantized.network.origin
     if isinstance(origin, NetFile):
-        # Its integers were the chip's already, so that nothing was quantised.
+        # Its integers are already those of the chip, so nothing was rounded.
         return file_bytes(origin)
     return file_bytes(net_file(quantized))
 
 
 def file_bytes(file: NetFile) -> bytes:
     """Return layers as HDF5, in the layout of lava-dl's ``export_hdf5``."""
+    # A heavy import that only this emitter needs.
     import h5py
 
     content = io.BytesIO()
     with h5py.File(content, "w") as out:
         for layer in file.layers:
             group = out.create_group(f"layer/{layer.number}")
+            # lava-dl stores the type as an array of one text of 10 bytes.
             group.create_dataset("type", (1,), "S10", [layer.kind.encode("ascii")])
             for key, value in layer.values.items():
                 if key != "type":
@@ -48,7 +57,8 @@ def file_bytes(file: NetFile) -> bytes:
 def net_file(quantized: QuantizedNetwork) -> NetFile:
     """Return the layers of a chain of populations in integers."""
     network = quantized.network
-    if {phase.axis for phase in network.phases} | {view.axis for view in network.views} != {"time"}:
+    axes = {phase.axis for phase in network.phases} | {view.axis for view in network.views}
+    if axes != {"time"}:
         raise InputError(_WHERE, "lava-dl has no steps along locations", fix=_OTHER)
     if len(network.views) != 1:
         measured = f"{len(network.views)} against 1"
@@ -58,51 +68,57 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
             measured=measured,
             fix="Emit nir, or give the network one input.",
         )
-    before, layers = network.views[0].name, []
-    layers.append(NetLayer(0, "input", {"shape": np.array([network.views[0].lines])}))
+    view = network.views[0]
+    layers = [NetLayer(0, "input", {"shape": np.array([view.lines])})]
+    layer_before = view.name
     for number, q in enumerate(quantized.populations, start=1):
         name = q.population.name
-        onto = [p for p in quantized.projections if p.target == name]
-        sources = {p.source for p in onto}
-        if sources - {name} != {before}:
+        onto = [projection for projection in quantized.projections if projection.target == name]
+        sources = {projection.source for projection in onto}
+        # A layer may also be connected to itself.
+        if sources - {name} != {layer_before}:
             raise InputError(
                 f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER
             )
-        # Two projections of one source: their exponents differ.
+        # Two projections from one source have different exponents: equal ones would have been merged.
         if len(sources) < len(onto):
             raise InputError(
                 f"{_WHERE}, population {name!r}", "its weights have several formats", fix=_OTHER
             )
         by_potential = name in network.readout.from_step
-        layers.append(_layer(number, q, onto, by_potential))
-        before = name
+        layers.append(_layer(number, q, onto, by_potential=by_potential))
+        layer_before = name
     _check_readout(network)
     return NetFile(tuple(layers), {})
 
 
 def _check_readout(network: Network) -> None:
-    """Refuse a readout of anything but the last layer, or of its potentials from another step than readers assume."""
-    readout, layers = network.readout, len(network.populations)
+    """Raise InputError unless only the last layer is read out, from the step that readers of the file assume."""
+    readout = network.readout
+    layers = len(network.populations)
     if readout.populations != (network.populations[-1].name,):
         measured = ", ".join(readout.populations)[:80]
         raise InputError(
             f"{_WHERE}, readout", "lava-dl reads out the last layer", measured=measured, fix=HELD
         )
-    # Readers of .net files count potentials from the step in which the first event arrives: one step a layer.
-    for first in readout.from_step.values():
-        if first != layers:
-            what, measured = (
-                "lava-dl counts potentials from another step",
-                f"{layers} against {first}",
-            )
+    # Readers of .net files count potentials from the step in which the first event can arrive, and a spike takes one
+    # step per layer.
+    for from_step in readout.from_step.values():
+        if from_step != layers:
+            what = "lava-dl counts potentials from another step"
+            measured = f"{layers} against {from_step}"
             raise InputError(f"{_WHERE}, readout", what, measured=measured, fix=HELD)
 
 
 def _layer(
-    number: int, q: QuantizedPopulation, onto: list[ChipProjection], by_potential: bool
+    number: int, q: QuantizedPopulation, onto: list[ChipProjection], *, by_potential: bool
 ) -> NetLayer:
-    """Return a layer; one that is read ``by_potential`` gets the threshold by which lava-dl tells it."""
-    name, neuron = q.population.name, q.neuron
+    """Return a layer, given the projections onto it; ``by_potential``: its potentials are read out.
+
+    Raise InputError if lava-dl does not have its neurons, biases, weights or delays.
+    """
+    name = q.population.name
+    neuron = q.neuron
     where = f"{_WHERE}, population {name!r}"
     if not isinstance(neuron, ChipCuba) or (neuron.refractory > 1).any():
         raise InputError(
@@ -114,9 +130,10 @@ def _layer(
         raise InputError(
             where, "neurons that lava-dl reads by potential never spike, and these may", fix=HELD
         )
+    # lava-dl counts charge and bias in units of 64, the smallest charge of the chip.
     bias = loihi.bias_of(neuron.bias_mantissa, neuron.bias_exponent)
-    units = loihi.whole_units(bias)
-    between_units = bias != loihi.in_registers(units)
+    bias_units = loihi.whole_units(bias)
+    between_units = bias != loihi.in_registers(bias_units)
     if between_units.any():
         raise InputError(
             where,
@@ -124,7 +141,10 @@ def _layer(
             measured=f"{bias[between_units][0]}",
             fix=_OTHER,
         )
-    threshold = np.full_like(neuron.threshold, NEVER_SPIKES) if by_potential else neuron.threshold
+    threshold = neuron.threshold
+    if by_potential:
+        # This threshold tells a reader of the file that the potentials are read out.
+        threshold = np.full_like(neuron.threshold, NEVER_SPIKES)
     values: dict[str, Array | str] = {
         "shape": np.array([q.population.size]),
         "outFeatures": np.array(q.population.size),
@@ -136,23 +156,29 @@ def _layer(
         "neuron/gradedSpike": np.array(0),
     }
     if bias.any():
-        values["bias"] = units
+        values["bias"] = bias_units
     for projection in onto:
+        is_recurrent = projection.source == name
         weights = _weights(projection, where)
-        values["weight_rec" if projection.source == name else "weight"] = weights.astype(np.float32)
+        values["weight_rec" if is_recurrent else "weight"] = weights.astype(np.float32)
         if np.any(projection.delay):
-            # The one delay of a layer would hold back its recurrent spikes too.
-            if projection.source == name or np.size(projection.delay) > 1:
+            # A layer has one delay, which also delays its recurrent spikes.
+            if is_recurrent or np.size(projection.delay) > 1:
                 raise InputError(
                     where, "one layer cannot have several delays in lava-dl", fix=_OTHER
                 )
             values["delay"] = np.array(projection.delay)
     values["inFeatures"] = np.array(np.shape(values["weight"])[1])
-    return NetLayer(number, "dense_rec" if "weight_rec" in values else "dense", values)
+    kind = "dense_rec" if "weight_rec" in values else "dense"
+    return NetLayer(number, kind, values)
 
 
 def _weights(projection: ChipProjection, where: str) -> Any:
-    """Return weights (out, in); ``InputError`` unless they are even and -256..254, as lava-dl stores them."""
+    """Return the weights (out, in) of a projection in units of 64.
+
+    Raise InputError unless they are even and from -256 to 254, as lava-dl stores them.
+    """
+    # Sparse matrices have their values in an array of one dimension.
     mantissas: Matrix = projection.mantissa
     dense = mantissas.toarray() if values_of(mantissas).ndim == 1 else mantissas
     weights = loihi.whole_units(loihi.charge_of(dense, projection.exponent))

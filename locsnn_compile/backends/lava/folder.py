@@ -1,7 +1,8 @@
-"""Write a program and one recording as a script of Lava processes that compares itself.
+"""``--emit lava``: write a program as Lava processes, with a script that plays a recording and compares every spike.
 
-Arrays of part k have names that begin with ``runk/``; of its source, LIF process or block of synapses
-number n, with ``runk/sourcen/``, ``runk/neuronsn/`` and ``runk/synapsesn/``.
+Lava can run only processes that are connected, so each phase of the program is cut into its connected parts, which run
+one after the other. Names of arrays of the first part begin with ``run0/``; those of its first source, LIF process and
+block of synapses begin with ``run0/source0/``, ``run0/neurons0/`` and ``run0/synapses0/``.
 """
 
 from importlib.resources import files
@@ -24,13 +25,13 @@ FOLDER = "lava"
 
 
 def lava_files(played: Played) -> dict[str, bytes]:
-    """Return the files by name; ``InputError`` for what Lava does not play as the program does."""
+    """Return the content of the files by name. Raise InputError if Lava would not play the program alike."""
     check_fits(played)
     network: dict[str, AnyArray] = {}
     expected: dict[str, AnyArray] = {}
     for number, part in enumerate(_parts(played)):
-        network |= _below(f"run{number}", _network_arrays(played, part))
-        expected |= _below(f"run{number}", _expected_arrays(played, part))
+        network |= _in_folder(f"run{number}", _network_arrays(played, part))
+        expected |= _in_folder(f"run{number}", _expected_arrays(played, part))
     return {
         f"{FOLDER}/network.npz": pack_arrays(network, compressed=True),
         f"{FOLDER}/expected.npz": pack_arrays(expected, compressed=True),
@@ -46,8 +47,8 @@ def _parts(played: Played) -> list[LavaPart]:
     return parts
 
 
-def _below(folder: str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
-    """Return arrays whose names begin with a folder."""
+def _in_folder(folder: str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return the arrays with ``folder/`` in front of their names."""
     return {f"{folder}/{name}": array for name, array in arrays.items()}
 
 
@@ -59,16 +60,16 @@ def _network_arrays(played: Played, part: LavaPart) -> dict[str, AnyArray]:
     }
     for number, source in enumerate(part.sources):
         source_arrays = _source_arrays(source, played.lines[part.phase])
-        arrays |= _below(f"source{number}", source_arrays)
+        arrays |= _in_folder(f"source{number}", source_arrays)
     for number, neurons in enumerate(part.neurons):
-        arrays |= _below(f"neurons{number}", _neuron_arrays(neurons))
+        arrays |= _in_folder(f"neurons{number}", _neuron_arrays(neurons))
     for number, synapses in enumerate(part.synapses):
-        arrays |= _below(f"synapses{number}", _synapse_arrays(synapses))
+        arrays |= _in_folder(f"synapses{number}", _synapse_arrays(synapses))
     return arrays
 
 
 def _source_arrays(source: LavaSource, lines: AnyArray) -> dict[str, AnyArray]:
-    """Return the spikes of a source, (steps, its lines), from those of all lines of its phase."""
+    """Return the spikes of a source, (steps, lines of the source); ``lines`` are those of all inputs of its phase."""
     return {"input": np.array(source.input), "spikes": lines[:, source.columns]}
 
 
@@ -86,8 +87,9 @@ def _neuron_arrays(neurons: LavaNeurons) -> dict[str, AnyArray]:
 
 
 def _synapse_arrays(synapses: LavaSynapses) -> dict[str, AnyArray]:
-    """Return the parameters of a Dense process, by their names in Lava, and its ends."""
+    """Return the parameters of a Dense process, by their names in Lava, and the nodes that it connects."""
     return {
+        # Mantissas have up to 8 bits and a sign, and delays fit a byte.
         "sender": np.array(synapses.sender),
         "target": np.array(synapses.target),
         "weights": synapses.weights.astype(np.int16),
@@ -99,7 +101,7 @@ def _synapse_arrays(synapses: LavaSynapses) -> dict[str, AnyArray]:
 
 
 def _expected_arrays(played: Played, part: LavaPart) -> dict[str, AnyArray]:
-    """Return the spikes of every step, (steps, neurons), and both registers after the last one."""
+    """Return the spikes of every step, (steps, neurons), and u and v after the last step, for each LIF process."""
     arrays: dict[str, AnyArray] = {}
     for number, neurons in enumerate(part.neurons):
         spikes = played.recorded(part.phase, "spikes", neurons.population)

@@ -1,8 +1,8 @@
-"""What Lava's fixed-point models cannot play as ``loihi-sim`` does: it is refused by name.
+"""Refuse programs and recordings that Lava's fixed-point models would not play as the chip ``loihi-sim`` does.
 
-Settings and formats are checked in the program, values of registers in the recording that is shown:
-both compute the same as long as no register wraps. A current of -2^23 differs as well. ``loihi-sim``
-holds currents from -2^23 to 2^23 - 1, and Lava those from -2^23 + 1 to 2^23.
+Settings and formats of synapses are checked in the program. Registers are checked in the recording that is shown: both
+models compute the same as long as no register wraps, and no current is -2^23. ``loihi-sim`` holds currents from -2^23
+to 2^23 - 1, and Lava currents from -2^23 + 1 to 2^23.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,11 @@ VOLTAGE_MAX = CURRENT_LIMIT - 1
 
 
 class Rule(Frozen, eq=False):
-    """A setting of compartments, the values that Lava has not, and the words of the error.
+    """A setting of compartments with the values that Lava does not have, and the words of the error.
 
     - ``value``: returns the setting of each compartment of a core, (compartments,)
     - ``breaks``: marks the values that are refused, (compartments,)
-    - ``what``, ``fix``: what Lava has not, and what to do then
+    - ``what``, ``fix``: what Lava lacks, and what the user can do
     """
 
     setting: str
@@ -89,7 +89,7 @@ RULES = (
 
 
 def check_fits(played: Played) -> None:
-    """Refuse settings, synapses and values of the recording that Lava does not play alike."""
+    """Raise InputError for settings, synapses and values in the recording that Lava does not play alike."""
     for core in played.program.cores:
         for rule in RULES:
             _check_setting(core, rule)
@@ -100,7 +100,7 @@ def check_fits(played: Played) -> None:
 
 
 def _check_setting(core: Core, rule: Rule) -> None:
-    """Refuse a core one of whose compartments breaks a rule, and name the first."""
+    """Raise InputError if a compartment of the core breaks a rule; the error names the population of the first."""
     values = rule.value(core)
     refused = np.flatnonzero(rule.breaks(values))
     if refused.size:
@@ -111,7 +111,7 @@ def _check_setting(core: Core, rule: Rule) -> None:
 
 
 def _check_exponents(core: Core) -> None:
-    """Refuse negative exponents: Lava rounds a sum of weights down, and a core rounds each of them."""
+    """Raise InputError for negative exponents: Lava rounds a sum of weights, and a core rounds each weight."""
     axons = core.axons
     exponent_of_format = np.array([form.exponent for form in axons.formats], dtype=np.int64)
     exponents = exponent_of_format[axons.format_index]
@@ -125,7 +125,7 @@ def _check_exponents(core: Core) -> None:
 
 
 def _check_registers(played: Played, phase: str, group: str) -> None:
-    """Refuse values of the recording at which a register of Lava's goes on otherwise."""
+    """Raise InputError if a register of the group takes a value in the recording from which Lava goes on otherwise."""
     where = f"{WHERE}, population {group!r}"
     fix = "Show another one by --recording, or emit another kind."
     events = played.result.events.get(group, {})

@@ -1,9 +1,11 @@
-"""The Lava processes of one phase: LIF processes, the synapses onto them, and the sources that spike.
+"""Turn one phase of a program into Lava processes: LIF neurons, Dense synapses onto them, and sources of spikes.
 
-A LIF process has one threshold and one pair of decays, so a population becomes one for each triple
-that its compartments have. A Dense process has one format and, for a pair of ends, one synapse: what
-a program connects twice becomes two processes. Lava runs only what is connected to the process that
-it is told to run, so a phase falls into parts, each of which has a run of its own.
+A LIF process has one threshold and one pair of decays, so a population becomes as many processes as its compartments
+have different triples of these. A Dense process has one format of weights and, for each pair of a sender and a target,
+one synapse: a pair that the program connects twice takes two processes. Lava runs only what is connected to the process
+that it is told to run, so a phase is cut into connected parts, each of which has a run of its own.
+
+A column is the number of a compartment in arrays over the phase.
 """
 
 from collections.abc import Iterator
@@ -23,8 +25,8 @@ from locsnn_compile.backends.lava.synapse_table import earlier_twins, synapses_o
 class LavaNeurons(Frozen, eq=False):
     """A LIF process. ``index`` and biases are (neurons,).
 
-    ``population[index]`` are the compartments that it plays. ``du`` and ``dv`` are Lava's registers:
-    its currents lose du + 1 parts of 4096 in a step, its potentials dv.
+    It plays the compartments ``index`` of a population. ``du`` and ``dv`` are Lava's parameters: in a step, its
+    currents lose ``du + 1`` parts of 4096, and its potentials ``dv`` parts.
     """
 
     population: str
@@ -37,7 +39,7 @@ class LavaNeurons(Frozen, eq=False):
 
 
 class LavaSource(Frozen, eq=False):
-    """A source that plays the lines of an input: ``columns`` (lines,) are theirs in the phase."""
+    """A source that plays the lines of an input; ``columns`` (lines,) are their numbers among the phase's lines."""
 
     input: str
     columns: IntArray
@@ -46,8 +48,8 @@ class LavaSource(Frozen, eq=False):
 class LavaSynapses(Frozen, eq=False):
     """A Dense process; with a delay other than 0, a DelayDense.
 
-    ``sender`` and ``target`` are numbers of nodes: sources first, then LIF processes. ``weights`` are
-    mantissas and ``delays`` steps, each (targets, senders).
+    It connects two nodes, which are sources and LIF processes: ``sender`` and ``target`` are their numbers, sources
+    first. ``weights`` are mantissas and ``delays`` steps, each (neurons of the target, neurons of the sender).
     """
 
     sender: int
@@ -60,7 +62,7 @@ class LavaSynapses(Frozen, eq=False):
 
 
 class LavaPart(Frozen, eq=False):
-    """What runs together: a connected part of a phase, whose synapses number the nodes of the part."""
+    """A connected part of a phase, which runs alone; its synapses count only the nodes of the part."""
 
     phase: str
     sources: tuple[LavaSource, ...]
@@ -69,10 +71,10 @@ class LavaPart(Frozen, eq=False):
 
 
 class _ProcessSettings(Frozen, eq=False):
-    """Which LIF process plays each compartment of a phase, and what those of a process share.
+    """Which LIF process plays each compartment of a phase, and the settings that a process has.
 
-    - ``settings``: (processes, 4), the place of the population, decay_u, decay_v and the threshold
-    - ``process``: (columns,), the process of each compartment, numbered population by population
+    - ``settings``: the number of the population, decay_u, decay_v and the threshold, (processes, 4)
+    - ``process``: the process of each compartment, (columns,), numbered population by population
     """
 
     settings: IntArray
@@ -80,9 +82,9 @@ class _ProcessSettings(Frozen, eq=False):
 
 
 class _Places(Frozen, eq=False):
-    """Where the senders of a phase are, lines first, then compartments, each array (senders,).
+    """Which node has each sender of a phase; senders are input lines first, then compartments.
 
-    ``node`` is the number of a source or LIF process, ``index`` the place of the sender in it.
+    ``node`` (senders,) is the number of a source or LIF process, ``index`` (senders,) the place of the sender in it.
     """
 
     node: IntArray
@@ -90,7 +92,7 @@ class _Places(Frozen, eq=False):
 
 
 class PhaseProcesses:
-    """Finds the processes of one phase of a program."""
+    """The Lava processes of one phase of a program; :meth:`parts` gives them part by part."""
 
     def __init__(self, program: ChipProgram, phase: str) -> None:
         self._program = program
@@ -104,7 +106,9 @@ class PhaseProcesses:
         for nodes in _connected_nodes(len(sources) + len(neurons), synapses):
             part_sources = tuple(sources[node] for node in nodes if node < len(sources))
             if len(part_sources) == len(nodes):
-                continue  # an input that nothing listens to
+                # An input without synapses; there is nothing to run.
+                continue
+            # Nodes ascend, so sources come first.
             process_nodes = nodes[len(part_sources) :]
             yield LavaPart(
                 self._phase,
@@ -121,6 +125,7 @@ class PhaseProcesses:
         )
 
     def _neurons(self) -> tuple[LavaNeurons, ...]:
+        """Return the LIF processes of the phase."""
         populations = self._program.columns_of(self._phase)
         names = list(populations)
         mantissa = self._program.by_column(self._phase, lambda core: core.bias_mantissa)
@@ -134,7 +139,7 @@ class PhaseProcesses:
                 LavaNeurons(
                     population=name,
                     index=columns - populations[name].start,
-                    du=decay_u - 1,  # Lava adds the 1 itself
+                    du=decay_u - 1,  # Lava adds 1 to it
                     dv=decay_v,
                     vth=threshold,
                     bias_mantissa=mantissa[columns],
@@ -145,6 +150,7 @@ class PhaseProcesses:
 
     @cached_property
     def _process_settings(self) -> _ProcessSettings:
+        """The processes: one for each different row of population, decays and threshold."""
         populations = self._program.columns_of(self._phase).values()
         sizes = [columns.stop - columns.start for columns in populations]
         setting_of_column = np.stack(
@@ -157,6 +163,7 @@ class PhaseProcesses:
             axis=1,
         )
         settings, process = np.unique(setting_of_column, axis=0, return_inverse=True)
+        # Some versions of numpy return the inverse as a column.
         return _ProcessSettings(settings, process.ravel())
 
     def _by_column(self, name: str) -> IntArray:
@@ -164,9 +171,11 @@ class PhaseProcesses:
         return self._program.by_column(self._phase, lambda core: core.setting(name))
 
     def _synapses(self) -> Iterator[LavaSynapses]:
-        """Yield a block for each pair of nodes and format; its ends count all nodes of the phase."""
+        """Yield a Dense process for each pair of nodes and format; it counts all nodes of the phase."""
         table = synapses_of_phase(self._program, self._phase)
         places = self._places()
+        # Synapses with equal rows fit one process. The last column is 0 for the first synapse between a sender and a
+        # target, 1 for the second, and so on, as a process has one synapse for each such pair.
         block_keys = np.stack(
             (
                 places.node[table.sender],
@@ -200,6 +209,7 @@ class PhaseProcesses:
             )
 
     def _places(self) -> _Places:
+        """Return the node of each sender of the phase, and its place there."""
         sources = self._sources()
         process = self._process_settings.process
         nodes = [np.full(len(source.columns), node) for node, source in enumerate(sources)]
@@ -215,13 +225,13 @@ class PhaseProcesses:
 
 
 def _threshold_mantissas(core: Core) -> IntArray:
-    """Return the threshold of each compartment, (compartments,), from the few that its core has."""
+    """Return the threshold of each compartment of a core, (compartments,); the core stores each threshold once."""
     mantissas: IntArray = np.array(core.thresholds, dtype=np.int64)[core.threshold]
     return mantissas
 
 
 def _connected_nodes(nodes: int, synapses: tuple[LavaSynapses, ...]) -> Iterator[list[int]]:
-    """Yield the nodes of each connected part, ascending."""
+    """Yield the nodes of each connected part, in ascending order; ``nodes`` is the number of all nodes."""
     ends = ([block.sender for block in synapses], [block.target for block in synapses])
     links = sparse.coo_array((np.ones(len(synapses)), ends), shape=(nodes, nodes))
     parts, part_of_node = csgraph.connected_components(links, directed=False)
@@ -232,10 +242,11 @@ def _connected_nodes(nodes: int, synapses: tuple[LavaSynapses, ...]) -> Iterator
 def _numbered_within(
     nodes: list[int], synapses: tuple[LavaSynapses, ...]
 ) -> tuple[LavaSynapses, ...]:
-    """Return the synapses among nodes, with their places in the list as the numbers of their ends."""
-    number = {node: place for place, node in enumerate(nodes)}
+    """Return the synapses among some nodes, with sender and target numbered by their place in ``nodes``."""
+    place = {node: i for i, node in enumerate(nodes)}
+    # Nodes are a connected part, so the target is one of them if the sender is.
     return tuple(
-        replace(block, sender=number[block.sender], target=number[block.target])
+        replace(block, sender=place[block.sender], target=place[block.target])
         for block in synapses
-        if block.sender in number
+        if block.sender in place
     )

@@ -1,4 +1,4 @@
-"""All synapses of a phase of a program, one by one, whatever cores and formats they lie in."""
+"""List all synapses of a phase of a program in one table, whatever cores and formats they lie in."""
 
 import numpy as np
 
@@ -8,12 +8,14 @@ from hw_model.values import Frozen, IntArray
 
 
 class SynapseTable(Frozen, eq=False):
-    """Synapses, each array (synapses,).
+    """A table of synapses; each array is (synapses,).
 
-    Ends are numbered as in :attr:`~hw_model.program.chip_program.ChipProgram.senders`: input lines
-    first, then compartments by their column. ``mantissa`` times 2^``exponent`` is the weight, ``delay``
-    is in steps, and ``sign`` is a place in
-    :data:`~hw_model.arithmetic.fixed_point.SIGN_MODES`.
+    - ``sender``, ``target``: numbered as in :attr:`~hw_model.program.chip_program.ChipProgram.senders`: input
+      lines first, then compartments
+    - ``mantissa``, ``exponent``: the weight is mantissa times 2^exponent
+    - ``delay``: in steps
+    - ``weight_bits``, ``sign``: of the format; ``sign`` is an index of
+      :data:`~hw_model.arithmetic.fixed_point.SIGN_MODES`
     """
 
     sender: IntArray
@@ -42,6 +44,7 @@ def synapses_of_phase(program: ChipProgram, phase: str) -> SynapseTable:
 
 
 def _synapses_of_core(program: ChipProgram, core: Core, line_count: int) -> SynapseTable:
+    """Return the synapses of a core; its phase has ``line_count`` input lines."""
     axons = core.axons
     exponents = [form.exponent for form in axons.formats]
     weight_bits = [form.weight_bits for form in axons.formats]
@@ -58,14 +61,15 @@ def _synapses_of_core(program: ChipProgram, core: Core, line_count: int) -> Syna
 
 
 def earlier_twins(table: SynapseTable) -> IntArray:
-    """Count for each synapse how many before it have the same ends and format, (synapses,)."""
+    """Return for each synapse how many before it have the same sender, target and format, (synapses,)."""
     ends_and_format = np.stack(
         (table.sender, table.target, table.exponent, table.weight_bits, table.sign), axis=1
     )
     _, group, sizes = np.unique(ends_and_format, axis=0, return_inverse=True, return_counts=True)
-    # Sorted by group, the place of a synapse in its group counts those before it.
+    # Sort by group, which keeps the order within a group. The place of a synapse in its group is the number of those
+    # before it.
     order = np.argsort(group.ravel(), kind="stable")
-    group_begin = np.repeat(np.cumsum(sizes) - sizes, sizes)
+    group_start = np.repeat(np.cumsum(sizes) - sizes, sizes)
     twins = np.empty(len(order), dtype=np.int64)
-    twins[order] = np.arange(len(order)) - group_begin
+    twins[order] = np.arange(len(order)) - group_start
     return twins

@@ -1,7 +1,10 @@
-"""Write a program for SpiNNaker as a PyNN script, its arrays, and a recording to compare by.
+"""``--emit pynn``: write a program for SpiNNaker as a PyNN script, which runs a recording on a board.
 
-Arrays of phase k have names that begin with ``k/``; of its input, population or projection number n,
-with ``k/input/n/`` and so on. Parameters are s16.15, weights and sums nA, delays steps of 1 ms.
+The script reads the network from arrays, plays the recording, and compares every spike with those to expect.
+
+Arrays of phase k have names that begin with ``k/``; arrays of its input, population or projection number n begin with
+``k/input/n/`` and so on. Parameters of neurons are integers in s16.15 (units of 2^-15), weights and their sums are in
+nA, and delays are steps of 1 ms.
 """
 
 from importlib.resources import files
@@ -25,7 +28,7 @@ FOLDER = "spinnaker"
 
 
 def pynn_folder(program: SpinnakerProgram, recording: ByteArray) -> dict[str, bytes]:
-    """Return the files by name, for a recording (steps, channels); equal input gives equal bytes."""
+    """Return the content of the files by name, for a recording (steps, channels); equal input gives equal bytes."""
     script = (files(__package__) / "network.py.txt").read_bytes()
     runs = play_recording(program, recording)
     return {
@@ -36,26 +39,27 @@ def pynn_folder(program: SpinnakerProgram, recording: ByteArray) -> dict[str, by
 
 
 def network_arrays(program: SpinnakerProgram, runs: dict[str, PhaseRun]) -> dict[str, AnyArray]:
-    """Return the arrays that describe the phases, their input rows among them."""
+    """Return the arrays that describe the network of every phase, and the spikes of its inputs."""
     arrays: dict[str, AnyArray] = {"phases": np.array(list(runs))}
     for number, (phase, run) in enumerate(runs.items()):
-        arrays |= _below(str(number), _phase_arrays(program, phase, run.rows))
+        arrays |= _with_prefix(str(number), _phase_arrays(program, phase, run.rows))
     return arrays
 
 
-def _below(prefix: str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
-    """Return arrays whose names begin with a prefix."""
+def _with_prefix(prefix: str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return the arrays with ``prefix/`` in front of their names."""
     return {f"{prefix}/{name}": array for name, array in arrays.items()}
 
 
 def _phase_arrays(program: SpinnakerProgram, phase: str, rows: ByteArray) -> dict[str, AnyArray]:
-    """Return the arrays of a phase, from the rows (steps, lines) of all its inputs."""
+    """Return the arrays of a phase; ``rows`` are the spikes of all its inputs, (steps, lines)."""
     network = program.network
     inputs = network.inputs_of(phase)
     populations = network.populations_of(phase)
     projections = network.projections_of(phase)
-    input_names = [item.name for item in inputs]
+    input_names = [phase_input.name for phase_input in inputs]
     population_names = [population.name for population in populations]
+    # The script numbers the ends of projections in this order.
     source_names = input_names + population_names
     arrays: dict[str, AnyArray] = {
         "steps": np.array(len(rows)),
@@ -64,40 +68,43 @@ def _phase_arrays(program: SpinnakerProgram, phase: str, rows: ByteArray) -> dic
         "projections": np.array(len(projections)),
     }
     for number, input_arrays in enumerate(_input_arrays(inputs, rows)):
-        arrays |= _below(f"input/{number}", input_arrays)
+        arrays |= _with_prefix(f"input/{number}", input_arrays)
     for number, population in enumerate(populations):
         is_read = population.name in _populations_read(program)
         population_arrays = _population_arrays(network, population, is_read=is_read)
-        arrays |= _below(f"population/{number}", population_arrays)
+        arrays |= _with_prefix(f"population/{number}", population_arrays)
     for number, projection in enumerate(projections):
         shifts = network.population(projection.target).shifts
         projection_arrays = _projection_arrays(projection, shifts, source_names)
-        arrays |= _below(f"projection/{number}", projection_arrays)
+        arrays |= _with_prefix(f"projection/{number}", projection_arrays)
     return arrays
 
 
 def _populations_read(program: SpinnakerProgram) -> set[str]:
-    """Return the names of the populations whose potentials are read."""
+    """Return the names of the populations whose potentials are read out."""
     if program.readout is None:
         return set()
     return set(program.readout.from_step)
 
 
 def _input_arrays(inputs: tuple[Input, ...], rows: ByteArray) -> list[dict[str, AnyArray]]:
-    """Return size and spikes of each input, from rows (steps, lines) of all of them."""
-    arrays_of_inputs = []
+    """Return size and spikes of each input; ``rows`` (steps, lines) have the lines of all inputs side by side."""
+    arrays_by_input = []
     first_line = 0
-    for item in inputs:
-        step, line = np.nonzero(rows[:, first_line : first_line + item.size])
-        arrays_of_inputs.append({"size": np.array(item.size), "step": step, "line": line})
-        first_line += item.size
-    return arrays_of_inputs
+    for phase_input in inputs:
+        step, line = np.nonzero(rows[:, first_line : first_line + phase_input.size])
+        arrays_by_input.append({"size": np.array(phase_input.size), "step": step, "line": line})
+        first_line += phase_input.size
+    return arrays_by_input
 
 
 def _population_arrays(
     network: SpinnakerNetwork, population: SpinnakerPopulation, *, is_read: bool
 ) -> dict[str, AnyArray]:
-    """Return the parameters of a population, s16.15, and what sPyNNaker has to know of it."""
+    """Return the parameters of a population in s16.15, and the settings that sPyNNaker needs.
+
+    ``is_read``: its potentials are read out, so the script records them.
+    """
     parameters = population.parameters
     return {
         "tau_m": parameters.tau_m,
@@ -118,10 +125,12 @@ def _population_arrays(
 def expected_sums(
     network: SpinnakerNetwork, population: SpinnakerPopulation
 ) -> tuple[float, float]:
-    """Return M_r of both receptors, by which sPyNNaker finds the shifts of a population, in nA.
+    """Return for each receptor the largest sum of weights in a step, in nA, as sPyNNaker is told it.
 
-    It is the largest sum of stored weights of a step. Where weights were rounded it may lie in
-    another power of two; then it is a number that gives the shift.
+    sPyNNaker stores weights as integers of 16 bits, and scales them by a power of two, the shift, for which it needs
+    this sum (M_r, see :mod:`locsnn_compile.spinnaker.own_choice`). The program already has shifts. Where weights were
+    rounded, the sum of the stored ones may lie beyond another power of two, and would give another shift; then a number
+    is returned that gives the shift of the program.
     """
     sums = np.zeros((len(RECEPTORS), population.size))
     for projection in network.projections:
@@ -132,13 +141,13 @@ def expected_sums(
     excitatory_sum, inhibitory_sum = sums.max(axis=1).tolist()
     excitatory_shift, inhibitory_shift = population.shifts
     return (
-        _sum_that_gives(excitatory_shift, excitatory_sum),
-        _sum_that_gives(inhibitory_shift, inhibitory_sum),
+        _sum_for_shift(excitatory_shift, excitatory_sum),
+        _sum_for_shift(inhibitory_shift, inhibitory_sum),
     )
 
 
-def _sum_that_gives(shift: int, largest_sum: float) -> float:
-    """Return the largest sum, nA, if sPyNNaker makes the shift of it, else one of which it does."""
+def _sum_for_shift(shift: int, largest_sum: float) -> float:
+    """Return the largest sum, in nA, if sPyNNaker derives ``shift`` from it, or else a sum from which it does."""
     if spinnaker_inverse.shift_for(largest_sum) == shift:
         return largest_sum
     return spinnaker_inverse.sum_with(shift)
@@ -147,9 +156,9 @@ def _sum_that_gives(shift: int, largest_sum: float) -> float:
 def _projection_arrays(
     projection: SpinnakerProjection, shifts: tuple[int, int], source_names: list[str]
 ) -> dict[str, AnyArray]:
-    """Return the synapses of a projection, whose ends are places in the list of names.
+    """Return the synapses of a projection; its ends are indices in ``source_names``.
 
-    ``shifts`` are those of its target, by receptor.
+    ``shifts`` are those of its target, by receptor: stored weights are integers that they scale to nA.
     """
     source = source_names.index(projection.source)
     target = source_names.index(projection.target)
@@ -165,12 +174,12 @@ def _projection_arrays(
 
 
 def expected_arrays(program: SpinnakerProgram, runs: dict[str, PhaseRun]) -> dict[str, AnyArray]:
-    """Return the spikes (steps, n) of each population, and the potentials of those that are read."""
+    """Return the spikes (steps, n) of each population, and the potentials of populations that are read by them."""
     populations_read = _populations_read(program)
     arrays: dict[str, AnyArray] = {}
     for phase_number, (phase, run) in enumerate(runs.items()):
-        columns_of_phase = program.network.columns_of(phase)
-        for number, (name, columns) in enumerate(columns_of_phase.items()):
+        columns_by_population = program.network.columns_of(phase)
+        for number, (name, columns) in enumerate(columns_by_population.items()):
             arrays[f"{phase_number}/spikes/{number}"] = run.result.spikes[:, columns]
             if name in populations_read:
                 arrays[f"{phase_number}/potential/{number}"] = run.result.potential[:, columns]

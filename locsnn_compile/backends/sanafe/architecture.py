@@ -1,7 +1,8 @@
-"""The chip as an architecture file of SANA-FE: its mesh, tiles and cores, priced by an energy profile.
+"""Describe the chip in an architecture file of SANA-FE, a simulator of neuromorphic chips: mesh, tiles, cores, costs.
 
-Input spikes come from outside the chip, but in SANA-FE spikes can only come from cores. So every tile in use has one
-extra core, the host's, whose somas play the input lines of that tile without energy or time, and without hops.
+Costs come from an energy profile of the chip. Input spikes come from outside the chip, but in SANA-FE spikes can only
+come from cores. So every tile in use has one extra core, the host's, whose somas play the input lines of that tile
+without energy or time, and without hops.
 """
 
 from collections.abc import Mapping
@@ -16,9 +17,16 @@ from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
 
-SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
-"""Names of units: those of a compartment, a soma that plays spikes back, and the host's soma for an input line."""
+SYNAPSE = "synapse"
+DENDRITE = "dendrite"
+SOMA = "soma"
+"""Names of the three units of a core through which the spikes of a compartment pass."""
+REPLAY = "replay"
+"""Name of a soma that plays spikes back instead of computing them."""
+LINE = "line"
+"""Name of the host's soma for an input line."""
 PROFILE = "sanafe"
+"""Name of the profile whose costs SANA-FE can follow."""
 PRICED = (
     "synaptic_ops",
     "neuron_updates",
@@ -30,19 +38,21 @@ PRICED = (
 )
 """Counts that SANA-FE has a cost for."""
 _EVENTS = {*PRICED, "packets_received", "free"}
-"""What the template of a tile gives for an event; what is ``free`` costs nothing in any profile."""
+"""Values in the template of a tile that stand for a cost: counts, and ``free``, which costs nothing in any profile."""
 LINK_BUFFER = 16
+"""Packets that a link of the mesh can hold, chosen by hand: SANA-FE asks for a number, and only its times depend on it,
+which are not compared."""
 
 
 class TileUse(Frozen):
-    """What a tile holds: ``lines`` input lines on its host core, and up to ``replayed`` compartments per core."""
+    """What a tile must hold: ``lines`` input lines on its host core, and up to ``replayed`` compartments per core."""
 
     lines: int
     replayed: int
 
 
 def priced_by(chip: hw.Chip) -> hw.Profile:
-    """Return the profile ``sanafe`` of a chip; ``InputError`` if it has none that SANA-FE can follow."""
+    """Return the profile ``sanafe`` of a chip. Raise InputError if it has none that SANA-FE can follow."""
     if PROFILE not in chip.profiles or not set(chip.profiles[PROFILE].energy_pj) <= set(PRICED):
         what = f"it has no energy profile {PROFILE!r} that prices what SANA-FE counts"
         fix = f"Copy the profile {PROFILE!r} of loihi-sim into the chip file."
@@ -51,30 +61,37 @@ def priced_by(chip: hw.Chip) -> hw.Profile:
 
 
 def tile_number(chip: hw.Chip, slot: int) -> int:
-    """Return SANA-FE's number of a core's tile; it counts column by column."""
+    """Return SANA-FE's number of the tile of a core, given the core's slot; it counts tiles column by column."""
     column, row = chip.tile_of(slot)
     return column * chip.mesh.rows + row
 
 
 def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
-    """Return the architecture file; ``uses[tile]`` is the use of each tile, by SANA-FE's numbers."""
+    """Return the architecture file; ``uses`` says what each tile in use must hold, by SANA-FE's number of the tile."""
     profile = priced_by(chip)
+    # The chips of a board lie side by side.
     columns = chip.mesh.columns * chip.chips
+    # The time of the barrier at the end of a step, by the number of tiles in use.
+    barrier_seconds = {
+        tiles_in_use: profile.barrier_ns.ns(tiles_in_use, chip.mesh.tiles) * 1e-9
+        for tiles_in_use in range(1, len(uses) + 1)
+    }
     attributes = {
         "width": columns,
         "height": chip.mesh.rows,
         "link_buffer_size": LINK_BUFFER,
         "sync_model": "table",
-        "latency_sync": {
-            n: profile.barrier_ns.ns(n, chip.mesh.tiles) * 1e-9 for n in range(1, len(uses) + 1)
-        },
+        "latency_sync": barrier_seconds,
     }
     tiles = []
-    for use_of_tiles, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
-        use = use_of_tiles or TileUse(0, 0)
-        tile: Any = _priced(_tile(chip, list(tiles_alike), use), profile)
+    # Neighbouring tiles with equal use are one entry, which keeps the file small.
+    for use_or_none, numbers in groupby(range(columns * chip.mesh.rows), key=uses.get):
+        use = use_or_none or TileUse(lines=0, replayed=0)
+        tile: Any = _priced(_tile(chip, list(numbers), use), profile)
+        chip_core, _ = tile["core"]
+        # SANA-FE cannot have a range of no units.
         if not use.replayed:
-            del tile["core"][0]["soma"][1]
+            del chip_core["soma"][1]
         if not use.lines:
             del tile["core"][1]
         tiles.append(tile)
@@ -84,18 +101,27 @@ def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
 
 
 def _tile(chip: hw.Chip, numbers: list[int], use: TileUse) -> Any:
-    places = {"first": numbers[0], "last": numbers[-1], "last_core": chip.mesh.cores_per_tile - 1}
-    places |= {"unit_size": UNIT_SIZE, "lines": use.lines, "last_line": use.lines - 1}
-    places |= {"last_replayed": use.replayed - 1}
-    return yaml_table(
-        __package__, "tile.template.yaml", **{name: str(number) for name, number in places.items()}
-    )
+    """Return the entry of neighbouring tiles with these numbers, in which costs still have their names."""
+    values = {
+        "first": numbers[0],
+        "last": numbers[-1],
+        "last_core": chip.mesh.cores_per_tile - 1,
+        "unit_size": UNIT_SIZE,
+        "lines": use.lines,
+        "last_line": use.lines - 1,
+        "last_replayed": use.replayed - 1,
+    }
+    texts = {name: str(number) for name, number in values.items()}
+    return yaml_table(__package__, "tile.template.yaml", **texts)
 
 
 def _priced(value: Any, profile: hw.Profile) -> Any:
-    """Return a part of a tile with events replaced by their energy and latency, in joules and seconds."""
+    """Return a part of a tile with the names of costs replaced by energy and latency, in joules and seconds.
+
+    ``process_spike: synaptic_ops`` becomes ``energy_process_spike`` and ``latency_process_spike``.
+    """
     if isinstance(value, list):
-        return [_priced(one, profile) for one in value]
+        return [_priced(item, profile) for item in value]
     if not isinstance(value, dict):
         return value
     priced = {}

@@ -1,4 +1,9 @@
-"""``--emit sanafe``: the chip and each phase of a program as files for SANA-FE 2.2, and the results to expect."""
+"""``--emit sanafe``: write the chip and each phase of a program as files for SANA-FE 2.2, and the results to expect.
+
+SANA-FE is a simulator of neuromorphic chips that counts operations and energy. A phase whose spikes its neurons would
+find is computed; any other phase is replayed: its neurons play back the spikes that our simulator found, and SANA-FE
+counts the traffic.
+"""
 
 import math
 from collections.abc import Mapping
@@ -28,7 +33,7 @@ PARTS = {
 
 
 def sanafe_files(played: Played) -> dict[str, bytes]:
-    """Return the files by name, in the folder ``sanafe``."""
+    """Return the content of the files by name, in the folder ``sanafe``."""
     program = played.program
     profile = priced_by(program.chip)
     largest_core = max(core.compartments for core in program.cores)
@@ -40,14 +45,11 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
         phase: PhaseNetwork(played, phase, replayed=bool(reasons[phase])) for phase in reasons
     }
     names = unique_names(networks)
-    expected_of_phases = [
-        {
-            "file": f"{names[phase]}.yaml",
-            **_expected(played, phase, networks[phase], reasons[phase], profile),
-        }
-        for phase in networks
-    ]
-    expected = {"profile": PROFILE, "phases": expected_of_phases}
+    expected_by_phase = []
+    for phase, network in networks.items():
+        results = _expected(played, phase, network, reasons[phase], profile)
+        expected_by_phase.append({"file": f"{names[phase]}.yaml", **results})
+    expected = {"profile": PROFILE, "phases": expected_by_phase}
     first_phase = played.phases[0].name
     texts = {
         "README.md": played.readme(
@@ -76,10 +78,11 @@ def _uses(
         lines = network.lines_by_tile()
         for core in program.cores_of(phase):
             tile = tile_number(program.chip, core.slot)
-            so_far = uses.get(tile, TileUse(0, 0))
+            largest = uses.get(tile, TileUse(lines=0, replayed=0))
             replayed = core.compartments if reasons[phase] else 0
             uses[tile] = TileUse(
-                max(so_far.lines, lines.get(tile, 0)), max(so_far.replayed, replayed)
+                lines=max(largest.lines, lines.get(tile, 0)),
+                replayed=max(largest.replayed, replayed),
             )
     return uses
 
@@ -87,15 +90,14 @@ def _uses(
 def _expected(
     played: Played, phase: str, network: PhaseNetwork, why_replayed: list[str], profile: Profile
 ) -> dict[str, object]:
-    """Return what SANA-FE must find in a phase, and next to it the figures of our report.
+    """Return the results that SANA-FE must give for a phase, and next to them the figures of our report.
 
-    SANA-FE's figures differ in two ways. It counts active updates by rules of its own, and with them
-    the energy of its somas. And input lines are neurons to it, which fire and are updated, but for
-    no energy.
+    SANA-FE's figures differ in two ways. It counts active updates by rules of its own, so the energy of its somas
+    differs as well. And input lines are neurons to it, which fire and are updated, but take no energy.
     """
     counts = played.result.counts_by_phase[phase]
     if why_replayed:
-        # A soma that plays spikes back is updated when it spikes.
+        # A soma that plays spikes back is updated only when it spikes.
         active_updates = counts.spikes
     else:
         active_updates = sum(updates(core, played) for core in played.program.cores_of(phase))
@@ -104,6 +106,7 @@ def _expected(
         for part, names in PARTS.items()
     }
     pj_per_update = profile.energy_pj.get("neuron_updates_active", 0.0)
+    # Negative where SANA-FE counts fewer active updates than the chip.
     extra_energy_pj = (active_updates - counts.neuron_updates_active) * pj_per_update
     input_spikes = network.input_spikes()
     return {

@@ -1,10 +1,11 @@
-"""One phase of a program as a network file of SANA-FE: neuron groups, edges, and where each neuron is mapped.
+"""Write one phase of a program as a network file of SANA-FE: neuron groups, edges, and the core of each neuron.
 
-A group of compartments is a group of neurons, under a name that SANA-FE allows; ``<input>_tile<n>`` are the input lines
-that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v in units.
+A group of compartments becomes a group of neurons, under a name that SANA-FE allows. Weights and thresholds are whole
+units of :mod:`hw_model.arithmetic.loihi`, so a potential in SANA-FE is v in these units.
 
-An input spike is a spike of a neuron of the host's core, which every tile has next to its own ones, see
-:mod:`locsnn_compile.backends.sanafe.architecture`. So an input has one group of neurons for each tile that it reaches.
+In SANA-FE only neurons can send spikes, so an input line is a neuron, too. It lies on the host's core, which every tile
+has next to its own cores (:mod:`locsnn_compile.backends.sanafe.architecture`). A line that reaches several tiles is a
+neuron on each of them: ``<input>_tile<n>`` is the group of the lines that reach tile n, in ascending order.
 """
 
 from collections import Counter
@@ -38,7 +39,7 @@ class _TileInput(Frozen, eq=False):
 
     @property
     def label(self) -> str:
-        """What the group is named after; by its null character, no population is called so."""
+        """The text that the group is named after; no population has this name, because of the null character."""
         return f"{self.input.name}\0tile{self.tile}"
 
 
@@ -55,23 +56,24 @@ class PhaseNetwork:
         self._replayed = replayed
         self._program = played.program
         self._cores = played.program.cores_of(phase)
-        self._inputs = list(self._inputs_by_tile())
-        labels = [reached.label for reached in self._inputs]
+        self._tile_inputs = list(self._inputs_by_tile())
+        labels = [tile_input.label for tile_input in self._tile_inputs]
         self._names = unique_names([*labels, *played.program.columns_of(phase)])
 
     def lines_by_tile(self) -> dict[int, int]:
         """Return how many input lines each tile needs."""
         lines: Counter[int] = Counter()
-        for reached in self._inputs:
-            lines[reached.tile] += len(reached.lines)
+        for tile_input in self._tile_inputs:
+            lines[tile_input.tile] += len(tile_input.lines)
         return dict(lines)
 
     def input_spikes(self) -> int:
         """Count the spikes of all input neurons; a line has a neuron on every tile that it reaches."""
-        return sum(int(self._line_spikes(reached).sum()) for reached in self._inputs)
+        return sum(int(self._line_spikes(tile_input).sum()) for tile_input in self._tile_inputs)
 
     def text(self) -> str:
-        """Return the file."""
+        """Return the content of the file."""
+        # Line by line rather than through a YAML library, which is slow for many edges.
         rows = [
             "network:",
             f"  name: {unique_names([self._phase])[self._phase]}",
@@ -89,29 +91,31 @@ class PhaseNetwork:
     def _inputs_by_tile(self) -> Iterator[_TileInput]:
         """Yield every input with each tile that it reaches, and the lines that reach it."""
         tile_of_core = np.array([self._tile(core) for core in self._program.cores], dtype=np.int64)
-        for item in self._program.inputs_of(self._phase):
-            route = self._program.route_of(item.name)
+        for phase_input in self._program.inputs_of(self._phase):
+            route = self._program.route_of(phase_input.name)
             tiles = tile_of_core[route.core]
             for tile in np.unique(tiles).tolist():
-                yield _TileInput(item, tile, np.unique(route.line[tiles == tile]))
+                yield _TileInput(phase_input, tile, np.unique(route.line[tiles == tile]))
 
-    def _line_spikes(self, reached: _TileInput) -> ByteArray:
+    def _line_spikes(self, tile_input: _TileInput) -> ByteArray:
         """Return the spikes of the lines of an input that reach a tile, (steps, lines)."""
-        columns = self._program.lines_of(self._phase)[reached.input.name]
-        return self._played.lines[self._phase][:, columns][:, reached.lines]
+        columns = self._program.lines_of(self._phase)[tile_input.input.name]
+        return self._played.lines[self._phase][:, columns][:, tile_input.lines]
 
     def _tile(self, core: Core) -> int:
         return tile_number(self._program.chip, core.slot)
 
     def _input_groups(self) -> Iterator[str]:
-        for reached in self._inputs:
-            yield f"    - name: {self._names[reached.label]}"
+        """Yield the rows that define the neurons of input lines, with the spikes that they play."""
+        for tile_input in self._tile_inputs:
+            yield f"    - name: {self._names[tile_input.label]}"
             yield "      attributes: {log_spikes: true}"
             yield "      neurons:"
-            for i, spikes in enumerate(self._line_spikes(reached).T):
+            for i, spikes in enumerate(self._line_spikes(tile_input).T):
                 yield f"        - {i}: {_spike_list(spikes)}"
 
     def _compartment_groups(self) -> Iterator[str]:
+        """Yield the rows that define the neurons of compartments; replayed ones have no potential to log."""
         log_potential = str(not self._replayed).lower()
         for group, columns in self._program.columns_of(self._phase).items():
             yield f"    - name: {self._names[group]}"
@@ -121,34 +125,34 @@ class PhaseNetwork:
             assert len(neurons) == columns.stop - columns.start
             # Neighbours with equal attributes are one row, as most neurons of a group are alike.
             start = 0
-            for attributes, alike in groupby(neurons):
-                stop = start + len(list(alike))
+            for attributes, equal_neurons in groupby(neurons):
+                stop = start + len(list(equal_neurons))
                 yield f"        - {start}..{stop - 1}: {attributes}"
                 start = stop
 
     def _played_back(self, group: str) -> list[str]:
-        """Return the attributes of every neuron of a group, in order, for its spikes to be played back."""
+        """Return the attributes of every neuron of a group, in order: the spikes that it plays back."""
         if group not in self._played.result.spikes:
-            # What is joined to a parent never spikes itself, so nothing is recorded of it.
+            # Compartments that are joined to a parent never spike, so they are not in the result.
             silent = np.zeros(self._played.steps(self._phase), dtype=np.uint8)
             return [_spike_list(silent)] * self._program.populations[group]
         spikes = self._played.recorded(self._phase, "spikes", group)
-        return [_spike_list(spikes_of_neuron) for spikes_of_neuron in spikes.T]
+        return [_spike_list(neuron_spikes) for neuron_spikes in spikes.T]
 
     def _settings(self, group: str) -> list[str]:
-        """Return the attributes of every neuron of a group, in order, for it to be computed."""
+        """Return the attributes of every neuron of a group, in order: the settings by which it is computed."""
         columns = self._program.columns_of(self._phase)[group]
 
-        def of_group(values: Callable[[Core], IntArray | int]) -> list[int]:
-            of_neurons: list[int] = self._program.by_column(self._phase, values)[columns].tolist()
-            return of_neurons
+        def by_neuron(values: Callable[[Core], IntArray | int]) -> list[int]:
+            group_values: list[int] = self._program.by_column(self._phase, values)[columns].tolist()
+            return group_values
 
         neurons = zip(
-            of_group(lambda core: core.setting("decay_u")),
-            of_group(lambda core: core.setting("decay_v")),
-            of_group(lambda core: loihi.whole_units(core.threshold_voltage)),
-            of_group(lambda core: core.bias),
-            of_group(lambda core: core.vmin),
+            by_neuron(lambda core: core.setting("decay_u")),
+            by_neuron(lambda core: core.setting("decay_v")),
+            by_neuron(lambda core: loihi.whole_units(core.threshold_voltage)),
+            by_neuron(lambda core: core.bias),
+            by_neuron(lambda core: core.vmin),
             strict=True,
         )
         return [
@@ -160,6 +164,7 @@ class PhaseNetwork:
         ]
 
     def _edges(self) -> Iterator[str]:
+        """Yield a row per synapse; in a phase that is replayed, weights are 0 and change nothing."""
         for core in self._cores:
             sources = self._sources(core)
             targets = self._neurons(core)
@@ -187,14 +192,15 @@ class PhaseNetwork:
 
     def _lines_onto(self, core: Core) -> Iterator[tuple[int, str]]:
         """Yield each input axon of a core that an input line reaches, with the neuron of the line."""
-        for reached in self._inputs:
-            if reached.tile != self._tile(core):
+        for tile_input in self._tile_inputs:
+            if tile_input.tile != self._tile(core):
                 continue
-            route = self._program.route_of(reached.input.name)
+            route = self._program.route_of(tile_input.input.name)
             to_core = route.core == core.number
-            numbers = np.searchsorted(reached.lines, route.line[to_core])
+            # A line's neuron has the number of the line among those that reach the tile.
+            numbers = np.searchsorted(tile_input.lines, route.line[to_core])
             for axon, number in zip(route.axon[to_core].tolist(), numbers.tolist(), strict=True):
-                yield axon, f"{self._names[reached.label]}.{number}"
+                yield axon, f"{self._names[tile_input.label]}.{number}"
 
     def _compartments_onto(self, core: Core) -> Iterator[tuple[int, str]]:
         """Yield each input axon of a core that a compartment reaches, with the neuron of the compartment."""
@@ -207,39 +213,43 @@ class PhaseNetwork:
     def _neurons(self, core: Core) -> list[str]:
         """Return the neuron of every compartment of a core."""
         return [
-            f"{self._names[part.group]}.{i}"
-            for part in core.slices
-            for i in range(part.start, part.stop)
+            f"{self._names[core_slice.group]}.{i}"
+            for core_slice in core.slices
+            for i in range(core_slice.start, core_slice.stop)
         ]
 
     def _input_mappings(self) -> Iterator[str]:
-        # The host's core of a tile comes after its own ones, and each line there has a soma.
+        """Yield the core and the soma of every neuron of an input line."""
+        # The host's core of a tile comes after the cores of the chip, and each line there has a soma of its own.
         host_core = self._program.chip.mesh.cores_per_tile
         somas_in_use: Counter[int] = Counter()
-        for reached in self._inputs:
-            name = self._names[reached.label]
-            tile = reached.tile
-            for i in range(len(reached.lines)):
+        for tile_input in self._tile_inputs:
+            name = self._names[tile_input.label]
+            tile = tile_input.tile
+            for i in range(len(tile_input.lines)):
                 soma = f"{LINE}[{somas_in_use[tile]}]"
                 yield f'  - {name}.{i}: {{core: {tile}.{host_core}, soma: "{soma}"}}'
                 somas_in_use[tile] += 1
 
     def _compartment_mappings(self) -> Iterator[str]:
+        """Yield the core and the units of every neuron of a compartment."""
         cores_per_tile = self._program.chip.mesh.cores_per_tile
         for core in self._cores:
             place = f"core: {self._tile(core)}.{core.slot % cores_per_tile}"
             units = f"{place}, synapse: {SYNAPSE}, dendrite: {DENDRITE}"
-            for part in core.slices:
-                name = self._names[part.group]
+            for core_slice in core.slices:
+                name = self._names[core_slice.group]
                 if self._replayed:
                     # Spikes to play back belong to a soma: each compartment needs its own.
-                    for i in range(part.size):
-                        soma = f"{REPLAY}[{part.offset + i}]"
-                        yield f'  - {name}.{part.start + i}: {{{units}, soma: "{soma}"}}'
+                    for i in range(core_slice.size):
+                        soma = f"{REPLAY}[{core_slice.offset + i}]"
+                        yield f'  - {name}.{core_slice.start + i}: {{{units}, soma: "{soma}"}}'
                 else:
-                    last = part.stop - 1
-                    yield f"  - {name}.{part.start}..{last}: {{{units}, soma: {SOMA}}}"
+                    last = core_slice.stop - 1
+                    yield f"  - {name}.{core_slice.start}..{last}: {{{units}, soma: {SOMA}}}"
 
 
 def _spike_list(spikes: ByteArray | IntArray) -> str:
-    return f"{{spikes: [{', '.join(map(str, spikes.tolist()))}]}}"
+    """Return the attribute of a neuron that plays spikes: 0 or 1 for each step."""
+    bits = ", ".join(map(str, spikes.tolist()))
+    return f"{{spikes: [{bits}]}}"

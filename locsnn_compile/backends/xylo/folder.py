@@ -1,4 +1,8 @@
-"""Write a program for a Xylo as the arguments of rockpool's ``from_specification``, and a recording to compare by."""
+"""``--emit xylo``: write a program for a Xylo chip as a specification for rockpool, the library of its vendor.
+
+The folder also has a recording with the spikes to expect, and a script that plays it in rockpool's simulator and
+compares every spike. With the same specification, rockpool configures a device.
+"""
 
 import json
 from importlib.resources import files
@@ -14,7 +18,7 @@ FOLDER = "xylo"
 
 
 def xylo_folder(program: XyloProgram, recording: ByteArray) -> dict[str, bytes]:
-    """Return the files by name, for a recording (steps, inputs); equal input gives equal bytes."""
+    """Return the content of the files by name, for a recording (steps, inputs); equal input gives equal bytes."""
     script = (files(__package__) / "run.py.txt").read_text("utf-8")
     chip = program.chip
     return {
@@ -27,10 +31,10 @@ def xylo_folder(program: XyloProgram, recording: ByteArray) -> dict[str, bytes]:
 
 
 def specification(program: XyloProgram) -> dict[str, AnyArray]:
-    """Return the arguments of ``from_specification`` by name; numbers as arrays of no dimension.
+    """Return the arguments of rockpool's ``from_specification`` by name; single numbers as arrays of no dimension.
 
-    Names are rockpool's: a *dash* is the number of bits by which a state is shifted to decay, and a weight shift
-    that by which arriving weights are enlarged.
+    Names are rockpool's. A *dash* is the number of bits by which a state is shifted right, to get what it loses in a
+    step. A weight shift is the number of bits by which arriving weights are shifted left.
     """
     network = program.network
     hidden = network.hidden
@@ -58,7 +62,7 @@ def specification(program: XyloProgram) -> dict[str, AnyArray]:
 
 
 def expected(program: XyloProgram, recording: ByteArray) -> dict[str, AnyArray]:
-    """Return the rows that a chip hears of a recording, and the spikes of each row."""
+    """Return the rows of a recording as the chip gets them, and the spikes of each row to expect."""
     rows = rows_of(recording)
     result = play_rows(program.network, rows)
     return {
