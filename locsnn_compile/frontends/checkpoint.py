@@ -1,4 +1,9 @@
-"""From a checkpoint of ``locsnn train`` to a Network."""
+"""From a checkpoint of ``locsnn train`` to a Network.
+
+A checkpoint describes one or more *branches*, whose class scores add up: layers that step over time, layers that step
+over location, and *windows*, neurons that count the events of some channels during some steps. Its weights are in
+float, or in the integers of the chip that it was trained for.
+"""
 
 import math
 from collections.abc import Sequence
@@ -23,9 +28,9 @@ from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, matrix, row_sums
 
 LAYERS = 2
-"""Layers of windows, and so the number of steps from an event to the outputs."""
+"""Layers of the window branch (counting neurons and outputs), and so the steps from an event to the outputs."""
 UNREACHED = 1.1
-"""The threshold of an output, as a multiple of all that can come at once: it never spikes.
+"""The threshold of an output of windows, as a multiple of the largest input of a step, so that it never spikes.
 
 A tenth more leaves room for the rounding of weights, which may enlarge their sum.
 """
@@ -34,7 +39,11 @@ TWO_UNITS_MANTISSA = 128
 
 
 def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
-    """Add the branch that counts events in windows; next to others it has a phase of its own."""
+    """Add the branch that counts events in windows; it has a phase of its own, unless it is the location branch.
+
+    It runs on the location axis in a single step with all events of a recording: its neurons compare counts with
+    levels, so the order of the events does not matter.
+    """
     description = checkpoint.description
     chip = checkpoint.chip
     branch = description.structure.window_branch
@@ -61,10 +70,11 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     neuron: Neuron
     onto: Projection | ChipProjection
     if chip is None:
+        # Half an event below the level: a count at the level spikes, and rounding cannot change that.
         counting = Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
         onto = Projection(view.name, first, matrix(synapses, np.float64))
     else:
-        # An event weighs two units, which any format holds: the comparison is exact, whatever the level.
+        # An event weighs two units, which any format holds, and the threshold lies between two counts.
         counting = ChipCuba.of(
             len(levels), decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=2 * levels - 1
         )
@@ -80,20 +90,23 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     parts.populations.append(hidden)
     parts.projections.append(onto)
     weights = checkpoint.weights[weight].astype(np.float64)
+    # Several populations of outputs, each with the weights of a part of the counting neurons: their scores add up.
     for name, part in zip(outputs, description.output_parts, strict=True):
-        heard = np.zeros_like(weights)
-        heard[:, part] = weights[:, part]
+        weights_of_part = np.zeros_like(weights)
+        weights_of_part[:, part] = weights[:, part]
         if chip is None:
-            # A share for each, so that none has to hold it all.
+            # Each population gets a share of the bias, so that no register has to hold all of it.
             bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
-            largest = float(row_sums(heard).max() + np.abs(bias).max())
+            largest = float(row_sums(weights_of_part).max() + np.abs(bias).max())
             threshold = UNREACHED * largest if largest > 0 else 1.0
             neuron = Cuba.of(len(bias), decay_v=1.0, threshold=threshold, bias=bias)
         else:
             neuron = chip.window_output((weight, offset), checkpoint.weights)
-            # In units of the float network, as spikes are.
+            # Potentials are integers: divided by their scale, they add to the spikes of other branches.
             parts.weights[name] = 1.0 / chip.populations[weight].scale
-        parts.projections.append(_onto(checkpoint, first, name, sparse.csr_array(heard), of=weight))
+        parts.projections.append(
+            _onto(checkpoint, first, name, sparse.csr_array(weights_of_part), of=weight)
+        )
         parts.populations.append(
             replace(hidden, name=name, size=description.classes, neuron=neuron)
         )
@@ -145,7 +158,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
 
 
 def _psi(checkpoint: Checkpoint) -> float | None:
-    """Return what the training said of the time-weighted prediction, which checkpoints before it did not."""
+    """Return the psi of the time-weighted prediction that was used in training; None if the checkpoint has none."""
     psi = checkpoint.training.get("psi")
     return float(psi) if isinstance(psi, int | float) and 0 <= psi < math.inf else None
 
@@ -176,8 +189,8 @@ def _layer(
 ) -> tuple[Population, Sequence[Projection | ChipProjection]]:
     """Return a population and the weights onto it: in float, or in the integers that it was trained with.
 
-    There is a projection for each delay, all from the same lines; their weights lie side by side in the checkpoint.
-    Those of a graph convolution are spread over its neurons, and become sparse.
+    There is a projection for each delay, all from the same lines; their weights are side by side in the checkpoint.
+    The shared weights of a graph convolution become one sparse matrix of all its neurons.
     """
     chip = checkpoint.chip
     description = checkpoint.description
@@ -202,7 +215,7 @@ def _layer(
 def _onto(
     checkpoint: Checkpoint, source: str, target: str, weights: Matrix, *, of: str, delay: int = 0
 ) -> Projection | ChipProjection:
-    """Return weights onto a population, in float or in the format of the weights that are called ``of``."""
+    """Return weights onto a population, in float or in the format of the weights ``of`` the checkpoint."""
     if checkpoint.chip is None:
         return Projection(source, target, matrix(weights, np.float64), delay)
     numbers = checkpoint.chip.populations[of]
@@ -217,7 +230,10 @@ def _onto(
 
 
 def _neuron(checkpoint: Checkpoint, axis: Axis, size: int) -> SrmAlpha | Cuba:
-    """Return the float neuron: TLIF and LLIF keep nothing of a current, and of the voltage what they do not lose."""
+    """Return the float neuron of a branch.
+
+    TLIF and LLIF neurons (leaky integrate-and-fire along time and location) have no current.
+    """
     parameters = checkpoint.description.neuron_of(axis)
     if isinstance(parameters, LifParameters):
         # Their ``decay`` is the share that is kept.

@@ -1,6 +1,6 @@
-"""What a row of :mod:`locsnn_compile.frontends.formats` holds, and what readers are given.
+"""The types of the table in :mod:`locsnn_compile.frontends.formats`, and of the arguments of its readers.
 
-Plain dataclasses that import nothing heavy, because help shows the table.
+They are plain dataclasses that import nothing heavy, because help shows the table.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadOptions:
-    """The keywords of :func:`locsnn_compile.load`; what is None is not given."""
+    """The keyword arguments of :func:`locsnn_compile.load`; None means that an option is not given."""
 
     config: str | Path | None = None
     dt: float | None = None
@@ -36,7 +36,7 @@ class LoadOptions:
 
     @property
     def given(self) -> dict[str, Any]:
-        """The options that are given, by name; relays that are not asked for are not."""
+        """The options that are given, by name; a switch that is off counts as not given."""
         return {
             name: value
             for name, value in vars(self).items()
@@ -48,8 +48,10 @@ class LoadOptions:
 class FormatOption:
     """An option that only some formats take, as the command line declares it.
 
-    ``name`` is its keyword in :class:`LoadOptions`, ``value`` what help calls its value, empty for
-    a switch, and ``elsewhere`` why other formats do not take it.
+    - ``name``: its keyword in :class:`LoadOptions`
+    - ``value``: the word for its value in help; empty for a switch
+    - ``is_number``: whether the value is a number
+    - ``elsewhere``: why other formats do not take it, for an error; ``{called}`` is the other format
     """
 
     name: str
@@ -76,7 +78,7 @@ class ModelSource:
 
     @cached_property
     def hdf5_entries(self) -> tuple[str, ...]:
-        """The names at the root of an HDF5 file; ``InputError`` for a file that is none."""
+        """The names at the root of an HDF5 file; raise ``InputError`` if the file is not HDF5."""
         from locsnn_compile.data.hdf5.read import open_hdf5
 
         with open_hdf5(self.path, self.where) as (root, _):
@@ -84,30 +86,30 @@ class ModelSource:
 
 
 class Recogniser(Protocol):
-    """Tells the files of a format from others with the same ending."""
+    """Distinguishes the files of a format from others with the same ending."""
 
     def __call__(self, source: ModelSource, /) -> bool:
-        """Return whether a file is of the format; ``InputError`` for one that cannot be read."""
+        """Return whether a file has the format; raise ``InputError`` for a file that cannot be read."""
 
 
 class Reader(Protocol):
     """Reads the files of a format."""
 
     def __call__(self, source: ModelSource, /) -> "Network":
-        """Return the network; ``InputError`` for a file that cannot be read or used."""
+        """Return the network; raise ``InputError`` for a file that cannot be read or used."""
 
 
 @dataclass(frozen=True)
 class ModelFormat:
     """A format of model files.
 
-    - ``called``: what errors call a file of it
-    - ``helped``: how ``--help`` lists it; empty for one that another row names with its own
-    - ``offered``: how errors offer it; empty for one that needs more than a file
-    - ``suffixes``: endings of its files
-    - ``recognises``: tells its files from those of other formats with the same ending
-    - ``read``: makes the network
-    - ``options``: the names of the options that it takes, of those that only some formats take
+    - ``called``: what errors call a file of this format, such as "a NIR graph"
+    - ``helped``: its words in the list of ``--help``; empty if the words of another row include it
+    - ``offered``: its words in the advice of errors; empty for a format that needs more than one file
+    - ``suffixes``: the endings of its files
+    - ``recognises``: distinguishes its files from those of other formats with the same ending
+    - ``read``: reads a file and returns the network
+    - ``options``: the names of the options in ``FORMAT_OPTIONS`` that it takes
     """
 
     called: str

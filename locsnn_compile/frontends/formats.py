@@ -1,6 +1,7 @@
-"""Which model files are read: one row for each format. To add one, write its reader and its row.
+"""The table of model formats: one row for each. To add a format, write its reader and its row.
 
-A row imports its reader only when a file is read, so that help does not wait for it.
+Formats can share an ending, so each row has a function that recognises its files. A row imports its reader only when a
+file is read, so that help does not wait for it.
 """
 
 from pathlib import Path
@@ -14,10 +15,12 @@ if TYPE_CHECKING:
 
 
 def _is_described(source: ModelSource) -> bool:
+    """Return whether a YAML description was given."""
     return source.options.config is not None
 
 
 def _lists_layers(source: ModelSource) -> bool:
+    """Return whether a YAML description was given that lists the layers of a state dict."""
     from locsnn_compile.frontends.torch_layers.to_network import lists_layers
 
     config = source.options.config
@@ -25,14 +28,17 @@ def _lists_layers(source: ModelSource) -> bool:
 
 
 def _is_undescribed(source: ModelSource) -> bool:
+    """Return whether no YAML description was given."""
     return source.options.config is None
 
 
 def _has_nodes(source: ModelSource) -> bool:
+    """Return whether an HDF5 file has the root entry of a NIR graph."""
     return "node" in source.hdf5_entries
 
 
 def _has_layers(source: ModelSource) -> bool:
+    """Return whether an HDF5 file has the root entry of a lava-dl network."""
     return "layer" in source.hdf5_entries
 
 
@@ -54,7 +60,7 @@ def _read_slayer(source: ModelSource) -> "Network":
     from locsnn_compile.frontends.slayer.to_network import load_slayer
 
     options = source.options
-    assert options.config is not None  # that makes it a checkpoint of slayerPytorch
+    assert options.config is not None  # _is_described
     branches = None
     if isinstance(options.branches, str):
         branches = parse_branches(options.branches)
@@ -67,7 +73,7 @@ def _read_torch_layers(source: ModelSource) -> "Network":
     from locsnn_compile.frontends.torch_layers.to_network import load_torch_layers
 
     options = source.options
-    assert options.config is not None  # that makes it a state dict with its layers
+    assert options.config is not None  # _lists_layers
     return load_torch_layers(
         source.path,
         Path(options.config),
@@ -153,8 +159,9 @@ FORMAT_OPTIONS = (
         "BRANCH=LAYER,...",
     ),
 )
-"""In the order of the help."""
+"""The options that only some formats take, in the order of the help."""
 HDF5 = (".h5", ".hdf5")
+"""The general endings of HDF5 files, which NIR and lava-dl both use."""
 CHECKPOINT = ModelFormat(
     called="a checkpoint",
     helped="checkpoint (.pt) of `locsnn train`",
@@ -202,17 +209,18 @@ MODEL_FORMATS = (
         options=("config", "kernels", "branches"),
     ),
 )
-"""In the order of the help."""
+"""In the order of the help. Files are given to the first row that recognises them, so a state dict with layers, which
+also has a description, comes before a slayerPytorch checkpoint."""
 
 
 def models_in_words() -> str:
-    """Return what ``--help`` calls the files that are read."""
+    """Return the list of model files that ``--help`` shows."""
     *formats, last = (row.helped for row in MODEL_FORMATS if row.helped)
     return f"{', '.join(formats)} or, {last}"
 
 
 def format_of(source: ModelSource) -> ModelFormat:
-    """Return the format of a model; ``InputError`` for files of another kind."""
+    """Return the format of a model; raise ``InputError`` for files of no format."""
     suffix = source.path.suffix
     if source.checkpoint is not None:
         return CHECKPOINT
@@ -228,7 +236,7 @@ def format_of(source: ModelSource) -> ModelFormat:
 
 
 def check_options(row: ModelFormat, source: ModelSource) -> None:
-    """Refuse an option that a format does not take."""
+    """Raise ``InputError`` for an option that a format does not take."""
     given = source.options.given
     for option in FORMAT_OPTIONS:
         if option.name in given and option.name not in row.options:
@@ -238,5 +246,6 @@ def check_options(row: ModelFormat, source: ModelSource) -> None:
 
 
 def _ways_out() -> str:
+    """Return the advice of errors: the files that can be given."""
     *formats, last = (row.offered for row in MODEL_FORMATS if row.offered)
     return f"Give {', '.join(formats)}, or {last}."

@@ -1,4 +1,4 @@
-"""Which layers ``--host-layers`` names: a number of layers, counted from the input, or names."""
+"""Parse ``--host-layers``, the layers that run on the host: a number of layers, counted from the input, or names."""
 
 from collections.abc import Sequence
 
@@ -8,10 +8,10 @@ from locsnn_compile.errors import InputError, check_known, counted
 def chosen_layers(
     host_layers: str, names: Sequence[str], layers: Sequence[str], place: str
 ) -> list[str]:
-    """Return the layers that are named, or the first ones of a number.
+    """Return the layers that the option ``host_layers`` means.
 
-    ``names`` may be named; ``layers`` are those among them that a number counts, from the input.
-    Raises ``InputError`` for names that do not exist, and for a number that leaves no layer.
+    ``names`` are all layers that can be named, ``layers`` those that a number counts, from the input. Raises
+    ``InputError`` for names that do not exist, and for a number that leaves no layer for the chip.
     """
     if not host_layers.isdecimal():
         chosen = [name.strip() for name in host_layers.split(",")]
@@ -27,5 +27,5 @@ def chosen_layers(
 
 
 def none_left(place: str) -> InputError:
-    """Return the error for layers behind which the chip has nothing to do."""
+    """Return the error for host layers that leave no neurons for the chip."""
     return InputError(place, "no neurons are left for the chip", fix="Name fewer layers.")

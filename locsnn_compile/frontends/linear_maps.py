@@ -1,4 +1,8 @@
-"""Linear layers of other frameworks as sparse matrices (outputs, inputs); images are flattened in C order."""
+"""Linear layers of other frameworks (convolution, pooling) as sparse matrices (outputs, inputs).
+
+The chip has only synapses, so a layer with shared weights is written out. Images (channels, height, width) are
+flattened in C order.
+"""
 
 import functools
 import math
@@ -11,7 +15,9 @@ from hw_model.values import AnyArray, Frozen
 from locsnn_compile.errors import InputError, check_most, counted
 
 Shape = tuple[int, ...]
+"""The shape of an image or of a flat layer, without a batch axis."""
 Ints = tuple[int, ...]
+"""One whole number per spatial axis."""
 
 MAX_ENTRIES = 10_000_000
 """Largest number of connections of one layer: more than the synapse memories of ten chips hold."""
@@ -20,7 +26,7 @@ MAX_SIZE = 1_000_000
 
 
 MAX_PADDING = 10_000
-"""Most silent pixels at an end of an axis: more than an image of :data:`MAX_SIZE` pixels is wide, if it is square."""
+"""Largest padding at an end of an axis, in pixels: more than a square image of :data:`MAX_SIZE` pixels is wide."""
 
 
 def check_shape(shape: Shape, where: str) -> None:
@@ -42,7 +48,7 @@ def check_entries(entries: int, where: str) -> None:
 class Window(Frozen):
     """How a kernel slides over an image: ``stride`` and ``dilation`` per spatial axis.
 
-    ``ends`` are the silent pixels that are added before and after each axis.
+    ``ends`` are the numbers of pixels of value 0 that pad each axis, before and after the image.
     """
 
     stride: Ints
@@ -51,8 +57,8 @@ class Window(Frozen):
 
     @classmethod
     def padded(cls, stride: Ints, padding: Ints, dilation: Ints, fill: Ints = (0, 0)) -> "Window":
-        """Return a window with the same padding before and after an axis, and ``fill`` more after it."""
-        # Without a fill, (0, 0) stands for as many zeros as there are axes.
+        """Return a window with the same padding before and after each axis, and ``fill`` more after it."""
+        # Not strict: the default fill has two zeros, and an image may have one axis.
         ends = tuple((p, p + more) for p, more in zip(padding, fill, strict=False))
         return cls(stride, ends, dilation)
 
@@ -62,7 +68,8 @@ def convolution(
 ) -> tuple[Any, Shape]:
     """Return the matrix and the output shape (out, *spatial) of a convolution as torch defines it (no kernel flip).
 
-    ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values have the type of the weights.
+    ``weight`` is (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values of the matrix have the type of
+    the weights.
     """
     _check_convolution(weight, input_shape, window, groups, where)
     outs, per_group, *kernel = weight.shape
@@ -78,7 +85,7 @@ def convolution(
     size_out = math.prod(out_spatial)
     size_in = math.prod(spatial)
     check_entries(weight.size * size_out, where)
-    # For each output pixel and tap of the kernel: which input pixel it is, and whether that lies inside the image.
+    # For each output pixel and tap of the kernel: the input pixel that is read, and whether it is inside the image.
     grid = np.indices((*out_spatial, *kernel), sparse=True)
     of_output = grid[: len(axes)]
     of_kernel = grid[len(axes) :]
@@ -92,10 +99,11 @@ def convolution(
         np.logical_and,
         [(0 <= at) & (at < size) for at, size in zip(coordinates, spatial, strict=True)],
     )
+    # Pixels outside are clipped here, and dropped below.
     pixel = np.ravel_multi_index(np.broadcast_arrays(*coordinates), spatial, mode="clip")
     group = np.arange(outs) // (outs // groups)
     channel = group[:, None] * per_group + np.arange(per_group)
-    # One entry for each output channel, input channel of its group, output pixel and tap.
+    # Four axes, flattened below: output channel, input channel of its group, output pixel, tap.
     is_connected, values, rows, columns = np.broadcast_arrays(
         is_inside.reshape(size_out, -1),
         weight.reshape(outs, per_group, 1, -1),
@@ -116,31 +124,34 @@ def pooling(
     """
     channels = input_shape[0]
     check_entries(channels * kernel.size, where)
-    return convolution(
-        np.tile(kernel, (channels, 1, 1, 1)), input_shape, window, groups=channels, where=where
-    )
+    # A convolution with one group per channel: every output channel sees only its own input channel.
+    kernel_of_channel = np.tile(kernel, (channels, 1, 1, 1))
+    return convolution(kernel_of_channel, input_shape, window, groups=channels, where=where)
 
 
 def product(left: Any, right: Any, where: str) -> Any:
-    """Return the sparse product of two maps; refuse one that would become too large."""
-    work = int(
-        (np.diff(left.tocsc().indptr).astype(np.int64) * np.diff(right.tocsr().indptr)).sum()
-    )
-    check_entries(min(work, left.shape[0] * right.shape[1]), where)
+    """Return the sparse product of two matrices; raise ``InputError`` if it would become too large.
+
+    The number of multiplications is known before the product is computed, and bounds its entries.
+    """
+    entries_of_column = np.diff(left.tocsc().indptr).astype(np.int64)
+    entries_of_row = np.diff(right.tocsr().indptr)
+    multiplications = int((entries_of_column * entries_of_row).sum())
+    check_entries(min(multiplications, left.shape[0] * right.shape[1]), where)
     return sparse.csr_array(left @ right)
 
 
 def _check_convolution(
     weight: AnyArray, input_shape: Shape, window: Window, groups: int, where: str
 ) -> None:
+    """Raise ``InputError`` for a weight, groups or a window that do not fit the input."""
     axes = weight.ndim - 2
     if len(input_shape) != axes + 1 or 0 in weight.shape:
-        measured, fix = (
-            f"input {input_shape}, weight {weight.shape}",
-            "Give a shape (channels, ...).",
-        )
         raise InputError(
-            where, "its input does not have the axes of its kernel", measured=measured, fix=fix
+            where,
+            "its input does not have the axes of its kernel",
+            measured=f"input {input_shape}, weight {weight.shape}",
+            fix="Give a shape (channels, ...).",
         )
     if groups < 1 or input_shape[0] != weight.shape[1] * groups or weight.shape[0] % groups:
         measured = f"{counted(input_shape[0], 'channel')}, {counted(groups, 'group')}, weight {weight.shape}"

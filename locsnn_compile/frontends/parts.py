@@ -1,4 +1,7 @@
-"""The parts of a network that a frontend collects, and made-up recordings for files that carry none."""
+"""What all frontends share: the parts of a network as they are collected, and synthetic recordings.
+
+Files of other tools carry no recordings, so their networks get synthetic ones, to check a compiled program with.
+"""
 
 import hashlib
 from dataclasses import dataclass, field, replace
@@ -18,20 +21,21 @@ from locsnn_compile.network.network import HostLayers, InputView, Network, Popul
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, Signs, values_of
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
+"""The names of the input views of a trained network, by axis."""
 STEPS = 100
 """Steps of synthetic recordings if the file does not give them."""
 SAMPLES = 8
-"""Synthetic recordings that a network carries: enough to check it in seconds."""
+"""Number of synthetic recordings that a network carries: few enough to check it in seconds."""
 RATE = 0.05
-"""Share of channels that spike in each step."""
+"""Share of channels that spike in each step of synthetic spikes."""
 _MOST_VALUES = 10_000_000
-"""Most values of all synthetic recordings together; wide networks get fewer than :data:`SAMPLES`."""
+"""Largest number of values of all synthetic recordings together; wide networks get fewer than :data:`SAMPLES`."""
 _FEWEST_STEPS = 30
-"""A touch of fewer steps is too short to come down, stroke and lift."""
+"""Fewest steps of a synthetic touch: a shorter one has no time for contact, stroke and lift."""
 
 
 class FileFacts(Frozen, eq=False):
-    """What a frontend says of another tool's file besides the network's parts: fields of :class:`Network`."""
+    """Further facts about another tool's file, besides the network's parts: they become fields of :class:`Network`."""
 
     any_length: bool
     assumptions: tuple[str, ...]
@@ -42,7 +46,8 @@ class FileFacts(Frozen, eq=False):
     def behind(self, host: HostLayers) -> Self:
         """Return the facts of a network whose first layers run on the host.
 
-        Its channels are spikes of these layers, not the file's pixels, and it can't be written as this file again.
+        The chip's channels are then spikes of these layers, not the file's pixels, and the network on the chip is not
+        the whole file, so it cannot be written as this file again.
         """
         return replace(
             self,
@@ -55,10 +60,11 @@ class FileFacts(Frozen, eq=False):
 
 @dataclass(eq=False)
 class Parts:
-    """The parts of a network so far.
+    """The parts of a network that a frontend has collected so far.
 
-    - ``outputs``: populations that are read, and the first step whose potentials count, or None if spikes count
-    - ``weights``: the factors of outputs whose scores are not weighed by 1
+    - ``outputs``: the populations that are read out, each with the first step whose potentials count, or None if its
+      spikes count
+    - ``weights``: the weights of outputs in the class scores, if not 1
     """
 
     views: list[InputView] = field(default_factory=list)
@@ -67,7 +73,7 @@ class Parts:
     outputs: dict[str, int | None] = field(default_factory=dict)
     weights: dict[str, float] = field(default_factory=dict)
     tie_class: int | None = None
-    """The class that is predicted where all scores tie, if the file names one."""
+    """The class that is predicted if all scores tie; None if the file names no class for that."""
 
     @property
     def readout(self) -> Readout:
@@ -79,7 +85,7 @@ class Parts:
         return Readout(tuple(self.outputs), weights, from_step, self.tie_class)
 
     def network(self, **other_fields: Any) -> Network:
-        """Return the network of these parts; ``other_fields`` are the rest of :class:`Network`'s."""
+        """Return the network of these parts; ``other_fields`` are the other fields of :class:`Network`."""
         return Network(
             **other_fields,
             views=tuple(self.views),
@@ -98,7 +104,7 @@ class Parts:
         step_seconds: float | None,
         facts: FileFacts,
     ) -> Network:
-        """Return the network in the bytes of another tool's file, with made-up recordings to check it on.
+        """Return the network of another tool's file, whose bytes are ``data``, with synthetic recordings.
 
         ``step_seconds``: the length of a step that the file states, which recordings and options override.
         """
@@ -118,11 +124,14 @@ class Parts:
 
 
 def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Signs:
-    """Return the signs with which 8-bit formats hold these mantissas; refuse mantissas that no format holds."""
+    """Return the signs with which 8-bit formats hold these mantissas: ``mixed`` if possible, else ``apart``.
+
+    Mixed signs share one list of synapses, with a sign bit in place of the lowest bit, so mantissas must be even.
+    Otherwise each sign has a list, with all 8 bits. Raises ``InputError`` for mantissas that no format holds.
+    """
     values = values_of(mantissa)
     lowest = int(values.min(initial=0))
     highest = int(values.max(initial=0))
-    # Mixed: one list, with a sign bit in place of the lowest bit. Apart: a list for each sign, with all 8 bits.
     all_even = not (values % 2).any()
     if -256 <= lowest and highest <= 254 and all_even:
         return "mixed"
@@ -139,7 +148,7 @@ def touch_fingertips(channels: int) -> int | None:
 
 
 def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) -> Recordings:
-    """Return synthetic touches for the channels of fingertips, else random spikes; without labels, always the same."""
+    """Return synthetic touches for the channels of fingertips, else random spikes; unlabelled, and always the same."""
     fingertips = touch_fingertips(channels)
     if fingertips is not None and steps >= _FEWEST_STEPS:
         touches = synthetic_touches(SAMPLES, steps=steps, fingertips=fingertips, seed=0)

@@ -1,4 +1,4 @@
-"""Read networks, by the formats of :mod:`locsnn_compile.frontends.formats`; each becomes a checked Network."""
+"""Read a model file of any format in :mod:`locsnn_compile.frontends.formats` as a checked Network."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -44,14 +44,14 @@ def load(  # noqa: PLR0913 - public: each is an option of its own
       training. The chip always keeps the tails. ``branches`` names the layers that run along ``time`` and
       ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.
     - ``relay_delays``: reach delays above 62 steps by neurons that repeat spikes. Without it, lava-dl's delays are cut
-      to 62, as its own reader does, and said to be; NIR graphs with such delays do not fit the chip.
+      to 62, as its own reader does, which is listed as an assumption; NIR graphs with such delays do not fit the chip.
     - ``host_layers``: how many of the first layers of neurons run on the host, or the names of such layers, separated
       by commas, on arrays of numbers. The network is then the rest, and its ``host`` the layers.
     - ``channel_order``: how the inputs are numbered, by rows, columns and polarities: ``yxp`` or ``pyx``, as of images
-      (C, H, W). For models that do not say so themselves.
+      (C, H, W). For models that do not state it themselves.
 
-    Other formats hold these values themselves, so giving them is an ``InputError``, as is a file that cannot be read or
-    used. Nothing in the file is executed.
+    Other formats contain these values themselves. Raises ``InputError`` for an option that the format does not take,
+    and for a file that cannot be read or used. Nothing in the file is executed.
     """
     options = LoadOptions(
         config=config,
@@ -77,7 +77,10 @@ def load(  # noqa: PLR0913 - public: each is an option of its own
 
 
 def with_channel_order(network: Network, channel_order: str | None) -> Network:
-    """Return the network with the numbering of its inputs that its user states; refuse another than its own."""
+    """Return the network with the numbering of its inputs that its user states.
+
+    Raises ``InputError`` if the network has another numbering.
+    """
     numbering = parse_numbering(channel_order)
     if numbering is None or numbering == network.numbering:
         return network

@@ -1,7 +1,8 @@
-"""Relays: neurons that repeat a spike, so that it may take longer than the chip's longest delay.
+"""Relays: helper neurons that repeat a spike, for delays longer than the chip's longest synaptic delay.
 
-A relay neuron spikes one step after a spike reaches it. Behind ``k`` relays, each reached with a delay
-of ``DELAY_MAX``, a spike is ``k * (DELAY_MAX + 1)`` steps later than its source.
+A synapse with the longest delay leads from a source to a relay neuron, which spikes once for each spike that reaches
+it. Behind ``k`` relays in a row, a spike is ``k * (DELAY_MAX + 1)`` steps later than its source. The relays of a
+source form one chain of populations, from which each target takes its spikes as late as it needs them.
 """
 
 from collections.abc import Collection
@@ -27,15 +28,15 @@ from locsnn_compile.network.projections import (
 )
 
 AnyProjection = Projection | ChipProjection
-"""One of floats or one of the integers of the chip; those behind a source are of one kind."""
+"""A projection in float or in the chip's integers; all projections of a source are of the same kind."""
 DELAY_MAX = 62
 """Longest delay of a synapse of Loihi, in steps: 64 accumulator slots less two."""
 STEPS_OF_A_RELAY = DELAY_MAX + 1
-"""Steps by which a relay puts a spike off: the longest delay, and the step that every spike takes."""
+"""Steps by which a relay delays a spike: the longest delay, and the one step that every spike takes."""
 RELAY_THRESHOLD = 1
-"""The threshold mantissa of a relay on the grid: 64 units of the register."""
+"""The threshold mantissa of a relay on the grid: 64 counts of the register."""
 RELAY_MANTISSA = 2
-"""The weight mantissa onto a relay on the grid: 128 units of the register, which alone exceed its threshold."""
+"""The weight mantissa onto a relay on the grid: 128 counts of the register, which alone exceed its threshold."""
 
 
 class _Synapses(Frozen, eq=False):
@@ -51,20 +52,22 @@ class _Synapses(Frozen, eq=False):
         """List the connections of a projection."""
         weights = values_of(projection.held)
         delays = np.broadcast_to(np.asarray(projection.delay, dtype=np.int64), weights.shape)
-        target, source, place = connections(projection.held)
+        target, source, index = connections(projection.held)
+        # The values of a CSR matrix are row by row; delays that are arrays must be in the same order.
         row_by_row = np.lexsort((source, target))
-        place = place[row_by_row]
+        index = index[row_by_row]
         return cls(
-            target[row_by_row],
-            source[row_by_row],
-            weights.ravel()[place],
-            delays.ravel()[place],
+            target=target[row_by_row],
+            source=source[row_by_row],
+            weight=weights.ravel()[index],
+            delay=delays.ravel()[index],
         )
 
     @property
     def relays_passed(self) -> IntArray:
-        """How many relays the spikes of each connection pass, (connections,)."""
+        """The number of relays that the spikes of each connection pass, (connections,)."""
         steps_beyond = self.delay - DELAY_MAX
+        # Rounded up; delays that a synapse has itself give 0 or less.
         return np.maximum(-(-steps_beyond // STEPS_OF_A_RELAY), 0)
 
     def chosen(self, which: BoolArray) -> "_Synapses":
@@ -87,46 +90,46 @@ class _Relay(Frozen, eq=False):
 
 
 def add_relays(parts: Parts) -> tuple[str, ...]:
-    """Let relays carry the spikes of all connections whose delays are above :data:`DELAY_MAX`.
+    """Add relays for all connections whose delays are above :data:`DELAY_MAX`.
 
     Adds populations ``SOURCE/relay1``, ``SOURCE/relay2``, ... to the parts and replaces the projections
-    that need them. Returns a sentence for each source on what was added behind it.
+    that need them. Returns a sentence per source about the relays that were added.
     """
     synapses = {projection: _Synapses.of(projection) for projection in parts.projections}
     projections: list[AnyProjection] = []
     sentences: list[str] = []
     for source in dict.fromkeys(projection.source for projection in parts.projections):
-        of_source = {p: listed for p, listed in synapses.items() if p.source == source}
+        of_source = {p: table for p, table in synapses.items() if p.source == source}
         relays = _relays_behind(source, of_source.values())
         if relays:
             sentences.append(_sentence(source, relays, of_source.values()))
-        on_grid = next(iter(of_source)).on_grid
-        lines = next(iter(of_source)).held.shape[1]
-        before = _Relay(source, np.arange(lines))
+        # All projections of a source have the same lines and kind of numbers, so look at the first.
+        first = next(iter(of_source))
+        sender = _Relay(source, np.arange(first.held.shape[1]))
         for relay in relays:
-            parts.populations.append(_neurons(relay, on_grid=on_grid))
-            projections.append(_repeated(before, relay, on_grid=on_grid))
-            before = relay
-        for projection, listed in of_source.items():
-            projections += _through_relays(projection, listed, relays)
+            parts.populations.append(_neurons(relay, on_grid=first.on_grid))
+            projections.append(_onto_relay(sender, relay, on_grid=first.on_grid))
+            sender = relay
+        for projection, table in of_source.items():
+            projections += _through_relays(projection, table, relays)
     parts.projections = projections
     return tuple(sentences)
 
 
 def _relays_behind(source: str, synapses: Collection[_Synapses]) -> list[_Relay]:
-    """Return the relays of a source, the nearest first; each repeats what it or a later one sends on."""
-    count = max(int(listed.relays_passed.max(initial=0)) for listed in synapses)
+    """Return the relays of a source, the nearest first; each repeats the lines that pass it or more relays."""
+    count = max(int(table.relays_passed.max(initial=0)) for table in synapses)
     relays = []
     for number in range(1, count + 1):
-        lines = [listed.source[listed.relays_passed >= number] for listed in synapses]
+        lines = [table.source[table.relays_passed >= number] for table in synapses]
         relays.append(_Relay(f"{source}/relay{number}", np.unique(np.concatenate(lines))))
     return relays
 
 
 def _sentence(source: str, relays: list[_Relay], synapses: Collection[_Synapses]) -> str:
-    """Return what is assumed of the delays behind a source."""
+    """Return the sentence about the delays behind a source, for the assumptions of a report."""
     neurons = counted(sum(relay.size for relay in relays), "relay neuron")
-    longest = max(int(listed.delay.max(initial=0)) for listed in synapses)
+    longest = max(int(table.delay.max(initial=0)) for table in synapses)
     return (
         f"Delays of up to {longest} steps behind {source!r} use {neurons} (--relay-delays): a "
         f"synapse delays by at most {DELAY_MAX}."
@@ -134,27 +137,28 @@ def _sentence(source: str, relays: list[_Relay], synapses: Collection[_Synapses]
 
 
 def _neurons(relay: _Relay, *, on_grid: bool) -> Population:
-    """Return neurons without memory that every spike lifts above their threshold."""
+    """Return the population of a relay: neurons without memory, whose threshold every spike exceeds."""
     if on_grid:
         chip_neuron = ChipCuba.of(
             relay.size, decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=RELAY_THRESHOLD
         )
         return Population(relay.name, "time", relay.size, chip_neuron, helper=True)
-    # Half of the weight of 1 that every relay gets.
+    # Half of the weight of 1 with which spikes reach relays.
     neuron = Cuba.of(relay.size, decay_u=1.0, decay_v=1.0, threshold=0.5)
     return Population(relay.name, "time", relay.size, neuron, helper=True)
 
 
-def _repeated(before: _Relay, relay: _Relay, *, on_grid: bool) -> AnyProjection:
-    """Return the projection that brings each relay neuron the spikes of its line, as late as it can."""
-    columns = np.searchsorted(before.lines, relay.lines)
+def _onto_relay(sender: _Relay, relay: _Relay, *, on_grid: bool) -> AnyProjection:
+    """Return the projection that brings each relay neuron the spikes of its line, with the longest delay."""
+    # The lines of a relay are among those of its sender, and both are sorted.
+    columns = np.searchsorted(sender.lines, relay.lines)
     entries = (np.arange(relay.size), columns)
-    shape = (relay.size, before.size)
+    shape = (relay.size, sender.size)
     if on_grid:
         mantissas = np.full(relay.size, RELAY_MANTISSA, dtype=np.int64)
         on_lines = matrix(sparse.csr_array((mantissas, entries), shape=shape), np.int64)
         return ChipProjection(
-            before.name,
+            sender.name,
             relay.name,
             on_lines,
             exponent=0,
@@ -163,13 +167,13 @@ def _repeated(before: _Relay, relay: _Relay, *, on_grid: bool) -> AnyProjection:
             delay=DELAY_MAX,
         )
     weights = matrix(sparse.csr_array((np.ones(relay.size), entries), shape=shape), np.float64)
-    return Projection(before.name, relay.name, weights, DELAY_MAX)
+    return Projection(sender.name, relay.name, weights, DELAY_MAX)
 
 
 def _through_relays(
     projection: AnyProjection, synapses: _Synapses, relays: list[_Relay]
 ) -> list[AnyProjection]:
-    """Return a projection as one for each number of relays that its spikes pass."""
+    """Return the projections that replace one: one for each number of relays that its spikes pass."""
     passed = synapses.relays_passed
     if not passed.any():
         return [projection]

@@ -11,13 +11,15 @@ from locsnn_compile.network.projections import ChipProjection, matrix
 from locsnn_compile.network.xylo_neurons import XyloNeuron
 
 HIDDEN = "time_hidden"
+"""The hidden population, and the name of its input weights in a checkpoint."""
 OUTPUTS = "time_output"
+"""The output population, and the name of its weights in a checkpoint."""
 RECURRENT = "time_recurrent"
-"""The weights among hidden neurons, which are those of no other population."""
+"""The name of the weights among hidden neurons in a checkpoint; there is no population of this name."""
 
 
 def add_xylo(parts: Parts, checkpoint: Checkpoint, numbers: XyloNumbers) -> None:
-    """Add hidden neurons that hear each other, and outputs, with the integers of a checkpoint."""
+    """Add hidden neurons with recurrent weights, and outputs, with the integers of a checkpoint."""
     description = checkpoint.description
     neuron = description.xylo_neuron
     hidden_dashes = neuron.hidden_dashes(description.hidden)

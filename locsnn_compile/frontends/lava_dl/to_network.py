@@ -1,13 +1,14 @@
 """From a lava-dl network (``.net``) to a Network on the grid, which keeps the integers of weights and parameters.
 
-As read in lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of the current (the register
-holds one less), and ``vDecay`` that of the voltage. Weights, biases and ``vThMant`` count units of
-:mod:`hw_model.arithmetic.loihi`, and each layer takes one step. Delays are floored and cut to 62 steps,
-unless relays are to carry longer ones. A last layer without neurons is read out: its potential is what arrives in a
+The meaning of the file is that of lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of
+the current (the register holds one less), and ``vDecay`` that of the voltage. Weights, biases and ``vThMant`` count
+units of :mod:`hw_model.arithmetic.loihi`, and each layer takes one step. Delays are rounded down and cut to 62 steps,
+unless relays are to carry longer ones. A last layer without neurons is read out: its potential is the charge of a
 step. A ``flatten`` reads the image (channels, height, width) of the layer before it, in this order.
 
-The first layers may run on the host, on numbers: there, the charge of the first neurons is a sum of floats, cut to an
-integer as slayer does. Layers take a step each on the host too, so its spikes are sent in the steps of slayer.
+The first layers may run on the host, on numbers: there, the charge of the first neurons is a sum of floats, truncated
+to an integer as slayer does. Layers take a step each on the host too, so its spikes are sent in the same steps as in
+slayer.
 """
 
 import math
@@ -56,20 +57,21 @@ from locsnn_compile.network.projections import (
 )
 
 INPUT = "input"
+"""The name of the input view."""
 LONGEST_DELAY = 1000
-"""Longest delay that relays carry, in steps: longer ones are cut, and said to be."""
+"""Longest delay that relays carry, in steps, chosen by hand; longer ones are cut, which is listed as an assumption."""
 THRESHOLD_MAX = 2**17 - 1
 """Largest threshold mantissa: times 64, it is 2^23 - 64 units, just below the end of the voltage register."""
 BIAS_EXPONENT = 6
-"""Biases of a file are in units of weights, 2^6 of the register."""
+"""Biases of a file are in units of weights, which are 2^6 counts of the register."""
 NEVER_SPIKES = 2**18 - 1
 """The threshold mantissa that lava-dl writes for neurons that must not spike: more than its register holds."""
 MAX_STATED_STEPS = 10_000
-"""Steps of a recording that a file may state; made-up recordings that are longer take too long to play."""
+"""Largest number of steps that is taken from a file: longer synthetic recordings take too long to play."""
 INPUT_WEIGHT = 64
-"""The weight of an event at the neurons of an input layer: the value 1, as slayer scales it in training.
+"""The weight of an event onto the neurons of an input layer: it is the number 1, in slayer's scale of weights.
 
-A weight of the layer replaces it.
+The input layer's own weight, if it has one, replaces it.
 """
 _REFUSED = {
     "convT": "Replace it with a convolution.",
@@ -77,15 +79,19 @@ _REFUSED = {
     "average": "Count the spikes of the layer before it.",
     "concat": "Join the inputs before the network.",
 }
+"""Types of layers that the chip cannot run, each with advice."""
 
 
 @dataclass(eq=False)
 class _Built(Parts):
-    """The network's parts so far, the name and shape of the last layer, and the shape of the input.
+    """The parts of the network so far.
 
-    ``relay_delays``: keep delays that a synapse cannot have. ``assumed`` are sentences on delays: on
-    those that the file holds and the network does not, and on what they hold back. ``on_host``: the
-    input is made of numbers, which ``scaling`` changes if there is an input layer with neurons.
+    - ``source`` and ``shape``: the name and shape of the last layer, whose spikes the next layer takes
+    - ``input_shape``: the shape of the input; empty if unknown
+    - ``relay_delays``: whether delays that a synapse cannot have are kept, for relays
+    - ``assumed``: sentences about assumptions
+    - ``on_host``: whether the input is made of numbers
+    - ``scaling``: how an input layer with neurons scales these numbers
     """
 
     source: str = INPUT
@@ -98,7 +104,7 @@ class _Built(Parts):
 
     @property
     def takes_numbers(self) -> bool:
-        """Whether the next layer of neurons takes the numbers of the input."""
+        """Whether the next layer of neurons is the first one on the host, which takes numbers."""
         return self.on_host and not self.populations
 
 
@@ -145,7 +151,7 @@ def load_lava_dl(
 
 
 def _border(file: NetFile, host_layers: str, place: str) -> int:
-    """Return how many layers of the file come before the chip: up to the last one that is named."""
+    """Return how many layers of the file run on the host: all up to the last one that the option names."""
     numbers = {f"layer{layer.number}": layer.number for layer in file.layers if _has_neurons(layer)}
     names = list(numbers)
     chosen = chosen_layers(host_layers, names, names, place)
@@ -156,7 +162,7 @@ def _border(file: NetFile, host_layers: str, place: str) -> int:
 
 
 def _host_layers(chip: _Built, layers: Sequence[NetLayer]) -> HostLayers:
-    """Return the first layers as those of the host; the chip begins with the shape of what they send."""
+    """Return the first layers of a file as layers on the host; the chip's layers get the shape of their output."""
     on_host = _Built(relay_delays=chip.relay_delays, on_host=True)
     for layer in layers:
         _add(on_host, layer, last=False)
@@ -167,12 +173,16 @@ def _host_layers(chip: _Built, layers: Sequence[NetLayer]) -> HostLayers:
     chip.assumed += on_host.assumed
     if on_host.scaling is not None:
         chip.assumed.append(on_host.scaling.sentence)
+    # slayer's layers take a step each, as ours do.
     sends = (HostOutput(on_host.source, depth=0),)
     return HostLayers(network, sends, on_host.input_shape or (numbers,), on_host.scaling)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
-    """Return the first step of potentials if the last layer never spikes, like an affine block of slayer; else None."""
+    """Return the first step of potentials if the last layer never spikes, as an affine block of slayer; else None.
+
+    Input takes a step per layer to reach the last one, so earlier potentials are empty.
+    """
     last = next(layer for layer in reversed(file.layers) if f"layer{layer.number}" == built.source)
     if not _has_neurons(last):
         return len(built.populations)
@@ -182,7 +192,7 @@ def _potentials_from(file: NetFile, built: _Built) -> int | None:
 
 
 def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
-    """Return the seconds per step (Ts is in milliseconds) and the steps of a recording."""
+    """Return the seconds per step (Ts is in milliseconds), None if unknown, and the steps of a recording."""
     entries = {key: file.simulation.get(key, np.array(math.nan)) for key in ("Ts", "tSample")}
     for key, value in entries.items():
         if isinstance(value, str) or value.size != 1 or (value <= 0).any():
@@ -191,13 +201,14 @@ def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
     ts = float(np.asarray(entries["Ts"]).reshape(-1)[0])
     recording_ms = float(np.asarray(entries["tSample"]).reshape(-1)[0])
     seconds = ts / 1000 if ts > 0 else None
-    # Not a number where either is missing.
+    # nan if either is missing, and nan is not usable.
     steps = recording_ms / ts
     is_usable = 1 <= steps <= MAX_STATED_STEPS
     return seconds, int(steps) if is_usable else STEPS
 
 
 def _add(built: _Built, layer: NetLayer, *, last: bool) -> None:
+    """Add a layer of any type; ``last``: it is the last of the file."""
     kind = layer.kind
     if kind == "input":
         built.shape = _shape(layer)
@@ -226,33 +237,39 @@ def _add_input_neurons(built: _Built, layer: NetLayer, shape: Shape) -> None:
     weight = layer.one("weight", INPUT_WEIGHT)
     bias = layer.one("bias", 0)
     if built.takes_numbers:
+        # The host scales the numbers themselves, so the synapses have the weight of 1.
         built.scaling = InputScaling(weight / INPUT_WEIGHT, bias / INPUT_WEIGHT)
         weight = INPUT_WEIGHT
     elif bias:
         what = "it adds a bias to the numbers before its neurons, and events have none"
         fix = "Run the layer on the host, and give numbers: --host-layers 1."
         raise InputError(layer.where, what, measured=f"{bias}", fix=fix)
-    of_each = weight * sparse.eye_array(math.prod(shape), dtype=np.int64)
-    _append(built, layer, shape, matrix(sparse.csr_array(of_each), np.int64))
+    one_to_one = weight * sparse.eye_array(math.prod(shape), dtype=np.int64)
+    _append(built, layer, shape, matrix(sparse.csr_array(one_to_one), np.int64))
 
 
 def _add_weights(built: _Built, layer: NetLayer, *, last: bool) -> None:
+    """Add a layer with weights, and its recurrent weights if it has any."""
     if "weight/real" in layer.values or "weight/imag" in layer.values:
         raise InputError(layer.where, "its weights are complex", fix="Use CUBA neurons.")
     mantissa, shape, source = _weights(built, layer)
     if not built.views:
+        # Without an input layer, the first weights determine the number of lines.
         built.views.append(InputView(INPUT, "time", source))
     _append(built, layer, shape, mantissa, read_out=last and not _has_neurons(layer))
     if layer.kind == "dense_rec":
-        name, size, back = built.source, math.prod(shape), layer.whole("weight_rec")
-        check_entries(back.size, layer.where)
-        if back.size != size * size or (size > 1 and len(back) != size):
-            raise layer.fault("weight_rec has the wrong size", f"{back.shape} for {size}")
-        again = matrix(back.reshape(size, size), np.int64)
-        built.projections.append(_projection(name, name, again, 0, layer.where))
+        name = built.source
+        size = math.prod(shape)
+        recurrent = layer.whole("weight_rec")
+        check_entries(recurrent.size, layer.where)
+        if recurrent.size != size * size or (size > 1 and len(recurrent) != size):
+            raise layer.fault("weight_rec has the wrong size", f"{recurrent.shape} for {size}")
+        mantissa = matrix(recurrent.reshape(size, size), np.int64)
+        built.projections.append(_projection(name, name, mantissa, 0, layer.where))
 
 
 def _has_neurons(layer: NetLayer) -> bool:
+    """Return whether a layer has a group of neurons."""
     return any(key.startswith("neuron/") for key in layer.values)
 
 
@@ -261,7 +278,7 @@ def _append(
 ) -> None:
     """Add the neurons of a layer, and the weights onto them from the last layer.
 
-    ``read_out``: the layer has no neurons, and what arrives is read.
+    ``read_out``: the layer has no neurons, and the charge of each step is read out.
     """
     name = f"layer{layer.number}"
     size = math.prod(shape)
@@ -284,7 +301,7 @@ def _append(
 
 
 def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
-    """Return the mantissas (n, n_source), the layer's shape and n_source."""
+    """Return the mantissas (n, n_source), the shape of the layer, and n_source."""
     weight = layer.whole("weight")
     shape = _shape(layer)
     where = layer.where
@@ -292,8 +309,9 @@ def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
     if layer.kind in ("dense", "dense_rec"):
         size = math.prod(shape)
         rows = len(weight) if weight.ndim else 1
-        has_a_row_each = weight.size > 0 and size in (1, rows)
-        inputs = weight.size // size if has_a_row_each else 0
+        # A layer of one neuron may have lost its axis of one row.
+        has_row_per_neuron = weight.size > 0 and size in (1, rows)
+        inputs = weight.size // size if has_row_per_neuron else 0
         is_other_input = built.shape is not None and math.prod(built.shape) != inputs
         if inputs < 1 or is_other_input:
             measured = f"{weight.shape} for {counted(size, 'neuron')} and an input of {built.shape}"
@@ -307,6 +325,7 @@ def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
         raise layer.fault("it is not a layer of images", f"weight {weight.shape}")
     if layer.kind == "pool":
         window = Window.padded(stride, padding, dilation, _fill(image, shape, stride))
+        # All channels have the same kernel.
         mantissas, out = pooling(kernel[:1, :1], image, window, where=where)
     else:
         window = Window.padded(stride, padding, dilation)
@@ -317,30 +336,42 @@ def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
 
 
 def _kernel(layer: NetLayer, weight: IntArray) -> IntArray:
-    """Return the kernel (out, in / groups, height, width); slayerPytorch writes it without its axes of length one."""
+    """Return the kernel (out, in / groups, height, width).
+
+    lava-dl writes a fifth axis, of time, with one entry. slayerPytorch writes kernels without their axes of length one,
+    which other datasets restore. A weight that fits neither is returned as it is; the caller refuses it.
+    """
     if weight.ndim == 5 and weight.shape[4] == 1:
         return weight.reshape(weight.shape[:4])
     if weight.ndim >= 4 or "kernelSize" not in layer.values:
         return weight
-    whole: Shape = (1, 1, *layer.pair("kernelSize", 1))
+    height, width = layer.pair("kernelSize", 1)
+    shape: Shape = (1, 1, height, width)
     if layer.kind != "pool":
         groups = max(layer.one("groups", 1), 1)
-        whole = (layer.one("outChannels", 1), layer.one("inChannels", 1) // groups, *whole[2:])
-    return weight.reshape(whole) if weight.size == math.prod(whole) else weight
+        outputs = layer.one("outChannels", 1)
+        shape = (outputs, layer.one("inChannels", 1) // groups, height, width)
+    return weight.reshape(shape) if weight.size == math.prod(shape) else weight
 
 
-def _fill(given: Shape, shape: Shape, stride: Ints) -> Ints:
-    """Return how many silent rows and columns slayerPytorch's pooling adds behind an image to get whole windows."""
+def _fill(input_shape: Shape, shape: Shape, stride: Ints) -> Ints:
+    """Return how many rows and columns of 0 slayerPytorch's pooling adds after an image, to get whole windows.
+
+    Other pooling adds none. The output ``shape`` tells them apart: slayerPytorch rounds its size up.
+    """
     if len(shape) != 3 or min(stride) < 1:
         return (0, 0)
     return tuple(
         -n % s if out == -(-n // s) else 0
-        for n, out, s in zip(given[1:], shape[1:], stride, strict=True)
+        for n, out, s in zip(input_shape[1:], shape[1:], stride, strict=True)
     )
 
 
 def _image_before(layer: NetLayer, kernel: Shape, shape: Shape) -> Shape:
-    """Return the shape of a convolution's input if no layer states it: with stride 1, its own shape determines it."""
+    """Return the input shape of a convolution if no layer states it: with stride 1, its output shape determines it.
+
+    Raises ``InputError`` for other strides, with which several input shapes have the same output shape.
+    """
     stride, padding, dilation = _strides(layer)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
         raise InputError(
@@ -356,10 +387,12 @@ def _image_before(layer: NetLayer, kernel: Shape, shape: Shape) -> Shape:
 
 
 def _strides(layer: NetLayer) -> tuple[Ints, Ints, Ints]:
+    """Return stride, padding and dilation, each for height and width."""
     return layer.pair("stride", 1), layer.pair("padding", 0), layer.pair("dilation", 1)
 
 
 def _shape(layer: NetLayer) -> Shape:
+    """Return the output shape of a layer."""
     shape = tuple(layer.whole("shape").reshape(-1).tolist())
     check_shape(shape, layer.where)
     return shape
@@ -368,6 +401,7 @@ def _shape(layer: NetLayer) -> Shape:
 def _projection(
     source: str, target: str, mantissa: Matrix, delay: int | IntArray, where: str
 ) -> ChipProjection:
+    """Return weights as a projection in the chip's integers; raise ``InputError`` if no 8-bit format holds them."""
     fix = "Export it again, with quantised weights."
     signs = eight_bit_signs(mantissa, where, "-256..254, even, or -255..255", fix)
     return ChipProjection(
@@ -376,7 +410,7 @@ def _projection(
 
 
 def _in_float(projection: ChipProjection) -> Projection:
-    """Return the charge of each weight, in the unit of the registers, as a factor of numbers."""
+    """Return a projection in float whose weights are the charges, in counts of the registers, of an input of 1."""
     charges: FloatArray = loihi.in_registers(values_of(projection.mantissa).astype(np.float64))
     return Projection(
         projection.source,
@@ -387,11 +421,11 @@ def _in_float(projection: ChipProjection) -> Projection:
 
 
 def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
-    """Return the delays as netx spreads them: one for all, one per neuron, or one per input.
+    """Return the delays of a layer's weights, in whole steps: one number, or an array like the values of ``mantissa``.
 
-    Layers of images may have one per channel.
-
-    Like netx, cut them to whole steps and to the longest delay of a synapse, and keep what that changed.
+    A file has one for all, one per neuron, or one per input, as netx reads it; layers of images may have one per output
+    channel. Like netx, cut delays to whole steps and to the longest delay of a synapse; sentences about what that
+    changes are added to the assumptions.
     """
     if "delay" not in layer.values:
         return 0
@@ -414,12 +448,15 @@ def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
             "the delays have the wrong size",
             f"{delay.size} against {rows} outputs or {columns} inputs",
         )
-    each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
-    return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
+    if delay.size == rows:
+        delay_of_weight = of_target(mantissa, delay)
+    else:
+        delay_of_weight = of_source(mantissa, delay)
+    return sealed(np.broadcast_to(delay_of_weight, values_of(mantissa).shape).astype(np.int64))
 
 
 def _changed_delays(layer: NetLayer, delays: Array, longest: int) -> list[str]:
-    """Return sentences on the delays of a file that are cut to whole steps, and to the longest one."""
+    """Return sentences about the delays of a layer that are cut to whole steps, or to the longest one."""
     sentences = []
     fractions = int((delays != np.floor(delays)).sum())
     if fractions:
@@ -438,7 +475,7 @@ def _changed_delays(layer: NetLayer, delays: Array, longest: int) -> list[str]:
 
 
 def _sums_of_arriving_weights(layer: NetLayer, size: int) -> ChipCuba:
-    """Return neurons without memory that never spike: their potential is what arrives in a step."""
+    """Return neurons without memory that never spike: their potential is the charge of a step."""
     if "bias" in layer.values:
         what = "a layer without neurons has a bias"
         raise InputError(layer.where, what, fix="Give it neurons that do not spike.")
@@ -446,6 +483,10 @@ def _sums_of_arriving_weights(layer: NetLayer, size: int) -> ChipCuba:
 
 
 def _neurons(layer: NetLayer, shape: Shape, *, takes_numbers: bool) -> ChipCuba:
+    """Return the neurons of a layer; raise ``InputError`` for neurons that are not like the chip's.
+
+    ``takes_numbers``: they are the first layer on the host.
+    """
     kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
         what = "it has no neurons"
@@ -460,14 +501,17 @@ def _neurons(layer: NetLayer, shape: Shape, *, takes_numbers: bool) -> ChipCuba:
         )
     size = math.prod(shape)
 
-    def each(name: str, default: int | None = None) -> IntArray:
-        missing = default is not None and name not in layer.values
-        values = np.array([default]) if missing else layer.whole(name).reshape(-1)
+    def per_neuron(name: str, default: int | None = None) -> IntArray:
+        """Return a dataset with one number per neuron, (size,); a file may have one for all, or one per channel."""
+        if name not in layer.values and default is not None:
+            values = np.array([default])
+        else:
+            values = layer.whole(name).reshape(-1)
         if values.size not in (1, shape[0], size):
             raise layer.fault(f"{name!r} has the wrong size", f"{values.size} for {shape}")
         return integers(np.repeat(values, size // values.size), size)
 
-    decays = {key: each(f"neuron/{key}") for key in ("iDecay", "vDecay")}
+    decays = {key: per_neuron(f"neuron/{key}") for key in ("iDecay", "vDecay")}
     for key, values in decays.items():
         low, high = loihi.DECAYS
         if not loihi.DECAYS.holds(values).all():
@@ -475,16 +519,17 @@ def _neurons(layer: NetLayer, shape: Shape, *, takes_numbers: bool) -> ChipCuba:
             raise InputError(
                 layer.where, f"{key} is not a decay", measured=measured, fix="Correct it."
             )
-    # The bias of an input layer belongs to its numbers.
+    # The bias of an input layer is added to its numbers, see InputScaling.
     has_bias = "bias" in layer.values and layer.kind != "input"
     model = HostCuba if takes_numbers else ChipCuba
     return model.of(
         size,
         decay_u=decays["iDecay"],
         decay_v=decays["vDecay"],
-        # Neurons that must not spike have more than the register holds; 2^17 - 1 is near the end of v itself.
-        threshold=np.minimum(each("neuron/vThMant"), THRESHOLD_MAX),
-        bias_mantissa=each("bias") if has_bias else 0,
+        # Neurons that must not spike have more than the register holds (NEVER_SPIKES).
+        threshold=np.minimum(per_neuron("neuron/vThMant"), THRESHOLD_MAX),
+        bias_mantissa=per_neuron("bias") if has_bias else 0,
         bias_exponent=BIAS_EXPONENT if has_bias else 0,
-        refractory=np.maximum(each("neuron/refDelay", 1), 1),
+        # A refDelay of 0 is the same as 1: no step is blocked.
+        refractory=np.maximum(per_neuron("neuron/refDelay", 1), 1),
     )

@@ -8,11 +8,16 @@ from locsnn_compile.frontends.nir.flat import NEURONS, PASSING, READOUTS, FlatGr
 from locsnn_compile.network.network import InputView
 
 INPUTS = "nir/inputs"
-"""The input of a graph with several inputs: their lines one after the other, by name, as HDF5 lists nodes."""
+"""The name of the one input view of a graph with several Inputs.
+
+It has the lines of all of them, one after the other, in the order of their names, as HDF5 lists nodes."""
 
 
 def input_view(flat: FlatGraph, where: str) -> InputView:
-    """Return the view of a graph's inputs; refuse a graph without inputs or neurons, or with an integrator."""
+    """Return the view of a graph's inputs.
+
+    Raises ``InputError`` for a graph without inputs or neurons, with an edge into an input, or with an integrator (I).
+    """
     for name in flat.named("I"):
         what = "an integrator without leak or threshold overflows every register"
         raise InputError(
@@ -49,6 +54,7 @@ def image_of(flat: FlatGraph) -> Channels | None:
 def outputs_of(flat: FlatGraph, where: str) -> tuple[str, ...]:
     """Return the populations that are read out: those that reach an Output directly, or through a Flatten."""
     read_out: list[str] = []
+    # Go back from the Outputs, through nodes that change nothing, to neurons.
     waiting = flat.named("Output")
     if not waiting:
         raise InputError(
@@ -77,7 +83,10 @@ def outputs_of(flat: FlatGraph, where: str) -> tuple[str, ...]:
 def potentials_from(
     flat: FlatGraph, outputs: tuple[str, ...], depths: Mapping[str, int], where: str
 ) -> int | None:
-    """Return the step from which potentials of readouts equal those of a framework; None if outputs spike."""
+    """Return the step from which potentials of readouts equal those of a framework; None if outputs spike.
+
+    Here a spike takes one step per population, so earlier potentials belong to no step of the framework.
+    """
     graded = [name for name in outputs if flat.nodes[name].kind in READOUTS]
     if graded and len(graded) < len(outputs):
         fix = "Keep outputs of one kind."

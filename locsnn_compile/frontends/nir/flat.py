@@ -1,7 +1,7 @@
-"""A nested NIR graph as one flat graph with checked edges, the output shape of every node, and its linear layers.
+"""Turn a nested NIR graph into one flat graph, with checked edges, output shapes, and weights as matrices.
 
-A node of an inner graph is named ``outer.inner``; the ends of that graph become nodes of kind ``Pass``. A linear node
-is a layer: weights and a constant.
+A node of an inner graph is named ``outer.inner``; the Input and Output of that graph become nodes of kind ``Pass``. A
+node with weights (dense, convolution, pooling) gets a :class:`Layer`, a sparse matrix and a constant.
 """
 
 import math
@@ -26,14 +26,19 @@ from locsnn_compile.frontends.linear_maps import (
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
-"""Nodes that become populations; the last two never spike."""
+"""Kinds of nodes that become populations; the last two never spike."""
 READOUTS = ("LI", "CubaLI")
+"""Kinds of neurons that never spike, and whose potentials are read out."""
 PASSING = ("Output", "Pass", "Flatten")
-"""Nodes that send on what they get, spikes or potentials, unchanged."""
+"""Kinds of nodes whose outputs are their inputs, unchanged: spikes or potentials."""
 
 
 class FlatGraph(Frozen, eq=False):
-    """Nodes, the nodes that feed each one (``sources``), output shapes and layers, all by the name of the node."""
+    """A NIR graph without inner graphs; every mapping is by the name of a node.
+
+    ``sources`` are the nodes that feed each node, ``shapes`` the shape of its output, and ``layers`` the matrix of a
+    node with weights.
+    """
 
     nodes: Mapping[str, NirNode]
     sources: Mapping[str, Sequence[str]]
@@ -50,7 +55,10 @@ class FlatGraph(Frozen, eq=False):
 
 
 def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
-    """Flatten a graph; refuse edges to nowhere, circles without a neuron, and shapes that do not fit."""
+    """Flatten a graph.
+
+    Raises ``InputError`` for edges to nodes that do not exist, circles without a neuron, and shapes that do not fit.
+    """
     nodes, pairs = _flat(graph, where, "", top=True)
     sources: dict[str, list[str]] = {name: [] for name in nodes}
     for source, target in dict.fromkeys(pairs):
@@ -58,6 +66,7 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
     try:
         linear_order(nodes, sources)
     except CycleError as error:
+        # graphlib gives the circle with its first node again at the end.
         circle = " -> ".join(error.args[1][:-1][:6])[:200]
         what, fix = "a loop of edges has no neuron", "Put a neuron into the loop."
         raise InputError(where, what, measured=circle, fix=fix) from None
@@ -67,11 +76,10 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
 
 
 def with_spread_parameters(node: NirNode, shape: Shape) -> NirNode:
-    """Return a node that has a number for each value where its file has one for each channel.
+    """Return a node whose parameters have one number per output, if the file has one number per channel.
 
-    Its output has ``shape``, such as (C, H, W); axes of a parameter that have one entry, as of
-    (C, 1, 1), are repeated. Parameters of another shape stay as they are: they are checked where they
-    are used.
+    The output has ``shape``, such as (C, H, W); a parameter of shape (C, 1, 1) is repeated along its axes of one entry.
+    Parameters of other shapes stay as they are: they are checked where they are used.
     """
     if node.kind not in (*NEURONS, "Scale", "Delay"):
         return node
@@ -83,14 +91,17 @@ def with_spread_parameters(node: NirNode, shape: Shape) -> NirNode:
 
 
 def _spreads(parameter_shape: Shape, shape: Shape) -> bool:
-    """Tell whether the numbers of a parameter, more than one, are repeated to fill a shape."""
+    """Return whether a parameter of more than one number has to be repeated to fill a shape."""
     if math.prod(parameter_shape) in (1, math.prod(shape)) or len(parameter_shape) != len(shape):
         return False
     return all(axis in (1, size) for axis, size in zip(parameter_shape, shape, strict=True))
 
 
 def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the nodes, each after those that feed it in the same step; ``CycleError`` for a circle of no neuron."""
+    """Return the nodes, each after those that feed it in the same step.
+
+    Raises ``CycleError`` for a circle without a neuron.
+    """
     # A neuron ends a path of linear nodes: its spikes arrive in a later step.
     linear_sources = {
         target: [source for source in feeding if nodes[source].kind not in NEURONS]
@@ -113,31 +124,33 @@ def _flat(
 ) -> tuple[dict[str, NirNode], list[Edge]]:
     """Return the nodes of a graph and of the graphs inside it, and the edges between them.
 
-    Names get ``prefix``, which is ``outer.`` for a graph that is the node ``outer``; ``top``: it is not inside another.
+    Names get the ``prefix``, which is ``outer.`` for a graph that is the node ``outer``. ``top``: the graph is not
+    inside another, so its Input and Output are those of the network.
     """
     nodes: dict[str, NirNode] = {}
     edges: list[Edge] = []
-    # The nodes to which edges to, and from, a node of this graph lead: others if it becomes several nodes.
+    # A node of this graph can become several nodes: the one that its incoming edges lead to, and the one that its
+    # outgoing edges come from.
     entry_of: dict[str, str] = {}
     exit_of: dict[str, str] = {}
     for name, node in graph.nodes.items():
-        full = prefix + name
-        entry_of[name] = full
-        exit_of[name] = full
+        full_name = prefix + name
+        entry_of[name] = full_name
+        exit_of[name] = full_name
         inner_edges: list[Edge] = []
         if isinstance(node, NirGraph):
-            inner_nodes, inner_edges = _flat(node, where, f"{full}.")
-            entry_of[name] = f"{full}.{_only(node, 'Input', where, full)}"
-            exit_of[name] = f"{full}.{_only(node, 'Output', where, full)}"
+            inner_nodes, inner_edges = _flat(node, where, f"{full_name}.")
+            entry_of[name] = f"{full_name}.{_only_end(node, 'Input', where, full_name)}"
+            exit_of[name] = f"{full_name}.{_only_end(node, 'Output', where, full_name)}"
         elif has_input_matrix(node):
-            weights = f"{full} (w_in)"
-            inner_nodes = without_input_matrix(node, weights, full)
-            inner_edges = [(weights, full)]
+            weights = f"{full_name} (w_in)"
+            inner_nodes = without_input_matrix(node, weights, full_name)
+            inner_edges = [(weights, full_name)]
             entry_of[name] = weights
         elif node.kind in ("Input", "Output") and not top:
-            inner_nodes = {full: NirNode("Pass", node.parameters)}
+            inner_nodes = {full_name: NirNode("Pass", node.parameters)}
         else:
-            inner_nodes = {full: node}
+            inner_nodes = {full_name: node}
         for inner_name in inner_nodes:
             if inner_name in nodes:
                 what = f"two nodes are called {inner_name[:60]!r}"
@@ -155,29 +168,30 @@ def _flat(
 
 
 def has_input_matrix(node: NirNode) -> bool:
-    """Tell whether the ``w_in`` of a neuron node is a matrix (neurons, inputs), not a number for each.
+    """Return whether the ``w_in`` of a neuron node is a matrix (neurons, inputs), not one number per neuron.
 
-    Neurons whose other parameters have the shape of ``w_in`` lie in a plane, with a number for each.
+    If the other parameters are matrices too, the neurons form an image, with one number per neuron.
     """
     if node.kind not in ("CubaLIF", "CubaLI") or "w_in" not in node.parameters:
         return False
     shape = node.array("w_in").shape
-    others = [node.array(name).shape for name in node.parameters if name != "w_in"]
-    neurons = max(others, key=math.prod)
+    other_shapes = [node.array(name).shape for name in node.parameters if name != "w_in"]
+    neurons = max(other_shapes, key=math.prod)
+    # A single column is one number per neuron, whatever its shape.
     if len(shape) != 2 or len(neurons) > 1 or shape[1] == 1:
         return False
     return math.prod(neurons) in (1, shape[0])
 
 
 def without_input_matrix(node: NirNode, weights: str, neurons: str) -> dict[str, NirNode]:
-    """Return the two nodes that a node with an input matrix is: a Linear, and neurons of w_in 1."""
+    """Return the two nodes that replace a node with an input matrix: a Linear, and neurons without ``w_in`` (1)."""
     linear = NirNode("Linear", {"weight": node.parameters["w_in"]})
     others = {name: value for name, value in node.parameters.items() if name != "w_in"}
     return {weights: linear, neurons: NirNode(node.kind, others)}
 
 
-def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
-    """Return the name of the one Input, or Output, of a graph inside a graph."""
+def _only_end(graph: NirGraph, kind: str, where: str, name: str) -> str:
+    """Return the name of the only Input, or Output, of an inner graph; raise ``InputError`` unless there is one."""
     names = [
         inner
         for inner, node in graph.nodes.items()
@@ -192,15 +206,19 @@ def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
 def _shapes(
     nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]], where: str
 ) -> "tuple[dict[str, Shape], dict[str, Layer]]":
-    """Return the output shape of every node, and the layers of nodes with weights."""
+    """Return the output shape of every node, and the layers of nodes with weights.
+
+    Shapes spread along the edges, from nodes that know their own. A node that still lacks the shape of its input is
+    skipped, and visited again when one of its sources has got a shape.
+    """
     shapes: dict[str, Shape] = {}
     layers: dict[str, Layer] = {}
     targets = targets_of(sources)
     waiting = deque(
         name for name, node in nodes.items() if node.kind == "Input" or not sources[name]
     )
-    # In a circle, start with the nodes that know their own size. An axis of one entry may be one that
-    # is repeated, so such neurons wait for their input as long as there are others.
+    # In a circle, start with neurons whose parameters show their shape. If an axis has one entry, it may have to be
+    # repeated to the size of the input, so these neurons are taken only if no other node is waiting.
     sized = [name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node)]
     certain = [name for name in sized if 1 not in _own_shape(nodes[name])]
     waiting.extend(certain)
@@ -253,7 +271,7 @@ def _own_shape(node: NirNode) -> Shape:
 
 
 def _passed_shape(node: NirNode, input_shape: Shape | None, where: str) -> Shape | None:
-    """Return the output shape of a node without weights; None if it depends on an input shape that is not known yet."""
+    """Return the output shape of a node without weights; None if it depends on an input shape that is still unknown."""
     if node.kind == "Input":
         return _as_shape(node, "shape", where)
     if node.kind in NEURONS:
@@ -269,9 +287,9 @@ def _passed_shape(node: NirNode, input_shape: Shape | None, where: str) -> Shape
 def _flattened(node: NirNode, input_shape: Shape) -> Shape:
     """Return the output shape of a Flatten for an input shape without a batch axis.
 
-    Some exporters count a batch as axis 0, others do not, and the file does not say which. Only the order
-    of the values matters to the weights behind it, and joining axes keeps it, so any reading is right: the
-    axes are taken as if there was no batch, and where such axes do not exist, all are joined.
+    Some exporters count the batch as axis 0, others do not, and the file does not state it. Later weights only depend
+    on the order of the values, which joining axes does not change, so either reading is right: axes are counted as if
+    there were no batch, and if such axes do not exist, all axes are joined.
     """
     start = _axis_of(node, "start_dim", len(input_shape))
     end = _axis_of(node, "end_dim", len(input_shape))
@@ -281,12 +299,13 @@ def _flattened(node: NirNode, input_shape: Shape) -> Shape:
 
 
 def _axis_of(node: NirNode, name: str, axes: int) -> int:
-    """Return the number of an axis, which a file may count from the last one, below 0."""
+    """Return the number of an axis of a Flatten; a negative number in the file counts from the last axis."""
     axis = int(node.array(name).reshape(-1)[0])
     return axis + axes if axis < 0 else axis
 
 
 def _as_shape(node: NirNode, name: str, where: str) -> Shape:
+    """Return a parameter that is a shape."""
     values = node.array(name).reshape(-1)
     if not values.size or (values != np.rint(values)).any() or np.abs(values).max() > 2**40:
         raise InputError(
@@ -299,7 +318,10 @@ def _as_shape(node: NirNode, name: str, where: str) -> Shape:
 
 
 def _joined(parameter_shape: Shape, input_shape: Shape, where: str) -> Shape:
-    """Return the shape of neurons: that of their input, to which parameters are spread, or their own of equal size."""
+    """Return the shape of neurons, given those of their parameters and of their input.
+
+    It is their own if both have the same size, and otherwise that of the input, to which parameters are broadcast.
+    """
     if not parameter_shape or math.prod(parameter_shape) == math.prod(input_shape):
         return parameter_shape or input_shape
     try:
@@ -317,10 +339,14 @@ def _joined(parameter_shape: Shape, input_shape: Shape, where: str) -> Shape:
 
 
 WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d")
+"""Kinds of nodes that get a :class:`Layer`."""
 
 
 class Layer(Frozen, eq=False):
-    """``weights`` (outputs, inputs), CSR, a ``constant`` (outputs,) that is added, and the shape of the outputs."""
+    """A node with weights as a matrix: ``weights @ inputs + constant``.
+
+    ``weights`` (outputs, inputs) are CSR, the ``constant`` is (outputs,) or 0, and ``shape`` is that of the outputs.
+    """
 
     weights: Any
     constant: FloatArray | float
@@ -339,6 +365,7 @@ def layer_of(node: NirNode, input_shape: Shape | None, where: str) -> Layer | No
 
 
 def _dense(node: NirNode, where: str) -> Layer:
+    """Return the layer of a Linear or Affine node."""
     weight = node.array("weight")
     if weight.ndim != 2:
         raise InputError(
@@ -353,7 +380,7 @@ def _dense(node: NirNode, where: str) -> Layer:
 
 
 def _image(node: NirNode, input_shape: Shape, where: str) -> Shape:
-    """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
+    """Return the input shape (channels, *spatial) of a convolution: the node's parameter, or that of its source."""
     weight = node.array("weight")
     axes = 1 if node.kind == "Conv1d" else 2
     if weight.ndim != axes + 2:
@@ -378,15 +405,19 @@ def _image(node: NirNode, input_shape: Shape, where: str) -> Shape:
 
 
 def _convolved(node: NirNode, input_shape: Shape, where: str) -> Layer:
+    """Return the layer of a Conv1d or Conv2d node."""
     image = _image(node, input_shape, where)
-    weight, groups = node.array("weight").astype(np.float64), _ints(node, "groups", 1, where)[0]
+    weight = node.array("weight").astype(np.float64)
+    (groups,) = _ints(node, "groups", 1, where)
     window = _window(node, weight.shape[2:], where)
     weights, shape = convolution(weight, image, window, groups=groups, where=where)
     bias = node.each("bias", shape[0], "channel", where)
-    return Layer(weights, np.repeat(bias, math.prod(shape[1:])), shape)
+    pixels = math.prod(shape[1:])
+    return Layer(weights, np.repeat(bias, pixels), shape)
 
 
 def _pooled(node: NirNode, input_shape: Shape, where: str) -> Layer:
+    """Return the layer of a SumPool2d or AvgPool2d node."""
     image = _unbatched(input_shape, axes=2)
     kernel = _ints(node, "kernel_size", 2, where)
     if len(image) != 3:
@@ -414,7 +445,7 @@ def _unbatched(shape: Shape, axes: int) -> Shape:
 
 
 def _window(node: NirNode, kernel: Shape, where: str) -> Window:
-    """Return how the kernel slides."""
+    """Return the window of a convolution or pooling: stride, padding and dilation; pooling has no dilation."""
     axes = len(kernel)
     padding = node.parameters["padding"]
     stride = _ints(node, "stride", axes, where)
@@ -430,7 +461,7 @@ def _window(node: NirNode, kernel: Shape, where: str) -> Window:
         )
     if padding == "valid":
         return Window.padded(stride, (0,) * axes, dilation)
-    # As torch pads for 'same': with the odd pixel after the image.
+    # As torch pads for 'same': if the number of pixels is odd, the extra one comes after the image.
     total = [d * (k - 1) for d, k in zip(dilation, kernel, strict=True)]
     ends = tuple((pixels // 2, pixels - pixels // 2) for pixels in total)
     return Window(stride, ends, dilation)

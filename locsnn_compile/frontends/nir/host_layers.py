@@ -1,7 +1,7 @@
-"""A flat graph in two: the layers that run on the host, and the rest, which takes their spikes as its input.
+"""Divide a flat NIR graph into the layers that run on the host, and the remainder, which runs on the chip.
 
-A layer on the host is a node of neurons with all that feeds it. The rest has an Input in place of each such
-node whose spikes it takes.
+A layer on the host is a neuron node with all nodes that feed it. In the chip's graph, an Input replaces each neuron
+node of the host whose spikes the chip takes.
 """
 
 from collections.abc import Collection
@@ -18,12 +18,17 @@ from locsnn_compile.frontends.nir.graph import NirNode
 
 SPIKING = tuple(kind for kind in NEURONS if kind not in READOUTS)
 WITH_MEMORY = tuple(kind for kind in SPIKING if kind != "Threshold")
+"""The kinds of neurons that ``--host-layers N`` counts as layers."""
 SENT = "nir/host"
-"""The Output of the layers on the host; names of nodes have no slash."""
+"""The name of the Output of the host's graph; names of nodes have no slash, so it is free."""
 
 
 class Divided(Frozen, eq=False):
-    """Both graphs; ``sent`` are the nodes whose spikes the host sends, in the order of the chip's lines."""
+    """A divided graph: the part on the host and the part on the chip.
+
+    ``sent`` are the neuron nodes whose spikes the host sends, in the order of the chip's lines. ``input_shape`` is the
+    shape of the host's input.
+    """
 
     host: FlatGraph
     chip: FlatGraph
@@ -32,12 +37,11 @@ class Divided(Frozen, eq=False):
 
 
 def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str) -> Divided:
-    """Return the graph divided behind the layers that ``host_layers`` names.
+    """Return the graph divided behind the layers that the option ``host_layers`` names.
 
-    It is a number of layers, counted from the input, or names of nodes of neurons, separated by commas.
-    ``order`` has all nodes of neurons, those nearest to the input first. Raises ``InputError`` for layers
-    that do not exist or do not spike, if nothing is left for the chip, and if the input reaches the chip
-    past the host.
+    The option is a number of layers, counted from the input, or names of neuron nodes, separated by commas. ``order``
+    has all neuron nodes, those nearest to the input first. Raises ``InputError`` for layers that do not exist or do not
+    spike, if nothing is left for the chip, and if the input also reaches the chip past the host.
     """
     place = f"{where}, --host-layers"
     inputs = flat.named("Input")
@@ -51,7 +55,7 @@ def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str
     if not neurons_left:
         raise none_left(place)
     _check_host(flat, on_host, place)
-    # The chip has what lies behind the neurons of the host, whose spikes it is sent.
+    # The chip has all nodes that lead to its neurons and outputs, back to the neurons of the host, which it is sent.
     neurons_of_host = [name for name in order if name in on_host]
     ends = [*neurons_left, *flat.named("Output")]
     on_chip = _up_to(flat, ends, stop=neurons_of_host)
@@ -60,6 +64,7 @@ def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str
         raise InputError(place, what, fix="Name more layers, up to where all paths meet.")
     sent = tuple(name for name in flat.nodes if name in on_chip and name in neurons_of_host)
     return Divided(
+        # A graph must have an Output; which of the neurons it follows does not matter, as ``sent`` names them.
         host=_with_output(_nodes_of(flat, on_host), sent[0]),
         chip=_with_inputs(_nodes_of(flat, on_chip), sent),
         sent=sent,
@@ -68,7 +73,7 @@ def divide_graph(flat: FlatGraph, host_layers: str, order: list[str], where: str
 
 
 def _with_output(host: FlatGraph, name: str) -> FlatGraph:
-    """Return the graph with an Output behind a node: every graph has one, and what is sent is named apart from it."""
+    """Return the graph with an Output behind a node."""
     output = NirNode("Output", {"shape": np.array(())})
     return replace(
         host,
@@ -89,7 +94,7 @@ def _with_inputs(chip: FlatGraph, sent: Collection[str]) -> FlatGraph:
 
 
 def _check_host(flat: FlatGraph, on_host: Collection[str], place: str) -> None:
-    """Refuse readouts, which send no spikes."""
+    """Raise ``InputError`` for readouts on the host, which send no spikes."""
     for name in on_host:
         kind = flat.nodes[name].kind
         if kind in READOUTS:
@@ -98,7 +103,7 @@ def _check_host(flat: FlatGraph, on_host: Collection[str], place: str) -> None:
 
 
 def _up_to(flat: FlatGraph, names: Collection[str], stop: Collection[str]) -> set[str]:
-    """Return nodes and all that leads to them, up to and with the nodes where the search stops."""
+    """Return the nodes ``names`` and all nodes that lead to them, back to and including the nodes of ``stop``."""
     reached: set[str] = set()
     waiting = list(names)
     while waiting:
@@ -112,10 +117,10 @@ def _up_to(flat: FlatGraph, names: Collection[str], stop: Collection[str]) -> se
 
 
 def _nodes_of(flat: FlatGraph, names: Collection[str]) -> FlatGraph:
-    """Return some of the nodes, in file order, and what is known of them."""
+    """Return the graph of some of the nodes, in file order."""
     return FlatGraph(
-        {name: node for name, node in flat.nodes.items() if name in names},
-        {name: feeding for name, feeding in flat.sources.items() if name in names},
-        {name: shape for name, shape in flat.shapes.items() if name in names},
-        {name: layer for name, layer in flat.layers.items() if name in names},
+        nodes={name: node for name, node in flat.nodes.items() if name in names},
+        sources={name: feeding for name, feeding in flat.sources.items() if name in names},
+        shapes={name: shape for name, shape in flat.shapes.items() if name in names},
+        layers={name: layer for name, layer in flat.layers.items() if name in names},
     )

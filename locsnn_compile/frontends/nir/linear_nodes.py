@@ -1,4 +1,8 @@
-"""What every node of a NIR graph sends, and what arrives at it: sums of spikes through linear nodes."""
+"""Multiply the linear nodes of a NIR graph out, into the :class:`Signal` that arrives at every neuron node.
+
+A signal is a sum of weighted, delayed spikes of populations and input lines, so linear nodes in a row become one
+matrix.
+"""
 
 import numpy as np
 from scipy import sparse
@@ -11,18 +15,19 @@ from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.network.network import InputView
 
 WHOLE_WITHIN = 0.01
-"""A delay is a whole number of steps if it is this near to one: files hold it in seconds, as a rounded float."""
+"""A delay counts as a whole number of steps if it is this near to one: files hold it in seconds, as a rounded float."""
 LONGEST_DELAY = 1e6
 """In steps. A longer delay is taken for a mistake of unit, such as one in milliseconds."""
 ANOTHER_SIZE = "its input has another size"
 
 
 def signals_of(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
-    """Return the output of every node: of neurons and inputs their spikes, of linear nodes a function of these."""
+    """Return the output of every node as a signal: spikes of neurons and inputs, or a linear function of these."""
     signals = {name: Signal.of_source(name, flat.size(name)) for name in flat.named(*NEURONS)}
     first_line = 0
     for name in flat.named("Input"):
         size = flat.size(name)
+        # The view has the lines of all Inputs one after the other; those of this one begin at ``first_line``.
         lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first_line))
         signals[name] = Signal(size, (Term(view.name, 0, lines),))
         first_line += size
@@ -34,7 +39,10 @@ def signals_of(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[
 
 
 def arriving_at(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str) -> Signal:
-    """Return the sum of a node's inputs; refuse graded values of a readout, which cannot be sent on."""
+    """Return the sum of a node's inputs.
+
+    Raises ``InputError`` for inputs of different sizes, and for potentials of a readout, which the chip cannot send on.
+    """
     place = f"{where}, node {name!r}"
     sources = flat.sources[name]
     sizes = {flat.size(source) for source in sources}
@@ -66,7 +74,7 @@ def arriving_at(flat: FlatGraph, signals: dict[str, Signal], name: str, where: s
 
 
 def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -> Signal:
-    """Return the output of a linear node for a signal."""
+    """Return the output of a node without neurons for a signal."""
     node = flat.nodes[name]
     size = signal.size
     if node.kind in PASSING:
@@ -82,7 +90,7 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
 
 
 def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> IntArray:
-    """Return delays in whole steps, (size,)."""
+    """Return the delays of a Delay node in whole steps, (size,); raise ``InputError`` for other delays."""
     steps = node.each("delay", size, "value", where) / dt
     whole = np.rint(steps)
     is_negative = steps < -WHOLE_WITHIN

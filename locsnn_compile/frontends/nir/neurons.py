@@ -1,8 +1,8 @@
-"""NIR's neurons are differential equations; here they become neurons that step.
+"""Turn NIR's neurons, which are differential equations, into neurons that step, and the input that drives them.
 
 With a step of dt, an input spike is a current of 1 for that step. There are three discretisations:
 
-``euler`` (the usual one, as in snnTorch, norse and NIR's own papers): a time constant tau loses ``dt / tau`` per step.
+``euler`` (the default, as in snnTorch, norse and NIR's own papers): a time constant tau loses ``dt / tau`` per step.
 
     I(t) = I(t - 1) + dt / tau_syn * (w_in * x(t) - I(t - 1))
     v(t) = v(t - 1) + dt / tau_mem * (v_leak - v(t - 1) + r * I(t))
@@ -11,8 +11,8 @@ With a step of dt, an input spike is a current of 1 for that step. There are thr
 the start of its step. Between two spikes of the neuron, v is then the solution of the equation at the
 end of every step, with and without a synaptic current.
 
-``hold``: the same, except that input is held for its step, so what is lost of the state is replaced by that share of
-the input.
+``hold``: the same, except that input is held for its step, so the share that is lost of the state is replaced by the
+same share of the input.
 
     I(t) = exp(-dt / tau_syn) * I(t - 1) + (1 - exp(-dt / tau_syn)) * w_in * x(t)         and v(t) in the same way
 
@@ -20,17 +20,17 @@ Neurons start at rest, at v_leak, and an IF at v_reset. With a reset to a value,
 that the chip's reset to 0 is NIR's; with a reset by subtraction, from v_leak. A constant input (a bias) comes from a
 neuron that spikes in every step, so that it begins with the first step of input that its layer sees, as in a framework.
 If the rest potential is not the reset value, a neuron that spikes once, in the first step, adds the difference. Neurons
-whose rest is at their threshold or above spike by themselves: their rest is then a constant input.
+whose rest is at their threshold or above spike without input: their rest then becomes a constant input.
 
 A reset by subtraction takes the threshold from the potential at once (``subtract``), or in the next step, after the
 decay (``late-subtract``). A membrane without synaptic current then becomes the chip's current, which no spike resets,
 and a synapse from each neuron to itself takes the threshold; a membrane with a current becomes a :class:`SoftCuba`.
-``late-zero`` holds the potential at the reset value for the step after a spike. Without a reset (``none``)
-neurons are made like those with a reset by subtraction, of which nothing is taken.
+``late-zero`` holds the potential at the reset value for the step after a spike. Neurons without a reset (``none``)
+are like those with a reset by subtraction, except that a spike takes nothing.
 
-With a floor, the potential of neurons that have a memory and spike is the floor at the end of every step in which it
-would be lower, as with ``min_v_mem`` of sinabs. A current has no floor, so a membrane from which a spike subtracts is
-then a :class:`SoftCuba` even without a synaptic current.
+With a floor, the potential of neurons that have a memory and spike is raised to the floor at the end of every step in
+which it would be lower, as with ``min_v_mem`` of sinabs. A current has no floor, so a membrane from which a spike
+subtracts is then a :class:`SoftCuba` even without a synaptic current.
 """
 
 from collections.abc import Callable, Mapping
@@ -50,25 +50,29 @@ Discretisation = Literal["euler", "exact", "hold"]
 Reset = Literal["zero", "subtract", "late-zero", "late-subtract", "none"]
 
 _UNREACHED = 1.1
-"""The threshold of a neuron that never spikes, as a multiple of what its inputs can reach.
+"""The threshold of a neuron that never spikes, as a multiple of the potential that its inputs can reach.
 
 A tenth more leaves room for the rounding of weights, which may enlarge their sum.
 """
 _ROUNDED_DT = 1e-6
 """A step and a time constant that differ by this share are equal: both are decimal fractions, rounded to floats."""
 _EQUAL_TAUS = 1e-6
-"""Time constants that differ by this share count as equal, where the difference of exponentials would cancel."""
+"""Time constants that differ by this share count as equal: the difference of their exponentials would be rounding."""
 DT_SECONDS = 1e-4
 """The conventional step: NIR files do not contain one."""
+# Which kinds of nodes depend on what a file does not state:
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
 _WITH_TAU = ("LIF", "CubaLIF", "LI", "CubaLI")
 _WITH_RESET = ("IF", "LIF", "CubaLIF")
 WITH_FLOOR = _WITH_RESET
-"""The nodes whose neurons get a floor: those of the others do not spike, or have no memory."""
+"""The kinds of nodes whose neurons get a floor: all others do not spike, or have no memory."""
 
 
 class _Assumption(Frozen):
-    """What a graph does not say: the kinds of nodes that depend on it, and a sentence on what is assumed."""
+    """A fact that graphs do not state: the kinds of nodes that depend on it, and a sentence about the assumption.
+
+    The sentence goes on after "The NIR graph does not say".
+    """
 
     kinds: tuple[str, ...]
     sentence: str
@@ -87,7 +91,12 @@ _DISCRETISATION = _Assumption(
 
 
 class Stepping(Frozen, eq=False):
-    """Decays, what a spike of weight 1 adds, and what a constant input of 1 adds per step; all (n,)."""
+    """The equation of a node as steps: all (n,).
+
+    - ``decay_u`` and ``decay_v``: the shares that current and potential lose per step
+    - ``spike``: what a spike of weight 1 adds to the current
+    - ``constant``: what a constant input of 1 adds per step, once the current has settled
+    """
 
     decay_u: FloatArray
     decay_v: FloatArray
@@ -96,11 +105,10 @@ class Stepping(Frozen, eq=False):
 
 
 class Reading(Frozen):
-    """How a graph is read: the seconds of a step, and what its file does not say.
+    """How the neurons of a graph are read: the seconds per step ``dt``, and facts that the file does not state.
 
-    ``floor`` is the lowest potential, in the unit of ``v_threshold``; None: there is no floor. ``rule``
-    says whether a neuron spikes above its threshold or already at it; neurons of two compartments, whose
-    potential falls by a subtraction, spike above it.
+    ``floor`` is the lowest potential, in the unit of ``v_threshold``; None: there is no floor. With ``rule`` ">", a
+    neuron spikes above its threshold, with ">=" also at it; a :class:`SoftCuba` always spikes above it.
     """
 
     dt: float
@@ -113,10 +121,10 @@ class Reading(Frozen):
 class NirNeurons(Frozen, eq=False):
     """The neurons of a node, and the signal that drives them, in units of their potential.
 
-    - ``reset_charge`` (n,): what a spike takes from the charge of the next step, by a synapse of the neuron onto itself
+    - ``reset_charge`` (n,): the charge that a spike takes in the next step, by a synapse of the neuron onto itself
     - ``start_potential`` (n,): the potential before any input
-    - ``driven_rest`` (n,): the rest of neurons that spike by themselves, at which the signal's constant holds
-      them; 0 for the others
+    - ``driven_rest`` (n,): the rest of neurons that spike without input, at which the constant of the signal holds
+      them; 0 for all other neurons
     """
 
     neuron: Cuba | SoftCuba
@@ -129,7 +137,7 @@ class NirNeurons(Frozen, eq=False):
 def neurons_of(
     node: NirNode, signal: Signal, size: int, reading: Reading, where: str
 ) -> NirNeurons:
-    """Return the neurons of a node."""
+    """Return the neurons of a node, driven by a signal."""
     values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, reading.dt, reading.discretisation, where)
     reset_to = values.get("v_reset", np.zeros(size))
@@ -141,20 +149,23 @@ def neurons_of(
     reset = reading.reset
     lowest = None
     if node.kind == "Threshold":
+        # It has no memory, so any reset is the same.
         reset = "zero"
         limit = values["threshold"]
     else:
         limit = values["v_threshold"]
         lowest = _floor_above(reading.floor, {"v_reset": reset_to, "v_leak": leak}, where)
-    soft = reset in ("subtract", "late-subtract", "none")
-    zero = leak if soft else reset_to
+    subtracts = reset in ("subtract", "late-subtract", "none")
+    # The potential of the file that is 0 on the chip.
+    zero = leak if subtracts else reset_to
     floor = None if lowest is None else lowest - zero
-    _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
-    nothing = np.zeros(size)
-    if not soft:
+    _check_threshold(limit, zero, "v_leak, where it starts" if subtracts else "the reset", where)
+    zeros = np.zeros(size)
+    if not subtracts:
         rest = leak - zero
-        spikes_by_itself = leak >= limit
-        driven_rest = np.where(spikes_by_itself, rest, 0.0)
+        spikes_without_input = leak >= limit
+        # These neurons would spike before their layer's first step of input, if a bias held them at rest.
+        driven_rest = np.where(spikes_without_input, rest, 0.0)
         bias = stepping.decay_v * (rest - driven_rest)
         neurons = Cuba.of(
             size,
@@ -162,6 +173,7 @@ def neurons_of(
             decay_v=stepping.decay_v,
             threshold=limit - zero,
             bias=bias,
+            # late-zero: the step of the spike, and one more at the reset value.
             refractory=2 if reset == "late-zero" else 1,
             rule=reading.rule,
             floor=floor,
@@ -169,14 +181,15 @@ def neurons_of(
         return NirNeurons(
             neurons,
             scaled.plus(stepping.decay_u * stepping.decay_v * driven_rest),
-            reset_charge=nothing,
+            reset_charge=zeros,
             start_potential=rest - driven_rest,
             driven_rest=driven_rest,
         )
     drop = _drop(reset, limit - reset_to, stepping.decay_v)
     has_current = (stepping.decay_u < 1).any()
     if floor is None and not has_current:
-        # The chip's current is the membrane: no spike resets it. The potential only shows it.
+        # The chip's current takes the place of the membrane, because no spike resets it. The chip's voltage keeps
+        # nothing (decay_v 1), so it equals the current, and is compared with the threshold.
         membrane = Cuba.of(
             size,
             decay_u=stepping.decay_v,
@@ -185,7 +198,7 @@ def neurons_of(
             rule=reading.rule,
         )
         return NirNeurons(
-            membrane, scaled, reset_charge=drop, start_potential=nothing, driven_rest=nothing
+            membrane, scaled, reset_charge=drop, start_potential=zeros, driven_rest=zeros
         )
     soft_neurons = SoftCuba(
         decay_u=stepping.decay_u,
@@ -195,14 +208,18 @@ def neurons_of(
         floor=floor,
     )
     return NirNeurons(
-        soft_neurons, scaled, reset_charge=nothing, start_potential=nothing, driven_rest=nothing
+        soft_neurons, scaled, reset_charge=zeros, start_potential=zeros, driven_rest=zeros
     )
 
 
 def _floor_above(
     floor: float | None, starts: Mapping[str, FloatArray], where: str
 ) -> FloatArray | None:
-    """Return the floor of every neuron (n,); refuse one above a value from which potentials start."""
+    """Return the floor of every neuron, (n,).
+
+    ``starts`` are the values (n,) at which potentials start, by the name of their parameter. Raises ``InputError``
+    for a floor above one of them.
+    """
     if floor is None:
         return None
     for name, values in starts.items():
@@ -214,10 +231,10 @@ def _floor_above(
 
 
 def _drop(reset: Reset, height: FloatArray, decay_v: FloatArray) -> FloatArray:
-    """Return what a spike takes from the potential of the next step: nothing without a reset.
+    """Return what a spike takes from the potential of the next step, (n,).
 
     ``height`` (n,) is the threshold above the reset value. ``late-subtract`` takes it after the decay
-    of the next step, ``subtract`` before.
+    of the next step, ``subtract`` at once, so that it decays until then.
     """
     if reset == "none":
         return np.zeros_like(height)
@@ -227,29 +244,31 @@ def _drop(reset: Reset, height: FloatArray, decay_v: FloatArray) -> FloatArray:
 
 
 def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> NirNeurons:
-    """Return neurons that never spike; one threshold gives them one scale, since their potentials are compared.
+    """Return neurons that never spike, and whose potentials are read out.
 
-    Potentials are counted from v_leak if all have the same, else from 0.
+    All have the same threshold, and so the same scale on the chip, because their potentials are compared. Potentials
+    are counted from v_leak if all neurons have the same, which does not change the comparison, and else from 0.
     """
     if (stepping.decay_v == 0).any():
         raise InputError(
             where, "a readout without leak overflows every register", fix="Give it a tau."
         )
     size = len(leak)
-    above = leak - leak[0] if (leak == leak[0]).all() else leak
-    bias = stepping.decay_v * above
+    # The rest potential, as it is counted.
+    rest = leak
+    if (leak == leak[0]).all():
+        rest = np.zeros(size)
+    bias = stepping.decay_v * rest
     threshold = np.full(size, _unreached(signal, bias, stepping).max())
     neurons = Cuba.of(
         size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias
     )
-    nothing = np.zeros(size)
-    return NirNeurons(
-        neurons, signal, reset_charge=nothing, start_potential=above, driven_rest=nothing
-    )
+    zeros = np.zeros(size)
+    return NirNeurons(neurons, signal, reset_charge=zeros, start_potential=rest, driven_rest=zeros)
 
 
 def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str) -> None:
-    """Refuse neurons that would spike in every step."""
+    """Raise ``InputError`` for a threshold that is not above the potential ``zero``, called ``name`` in the error."""
     above = limit - zero
     if (above <= 0).any():
         fix = "Train with a threshold above v_reset and v_leak, and above 0."
@@ -262,7 +281,10 @@ def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str)
 
 
 def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str) -> FloatArray:
-    """Return the share that a time constant loses in a step."""
+    """Return the share that a time constant loses per step, (n,).
+
+    Raises ``InputError`` for one that is not above 0 or, with Euler's method, is shorter than a step.
+    """
     if (tau <= 0).any():
         raise InputError(
             where, f"{name} must be above 0", measured=f"{tau.min():g}", fix="Correct it."
@@ -277,10 +299,12 @@ def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str
             measured=f"{tau.min():g} s against {dt:g} s",
             fix=fix,
         )
+    # A step that equals the time constant may be larger by a rounding error.
     return np.minimum(dt / tau, 1.0)
 
 
 def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+    """Return the steps of a LIF or LI node, which has no synaptic current."""
     lost = _lost(p["tau"], dt, how, "tau", where)
     settled = _gain(p["r"], lost, where)
     spike = settled
@@ -292,7 +316,7 @@ def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str)
 
 
 def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
-    """In frameworks, r = 1 means that a spike adds its weight, whatever the step is."""
+    """Return the steps of an IF node; in frameworks, r = 1 means that a spike adds its weight, whatever the step is."""
     gain = np.where(p["r"] == 1, 1.0, p["r"] * dt)
     no_current = np.ones_like(gain)
     no_leak = np.zeros_like(gain)
@@ -300,11 +324,11 @@ def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where
 
 
 def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str) -> tuple[str, ...]:
-    """Return a sentence for each IF node on what a spike adds, where that is open to question.
+    """Return a sentence about what a spike adds, for each IF node where that is open to question.
 
-    It is not with r = 1, by which frameworks mean that a spike adds its weight, nor with r = 1 / dt,
-    by which the equation says so. Any other r needs the step that its constants are counted in:
-    ``InputError`` without one.
+    It is clear with r = 1, by which frameworks mean that a spike adds its weight, and with r = 1 / dt, by which the
+    equation has the same result. Any other r needs the step in which the constants of the file are counted. Raises
+    ``InputError`` if the step is unknown.
     """
     sentences = []
     for name in flat.named("IF"):
@@ -312,11 +336,12 @@ def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str)
         place = f"{where}, node {name!r}"
         resistance = flat.nodes[name].each("r", size, "neuron", place)
         dt = known_dt or DT_SECONDS
-        plain = (resistance == 1) | np.isclose(resistance * dt, 1.0, rtol=1e-6)
-        if plain.all():
+        # The tolerance is for values that files hold as float32.
+        adds_weight = (resistance == 1) | np.isclose(resistance * dt, 1.0, rtol=1e-6)
+        if adds_weight.all():
             continue
         if known_dt is None:
-            measured = f"r {resistance[~plain][0]:g}"
+            measured = f"r {resistance[~adds_weight][0]:g}"
             what = "r is neither 1 nor 1 / dt, so what a spike adds is not known"
             fix = "Give --dt: a spike then adds r * dt times its weight."
             raise InputError(place, what, measured=measured, fix=fix)
@@ -325,11 +350,11 @@ def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str)
 
 
 _RESISTANCES_LISTED = 4
-"""Most values of r that a sentence lists."""
+"""Largest number of values of r that a sentence lists."""
 
 
 def _what_spikes_add(name: str, resistance: FloatArray, dt: float) -> str:
-    """Return a sentence on what a spike adds to the neurons (n,) of an IF node, by their r."""
+    """Return a sentence about what a spike adds to the neurons of an IF node, by their ``resistance`` (n,)."""
     parts = []
     values = np.unique(resistance)
     for r in values[:_RESISTANCES_LISTED].tolist():
@@ -345,7 +370,9 @@ def _what_spikes_add(name: str, resistance: FloatArray, dt: float) -> str:
 def _current_based(
     p: dict[str, FloatArray], dt: float, how: Discretisation, where: str
 ) -> Stepping:
-    tau_syn, tau_mem = p["tau_syn"], p["tau_mem"]
+    """Return the steps of a CubaLIF or CubaLI node, which has a synaptic current."""
+    tau_syn = p["tau_syn"]
+    tau_mem = p["tau_mem"]
     decay_u = _lost(tau_syn, dt, how, "tau_syn", where)
     decay_v = _lost(tau_mem, dt, how, "tau_mem", where)
     w_in = p.get("w_in", np.ones_like(decay_u))
@@ -358,10 +385,10 @@ def _current_based(
 
 
 def _gain(r: FloatArray, share: FloatArray, where: str) -> FloatArray:
-    """Return r times the share of its input that a membrane takes.
+    """Return ``r * share``, what a membrane takes of its input, (n,).
 
-    Then the share is 0, and their product stands for 1: a spike adds its weight, as with r = tau
-    (:mod:`locsnn_compile.frontends.torch_layers.neurons`).
+    An infinite r comes with an infinite tau, and so with a share of 0, for neurons that do not leak. Their product
+    stands for 1: a spike adds its weight, as with r = tau (:mod:`locsnn_compile.frontends.torch_layers.neurons`).
     """
     infinite = np.isinf(r)
     if (infinite & (share > 0)).any() or (r == -np.inf).any():
@@ -372,14 +399,15 @@ def _gain(r: FloatArray, share: FloatArray, where: str) -> FloatArray:
 
 def _alpha(tau_syn: FloatArray, tau_mem: FloatArray, dt: float) -> FloatArray:
     """Return (exp(-dt / tau_mem) - exp(-dt / tau_syn)) / (tau_mem - tau_syn), and its limit for equal ones."""
-    apart = tau_mem - tau_syn
-    equal = np.abs(apart) < _EQUAL_TAUS * tau_mem
-    quotient = (np.exp(-dt / tau_mem) - np.exp(-dt / tau_syn)) / np.where(equal, 1.0, apart)
+    difference = tau_mem - tau_syn
+    equal = np.abs(difference) < _EQUAL_TAUS * tau_mem
+    divisor = np.where(equal, 1.0, difference)
+    quotient = (np.exp(-dt / tau_mem) - np.exp(-dt / tau_syn)) / divisor
     return np.where(equal, dt / tau_mem**2 * np.exp(-dt / tau_mem), quotient)
 
 
 def _comparing(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
-    """A node without memory, which compares the input of a step with a threshold."""
+    """Return the steps of a Threshold node, which compares the input of a step with a threshold and keeps nothing."""
     one = np.ones_like(p["threshold"])
     return Stepping(decay_u=one, decay_v=one, spike=one, constant=one)
 
@@ -395,7 +423,10 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 
 
 def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
-    """Return thresholds that no input reaches, up or down, even with all of one sign in every step, and the bias."""
+    """Return thresholds (n,) that no potential reaches, up or down.
+
+    They are above the potential at which a neuron settles if all inputs of one sign spike in every step.
+    """
     largest_input = np.zeros(signal.size)
     for onset in signal.constants:
         largest_input = largest_input + np.abs(onset.values)
@@ -407,6 +438,7 @@ def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArr
     from_input = largest_input / (stepping.decay_u * stepping.decay_v)
     from_bias_and_start = 2 * np.abs(bias) / stepping.decay_v
     reached = from_input + from_bias_and_start
+    # Neurons without any input get a threshold above 0 as well.
     return np.where(reached > 0, reached, 1.0) * _UNREACHED
 
 

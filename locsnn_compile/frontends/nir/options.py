@@ -1,4 +1,4 @@
-"""What the options say on how to read a NIR graph, and what the metadata of files that we wrote say."""
+"""Check the options that say how to read a NIR graph, and read the metadata that our own files add."""
 
 import math
 from typing import cast, get_args
@@ -12,34 +12,35 @@ from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Rea
 def checked_reading(
     known_dt: float | None, reset: str | None, discretisation: str | None, floor: float | None
 ) -> Reading:
-    """Return how a graph is read: by the options, and by convention where they are None.
+    """Return how a graph is read: by the options, or by convention if they are None.
 
-    ``InputError`` for a word that is not one of theirs, and for a floor that is not finite.
+    Raises ``InputError`` for an unknown word, and for a floor that is not finite.
     """
-    steps_by = discretisation or "euler"
-    check_known(f"discretisation {steps_by!r}", "is not known", steps_by, get_args(Discretisation))
-    resets_by = reset or "zero"
-    check_known(f"reset {resets_by!r}", "is not known", resets_by, get_args(Reset))
+    discretisation = discretisation or "euler"
+    place = f"discretisation {discretisation!r}"
+    check_known(place, "is not known", discretisation, get_args(Discretisation))
+    reset = reset or "zero"
+    check_known(f"reset {reset!r}", "is not known", reset, get_args(Reset))
     if floor is not None and not math.isfinite(floor):
         what = "the floor must be a finite number"
         raise InputError("floor", what, measured=f"{floor}", fix="Give the lowest potential.")
     return Reading(
         dt=known_dt or DT_SECONDS,
-        discretisation=cast(Discretisation, steps_by),
-        reset=cast(Reset, resets_by),
+        discretisation=cast(Discretisation, discretisation),
+        reset=cast(Reset, reset),
         floor=floor,
     )
 
 
 def checked_dt(dt: float | None, graph: NirGraph) -> float | None:
-    """Return the seconds per step: those given, or those in a file that we wrote; None without either."""
+    """Return the seconds per step, from the option, or from a file that we wrote; None if neither has them."""
     if dt is None:
         return metadata_seconds(graph, "dt")
     return _checked_seconds(dt, "dt")
 
 
 def metadata_seconds(graph: NirGraph, name: str) -> float | None:
-    """Return the seconds in an entry of the metadata, as in files that we wrote; None without it."""
+    """Return the seconds in an entry of the metadata, which files that we wrote have; None without such an entry."""
     entry = graph.metadata.get(name)
     if entry is None or isinstance(entry, str) or entry.size != 1:
         return None
@@ -47,6 +48,7 @@ def metadata_seconds(graph: NirGraph, name: str) -> float | None:
 
 
 def _checked_seconds(seconds: float, name: str) -> float:
+    """Return the seconds; raise ``InputError`` if no step can last as long."""
     if not STEP_SECONDS.holds(seconds):
         what = "a step must last more than 0 s and at most 1e+06 s"
         raise InputError(name, what, measured=f"{seconds:g}", fix="Give the seconds per step.")

@@ -1,4 +1,8 @@
-"""The input of a node in a linear network: a sum of delayed, weighted spikes, and of constants."""
+"""The input of a node in a network of linear nodes: a sum of delayed, weighted spikes, and of constants.
+
+Linear nodes (weights, scales, delays, sums) turn one :class:`Signal` into another, so a chain of them becomes the
+projections of one signal onto the next population.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from locsnn_compile.frontends.linear_maps import product
 from locsnn_compile.network.projections import Matrix, Projection, matrix
 
 DENSE = 0.5
-"""Share of connections from which a matrix is kept dense."""
+"""Share of possible connections from which a matrix is kept dense; chosen by hand."""
 
 
 class Term(Frozen, eq=False):
@@ -25,16 +29,16 @@ class Term(Frozen, eq=False):
 
 
 class Onset(Frozen, eq=False):
-    """A constant ``values`` (n,), which arrives from step ``delay`` on: a bias behind delays."""
+    """Constants ``values`` (n,) that arrive in every step from step ``delay`` on: a bias that passed delays."""
 
     delay: int
     values: FloatArray
 
 
 class Signal(Frozen, eq=False):
-    """The sum of terms and of constants, at ``size`` values.
+    """The sum of ``terms`` and ``constants`` for ``size`` values, such as the inputs of so many neurons.
 
-    ``constants`` have one entry per delay, in ascending order; most signals have one of delay 0.
+    ``constants`` have one entry per delay, in ascending order; most signals have at most one, of delay 0.
     """
 
     size: int
@@ -50,7 +54,7 @@ class Signal(Frozen, eq=False):
         return total
 
     def plus(self, values: FloatArray, delay: int = 0) -> Signal:
-        """Return it with ``values`` (size,) added from step ``delay`` on."""
+        """Return the signal with ``values`` (size,) added from step ``delay`` on."""
         constants = _summed((*self.constants, Onset(delay, values)))
         return Signal(self.size, self.terms, constants)
 
@@ -68,45 +72,52 @@ class Signal(Frozen, eq=False):
         return cls(size, terms, _summed(constants))
 
     def through(self, weights: Any, constant: FloatArray | float, where: str) -> Signal:
-        """Return the output of a linear layer with weights (m, n) and a constant for this signal."""
+        """Return ``weights @ signal + constant``, the output of a layer with weights (m, n) and a constant (m,)."""
         terms = tuple(
             Term(t.source, t.delay, product(weights, t.weights, where)) for t in self.terms
         )
         size = weights.shape[0]
         passed = tuple(Onset(c.delay, weights @ c.values) for c in self.constants)
         signal = Signal(size, terms, passed)
-        added = np.broadcast_to(np.asarray(constant, dtype=np.float64), (size,))
-        return signal.plus(added) if added.any() else signal
+        bias = np.broadcast_to(np.asarray(constant, dtype=np.float64), (size,))
+        return signal.plus(bias) if bias.any() else signal
 
     def scaled(self, factor: FloatArray, of_constants: FloatArray | None = None) -> Signal:
-        """Return it with each value multiplied by its factor, (n,).
+        """Return the signal with each value multiplied by its ``factor``, (n,).
 
         Constants are multiplied by ``of_constants`` (n,), by default by the same factor.
         """
-        rows = sparse.diags_array(factor)
-        terms = tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms)
+        diagonal = sparse.diags_array(factor)
+        terms = tuple(Term(t.source, t.delay, diagonal @ t.weights) for t in self.terms)
         gain = factor if of_constants is None else of_constants
         constants = tuple(Onset(c.delay, c.values * gain) for c in self.constants)
         return Signal(self.size, terms, constants)
 
     def delayed(self, steps: IntArray) -> Signal:
-        """Return it with each value delayed by its own number of steps, (n,)."""
-        # For every number of steps, a mask (n,): 1.0 for the values that are delayed by so many, else 0.0.
-        mask_of = {late: (steps == late).astype(np.float64) for late in np.unique(steps).tolist()}
+        """Return the signal with each value delayed by its own number of steps, (n,)."""
+        # A term has one delay, so each is split into one per number of steps. The mask (n,) of a number of steps is 1.0
+        # for the values with this delay, and 0.0 for all others.
+        mask_of = {
+            count: (steps == count).astype(np.float64) for count in np.unique(steps).tolist()
+        }
         terms = tuple(
-            Term(term.source, term.delay + late, sparse.diags_array(mask) @ term.weights)
+            Term(term.source, term.delay + count, sparse.diags_array(mask) @ term.weights)
             for term in self.terms
-            for late, mask in mask_of.items()
+            for count, mask in mask_of.items()
         )
         constants = [
-            Onset(onset.delay + late, mask * onset.values)
+            Onset(onset.delay + count, mask * onset.values)
             for onset in self.constants
-            for late, mask in mask_of.items()
+            for count, mask in mask_of.items()
         ]
         return Signal(self.size, terms, _summed(constants))
 
     def aligned(self, late: Mapping[str, int]) -> Signal:
-        """Return it with the spikes of each source delayed by ``late[source]`` more steps, as far as they can be."""
+        """Return the signal with the spikes of each source delayed by ``late[source]`` more steps.
+
+        The number may be below 0; a delay is then shortened, to 0 at the least. (Constants are not sent by a source;
+        the caller delays them.)
+        """
         terms = (Term(t.source, max(t.delay + late[t.source], 0), t.weights) for t in self.terms)
         return Signal(self.size, tuple(terms), self.constants)
 
@@ -115,8 +126,11 @@ class Signal(Frozen, eq=False):
         by_source: dict[str, dict[int, Any]] = {}
         for term in self.terms:
             by_delay = by_source.setdefault(term.source, {})
-            before = by_delay.get(term.delay)
-            by_delay[term.delay] = term.weights if before is None else before + term.weights
+            weights_so_far = by_delay.get(term.delay)
+            if weights_so_far is None:
+                by_delay[term.delay] = term.weights
+            else:
+                by_delay[term.delay] = weights_so_far + term.weights
         return tuple(
             Projection(source, target, weights, delay)
             for source, by_delay in by_source.items()
@@ -125,44 +139,52 @@ class Signal(Frozen, eq=False):
 
 
 def as_column(values: FloatArray) -> Any:
-    """Return the weights (n, 1) of a source of one neuron."""
+    """Return weights (n,) as the matrix (n, 1) of a source with one neuron."""
     return sparse.csr_array(values[:, None])
 
 
 def on_diagonal(values: FloatArray) -> Any:
-    """Return the weights (n, n) by which each of n neurons reaches the neuron of its own number."""
+    """Return weights (n,) as the matrix (n, n) by which each of n neurons reaches the neuron of the same number."""
     return sparse.csr_array(sparse.diags_array(values))
 
 
 def _summed(constants: Iterable[Onset]) -> tuple[Onset, ...]:
-    """Return constants with one entry per delay, in ascending order; those of zeros are left out."""
+    """Return constants with one entry per delay, in ascending order; entries of zeros are left out."""
     by_delay: dict[int, FloatArray] = {}
     for onset in constants:
-        before = by_delay.get(onset.delay)
-        by_delay[onset.delay] = onset.values if before is None else before + onset.values
+        values_so_far = by_delay.get(onset.delay)
+        if values_so_far is None:
+            by_delay[onset.delay] = onset.values
+        else:
+            by_delay[onset.delay] = values_so_far + onset.values
     return tuple(Onset(delay, values) for delay, values in sorted(by_delay.items()) if values.any())
 
 
 def _joined(by_delay: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
-    """Return pairs (weights, delay) for one source: a single pair with an array of delays if no connection has two."""
+    """Return pairs (weights, delay) for the projections of one source, given its weights by delay.
+
+    If no connection has two delays, there is a single pair, with an array of delays. Otherwise there is one per delay.
+    """
     canonical = {delay: _canonical(weights) for delay, weights in by_delay.items()}
     connected = {delay: weights for delay, weights in canonical.items() if weights.nnz}
     if not connected:
         # A source without a connection still has a projection: one of zeros.
         delay, weights = next(iter(canonical.items()))
         return [(compact(weights), delay)]
-    anywhere = _canonical(sum(abs(weights) for weights in connected.values()))
-    has_two_delays = anywhere.nnz != sum(weights.nnz for weights in connected.values())
+    # Connections with any delay; magnitudes, so that weights of different delays do not cancel.
+    union = _canonical(sum(abs(weights) for weights in connected.values()))
+    has_two_delays = union.nnz != sum(weights.nnz for weights in connected.values())
     if len(connected) == 1 or has_two_delays:
         return [(compact(weights), delay) for delay, weights in connected.items()]
     total = matrix(sum(connected.values()), np.float64)
-    # One is added to delays, because a sparse matrix cannot hold a delay of 0 next to entries that are not stored.
+    # Delays in the order of the weights' entries. One is added to them and taken away again, because a delay of 0 would
+    # not be stored in a sparse matrix.
     one_more = sum((weights != 0) * (delay + 1) for delay, weights in connected.items())
     return [(total, sealed(matrix(one_more, np.int64).data - 1))]
 
 
 def _canonical(weights: Any) -> Any:
-    """Return weights in CSR with one entry for each connection, and none of 0."""
+    """Return weights as CSR with one entry per connection, and no entries of 0."""
     copied = sparse.csr_array(weights, copy=True)
     copied.sum_duplicates()
     copied.eliminate_zeros()
@@ -170,7 +192,7 @@ def _canonical(weights: Any) -> Any:
 
 
 def compact(weights: Any) -> Matrix:
-    """Return canonical weights as the levels hold them: dense if most connections exist, else CSR."""
+    """Return canonical weights as a network holds them: dense from a share of :data:`DENSE` entries up, else CSR."""
     rows, columns = weights.shape
     is_dense = weights.nnz >= DENSE * rows * columns
     return matrix(weights.toarray() if is_dense else weights, np.float64)

@@ -1,10 +1,11 @@
 """From a NIR graph to a Network: linear nodes are multiplied out, and every neuron node becomes a population.
 
 As on the chip, a spike takes one step from one population to the next. In frameworks it takes none: their output at
-step t behind k populations comes at step t + k here, where k is the longest path (:mod:`.paths`).
+step t, k populations behind the input, comes at step t + k here, where k is the longest path (:mod:`.paths`).
 
-What the options and the metadata say is read in :mod:`.options`, the inputs and outputs of a graph in :mod:`.ends`,
-and what arrives at each node through linear ones in :mod:`.linear_nodes`.
+The steps are: read the file (:mod:`.graph`), flatten inner graphs (:mod:`.flat`), find inputs and outputs
+(:mod:`.ends`), sum what arrives at each neuron node through linear ones (:mod:`.linear_nodes`), and turn its equations
+into steps (:mod:`.neurons`). Options and metadata are read in :mod:`.options`.
 """
 
 from collections import deque
@@ -39,13 +40,13 @@ from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
 
 BIAS = "nir/bias"
-"""The population of one neuron that spikes in every step and adds the biases; names of nodes have no slash."""
+"""The population of one neuron that spikes in every step and adds the biases; nodes have no slash in their names."""
 START = "nir/start"
 """The population of one neuron that spikes once, in the first step, and sets potentials to rest."""
 HELPER_THRESHOLD = 1.0
-"""The threshold of both of them, in a unit of their own."""
+"""The threshold of both helper neurons, in a unit of their own."""
 HELPER_BIAS = 2.0
-"""Their bias, twice the threshold, so that it alone makes them spike, even where its integer is rounded down."""
+"""The bias of both helper neurons: twice the threshold, so that they spike even if its integer is rounded down."""
 START_INHIBITION = -8.0
 """The weight of the starting neuron onto itself.
 
@@ -95,9 +96,10 @@ def load_nir(  # noqa: PLR0913 - what the options of a NIR file say
 
 
 class GraphParts(Frozen, eq=False):
-    """The parts of a graph's network, and a sentence for each thing that was assumed.
+    """The parts of a graph's network.
 
-    ``depths``: how many steps behind the input each population fires, by name.
+    ``assumed`` has a sentence for each assumption. ``depths`` is by how many steps each population fires later than
+    in a framework, by name.
     """
 
     parts: Parts
@@ -113,7 +115,7 @@ def divided_parts(
     *,
     relays: bool,
 ) -> tuple[GraphParts, HostLayers | None]:
-    """Return the parts that run on the chip, and the layers before them that run on the host, if any do."""
+    """Return the parts that run on the chip, and the layers before them that run on the host, or None."""
     if host_layers is None:
         return parts_of(flat, readings, where, relays=relays), None
     divided = divide_graph(flat, host_layers, _nearest_first(flat), where)
@@ -130,8 +132,8 @@ def parts_of(
 ) -> GraphParts:
     """Return the parts of a graph's network.
 
-    ``readings`` has how the neurons of each node are read, by its name; all count in the same step.
-    ``relays``: neurons carry delays that are too long for a synapse.
+    ``readings`` says how the neurons of each node are read, by its name; all have the same ``dt``. With ``relays``,
+    relay neurons carry delays that are too long for a synapse.
     """
     view = input_view(flat, where)
     dt = next(iter(readings.values())).dt
@@ -170,7 +172,7 @@ def _add_node(  # noqa: PLR0913 - what earlier steps made, each used once
     depth: int,
     place: str,
 ) -> None:
-    """Add the population of a neuron node ``depth`` steps behind the input, and all that leads to it."""
+    """Add the population of a neuron node, and the projections onto it; ``depth`` is that of :mod:`.paths`."""
     size = flat.size(name)
     neurons = neurons_of(flat.nodes[name], signal, size, reading, place)
     parts.populations.append(Population(name, "time", size, neurons.neuron))
@@ -178,19 +180,19 @@ def _add_node(  # noqa: PLR0913 - what earlier steps made, each used once
 
 
 def _add_helpers(parts: Parts) -> None:
-    """Add the neurons that spike in every step and in the first one, where any projection starts from them."""
+    """Add the helper neurons that projections start from: one spikes in every step, the other in the first step."""
     sources = {projection.source for projection in parts.projections}
     if BIAS in sources:
         parts.populations.append(_helper(BIAS, current_decay=1.0))
     if START in sources:
-        # Its own spike inhibits it through a current that never decays, so there is no second one.
+        # Its own spike inhibits it through a current that never decays, so it does not spike again.
         parts.populations.append(_helper(START, current_decay=0.0))
         onto_itself = matrix(np.array([[START_INHIBITION]]), np.float64)
         parts.projections.append(Projection(START, START, onto_itself))
 
 
 def _helper(name: str, current_decay: float) -> Population:
-    """Return one neuron that its bias alone makes spike."""
+    """Return the population of one neuron that spikes by its bias alone."""
     neuron = Cuba.of(
         1, decay_u=current_decay, decay_v=1.0, threshold=HELPER_THRESHOLD, bias=HELPER_BIAS
     )
@@ -198,8 +200,8 @@ def _helper(name: str, current_decay: float) -> Population:
 
 
 def _slow_loops(arriving: Mapping[str, Signal], paths: Paths) -> tuple[str, ...]:
-    """Return a sentence on the connection that is slowest against a framework's, if a loop has one."""
-    # Steps by which spikes would have to be delayed, with names, for every connection; below 0: they come too late.
+    """Return a sentence about the connection that is latest, compared with a framework, if a loop makes one late."""
+    # The delay that every connection needs, with its ends; below 0 if its spikes come too late.
     delays = [
         (term.delay + paths.late(term.source, target), term.source, target)
         for target, signal in arriving.items()
@@ -215,23 +217,26 @@ def _slow_loops(arriving: Mapping[str, Signal], paths: Paths) -> tuple[str, ...]
 
 
 def _steps_late(steps: int) -> str:
+    """Return a number of steps as words."""
     return "a step" if steps == 1 else f"{steps} steps"
 
 
 def _left_out(flat: FlatGraph) -> tuple[str, ...]:
-    """Return a sentence on weights that lead nowhere, if there are any."""
+    """Return a sentence about weights that lead to no node, if there are any."""
     idle = [
         repr(name)
         for name, targets in targets_of(flat.sources).items()
         if name in flat.layers and not targets
     ]
-    return (f"The weights of {listed(idle)} feed no node and were left out.",) if idle else ()
+    if not idle:
+        return ()
+    return (f"The weights of {listed(idle)} feed no node and were left out.",)
 
 
 def _all_input(name: str, neurons: NirNeurons, depth: int) -> Signal:
-    """Return all input of a population: its signal, constants, its own spikes, and what sets it to rest.
+    """Return all input of a population as terms: its signal, constants, resets, and the start at its rest.
 
-    A spike takes a step to arrive. So what a helper sends with a delay of ``depth - 1`` arrives in step
+    A spike takes a step to arrive. So a helper's spike with a delay of ``depth - 1`` arrives in step
     ``depth``, the first in which the population sees the recording.
     """
     terms = (
@@ -251,45 +256,47 @@ def _constants(signal: Signal, depth: int) -> Iterator[Term]:
 
 
 def _resets(name: str, neurons: NirNeurons) -> Iterator[Term]:
-    """Yield the synapse from each neuron to itself that takes the threshold after a spike, where there is one."""
+    """Yield the synapses from each neuron to itself that take the threshold after a spike, if there are any."""
     if neurons.reset_charge.any():
         yield Term(name, 0, on_diagonal(-neurons.reset_charge))
 
 
 def _starts(neurons: NirNeurons) -> Iterator[Term]:
-    """Yield what sets potentials to where they start, if that is not 0, from step 1 on.
+    """Yield spikes of the start neuron that set potentials to their start, if that is not 0, from step 1 on.
 
-    With ``v(-1) = start``, step 1 holds ``(1 - decay_v)^2 * start`` of it, which a potential that starts
+    With ``v(-1) = start``, ``(1 - decay_v)^2 * start`` of it is left in step 1, which a potential that starts
     at 0 lacks; the bias, which acts from step 0 on, is the same for both.
     """
     start = neurons.start_potential
     if not start.any():
         return
-    decay_u, decay_v = neurons.neuron.decay_u, neurons.neuron.decay_v
+    decay_u = neurons.neuron.decay_u
+    decay_v = neurons.neuron.decay_v
     missing = start * (1 - decay_v) ** 2
     yield Term(START, 0, as_column(missing))
     if (decay_u < 1).any():
-        # The current keeps a share of this, which is taken back in step 2.
+        # The current keeps a share of this charge, which is cancelled in step 2.
         yield Term(START, 1, as_column(-(1 - decay_u) * missing))
 
 
 def _driven_starts(neurons: NirNeurons, depth: int) -> Iterator[Term]:
-    """Yield what lifts neurons that spike by themselves to their rest in the first step of their layer.
+    """Yield spikes of the start neuron that lift neurons that spike without input to their rest.
 
-    The signal's constant adds ``decay_u * decay_v * rest`` to the current in every step. With the two
-    terms here, the current is ``rest`` in that step and ``decay_v * rest`` from the next one on, by which
-    the potential stays at the rest.
+    They act in the first step of their layer. The signal's constant adds ``decay_u * decay_v * rest`` to the current in
+    every step. With the two terms here, the current is ``rest`` in the first step and ``decay_v * rest`` from the next
+    one on, with which the potential stays at the rest.
     """
     rest = neurons.driven_rest
     if not rest.any():
         return
-    decay_u, decay_v = neurons.neuron.decay_u, neurons.neuron.decay_v
+    decay_u = neurons.neuron.decay_u
+    decay_v = neurons.neuron.decay_v
     yield Term(START, depth - 1, as_column(rest * (1 - decay_u * decay_v)))
     yield Term(START, depth, as_column(-rest * (1 - decay_u) * (1 - decay_v)))
 
 
 def _nearest_first(flat: FlatGraph) -> list[str]:
-    """Return the neurons sorted by distance from an input, because files hold nodes and edges in any order."""
+    """Return the neuron nodes sorted by distance from an input, because files hold nodes and edges in any order."""
     distance = dict.fromkeys(flat.named("Input"), 0)
     targets = targets_of(flat.sources)
     waiting = deque(distance)

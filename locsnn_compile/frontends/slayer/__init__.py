@@ -1,1 +1,1 @@
-"""slayerPytorch checkpoints with their YAML in."""
+"""Read slayerPytorch checkpoints with the YAML that describes their network."""

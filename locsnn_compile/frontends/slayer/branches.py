@@ -1,4 +1,4 @@
-"""The layers of each branch, as the option ``--branches`` or the key ``branches`` of the YAML names them."""
+"""Parse the layers of each branch, which the option ``--branches`` or the key ``branches`` of the YAML names."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ from hw_model.mapping.graph import AXES
 from locsnn_compile.errors import InputError, check_known
 
 JOINED = "joined"
-"""The branch of layers that run over the outputs of all others, one after the other."""
+"""The name of a branch of layers that run over the outputs of all other branches; the chip cannot run it."""
 BRANCHES = (*AXES, JOINED)
 
 Branches = Mapping[str, tuple[str, ...]]
@@ -22,9 +22,9 @@ def parse_branches(text: str) -> Branches:
     branches: dict[str, tuple[str, ...]] = {}
     branch = None
     for item in text.split(","):
-        before, separator, name = item.strip().rpartition("=")
+        branch_name, separator, name = item.strip().rpartition("=")
         if separator:
-            branch = before.strip()
+            branch = branch_name.strip()
             if branch in branches:
                 raise InputError(where, f"branch {branch!r} is given twice", fix="Give it once.")
             branches[branch] = ()
@@ -35,11 +35,11 @@ def parse_branches(text: str) -> Branches:
 
 
 def checked_branches(branches: Mapping[Any, Sequence[Any]], where: str) -> Branches:
-    """Return branches and their layers; refuse those of another name, or without layers."""
+    """Return branches and their layers; raise ``InputError`` for unknown branches, and for branches without layers."""
     for branch, layers in branches.items():
         check_known(where, f"branch {str(branch)[:40]!r} is not known", branch, BRANCHES)
-        listed = isinstance(layers, list | tuple) and len(layers) > 0
-        if not listed or not all(isinstance(name, str) for name in layers):
+        is_filled_list = isinstance(layers, list | tuple) and len(layers) > 0
+        if not is_filled_list or not all(isinstance(name, str) for name in layers):
             raise InputError(where, f"branch {branch!r} has no list of layers", fix=_FORM)
     if not any(axis in branches for axis in AXES):
         raise InputError(where, "no branch runs along time or location", fix=_FORM)

@@ -1,7 +1,8 @@
-"""Which layers of a checkpoint run, and in which branch: as the user or the YAML says, else as their names suggest.
+"""Choose the layers of a checkpoint that run, and their branch: as the user or the YAML says, else by their names.
 
-A state dict also holds layers that the forward pass never runs, and layers that run over the outputs of both branches,
-one after the other. Neither can be seen in it. So what was taken is said, and what is likely wrong is not taken.
+A state dict has no structure: it can contain layers that the forward pass never runs, and layers that run over the
+outputs of both branches (*joined*). So the choice is listed as an assumption, and a choice that is likely wrong is
+refused.
 """
 
 import math
@@ -18,8 +19,9 @@ from locsnn_compile.frontends.slayer.config import SlayerConfig, axis_of
 class Chosen(Frozen):
     """The layers that run: a chain for each axis.
 
-    ``assumed``: sentences on what neither the user nor the YAML says. ``channels``: of the recordings, where no layer
-    runs along time and something else tells it; else None.
+    - ``channels``: the number of channels of the recordings, if no layer runs along time, whose inputs they are, and
+      another part of the checkpoint determines it; else None
+    - ``assumed``: sentences about assumptions
     """
 
     chains: Mapping[Axis, tuple[str, ...]]
@@ -35,10 +37,10 @@ class Chosen(Frozen):
 def choose_layers(
     shapes: Mapping[str, Shape], config: SlayerConfig, branches: Branches | None, where: str
 ) -> Chosen:
-    """Return the layers that run, of those in a checkpoint.
+    """Return the layers of a checkpoint that run.
 
-    ``shapes``: the shape (out, in, ...) of the weights of every layer, in the order of the checkpoint. ``branches``:
-    what the user says, before what the YAML says.
+    ``shapes`` are the shapes (out, in, ...) of the weights of every layer, in the order of the checkpoint. ``branches``
+    are those that the user states; they take precedence over those of the YAML.
     """
     stated = config.branches if branches is None else branches
     if stated is not None:
@@ -49,19 +51,22 @@ def choose_layers(
     chains = {axis: names for axis, names in by_name.items() if names}
     if config.layers or len(chains) == 1:
         return Chosen(chains, None, _listed(chains, config))
-    if _only_locations(shapes, chains, config):
+    if _counts_locations(shapes, chains, config):
         locations: dict[Axis, tuple[str, ...]] = {"location": chains["location"]}
-        region = (
+        sentence = (
             f"The YAML counts the spikes of {config.counted_steps} steps, which are the locations: the location branch "
             f"runs alone, of the layers {_text(locations)}, and {', '.join(chains['time'])} are not used (--branches)."
         )
-        return Chosen(locations, config.counted_steps, (region,))
+        return Chosen(locations, config.counted_steps, (sentence,))
     _refuse_joined(shapes, chains, where)
     return Chosen(chains, None, _listed(chains, config))
 
 
 def _stated(shapes: Mapping[str, Shape], branches: Branches, where: str) -> Chosen:
-    """Return the layers that branches name, after a look at each."""
+    """Return the layers that branches name.
+
+    Raises ``InputError`` for layers that do not exist, are named twice, or belong to the branch :data:`JOINED`.
+    """
     named = [name for layers in branches.values() for name in layers]
     for name in named:
         if name not in shapes:
@@ -100,12 +105,12 @@ def _stated(shapes: Mapping[str, Shape], branches: Branches, where: str) -> Chos
 
 
 def _inputs(shape: Shape) -> int:
-    """Return the inputs of a layer of weights (out, in, ...)."""
+    """Return the number of inputs of a layer of weights (out, in, ...)."""
     return math.prod(shape[1:])
 
 
 def _listed(chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig) -> tuple[str, ...]:
-    """Return the sentence on all layers taken; none for a single layer, or where the YAML lists them itself."""
+    """Return a sentence about the choice of all layers; none for a single layer, or if the YAML lists the layers."""
     if config.layers or sum(map(len, chains.values())) == 1:
         return ()
     return (
@@ -115,13 +120,17 @@ def _listed(chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig) -> tup
 
 
 def _text(chains: Mapping[Axis, tuple[str, ...]]) -> str:
+    """Return chains in the form of the option ``--branches``."""
     return ", ".join(f"{axis}={','.join(names)}" for axis, names in chains.items())
 
 
-def _only_locations(
+def _counts_locations(
     shapes: Mapping[str, Shape], chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig
 ) -> bool:
-    """Whether training counted the spikes of as many steps as there are locations, not those of time as well."""
+    """Return whether training counted spikes over as many steps as there are locations: only that branch was trained.
+
+    The inputs of a time branch are the locations (channels), those of a location branch the time steps.
+    """
     locations = _inputs(shapes[chains["time"][0]])
     time_steps = _inputs(shapes[chains["location"][0]])
     return config.counted_steps == locations and locations != time_steps
@@ -130,10 +139,10 @@ def _only_locations(
 def _refuse_joined(
     shapes: Mapping[str, Shape], chains: Mapping[Axis, tuple[str, ...]], where: str
 ) -> None:
-    """Refuse a layer that stands after all layers of both branches and takes a spike train of each class.
+    """Raise ``InputError`` if the last layer of the checkpoint seems to run over the outputs of both branches.
 
-    It is one layer too many for a time branch like the location branch, as in networks that run a layer over the
-    outputs of both.
+    By its name, it would be the last layer of the time branch. But it has one input and one output per class, and comes
+    after all layers of both branches, which suggests that each branch ended before it.
     """
     *before, last = chains["time"]
     classes = shapes[chains["location"][-1]][0]
@@ -141,8 +150,10 @@ def _refuse_joined(
         return
     in_order = list(shapes)
     location_first = in_order.index(before[0]) > in_order.index(chains["location"][0])
-    as_deep = len(chains["time"]) <= len(chains["location"])
-    if in_order[-1] != last or (location_first and as_deep):
+    is_no_deeper = len(chains["time"]) <= len(chains["location"])
+    # If the location branch comes first, the last layer may well be the time branch's own, unless that branch would
+    # then be deeper than the location branch.
+    if in_order[-1] != last or (location_first and is_no_deeper):
         return
     branches = f"time={','.join(before)},location={','.join(chains['location'])}"
     raise InputError(

@@ -1,4 +1,7 @@
-"""The YAML next to a slayerPytorch checkpoint: neuron, step, and the location order, if the network has one."""
+"""Read the YAML next to a slayerPytorch checkpoint: its neuron, step, layers, and location order, if it has one.
+
+It is slayerPytorch's network description, with a few keys of the networks with location neurons (Kang et al. 2022).
+"""
 
 import math
 import re
@@ -16,21 +19,31 @@ from locsnn_compile.frontends.slayer.branches import Branches, checked_branches
 from locsnn_compile.network.neurons import SrmAlpha
 
 MAX_CONFIG_BYTES = 200_000
+"""Largest size of a description; a limit for hostile files, chosen by hand."""
 _GIVE_A_DESCRIPTION = "Give slayerPytorch's network description, or a list of layers."
 MAX_LAYERS = 1000
+"""Largest number of listed layers; a limit for hostile files, chosen by hand."""
+SMALLEST_PARAMETER = 1e-6
+"""Smallest step, threshold or time constant that is taken: smaller ones are a mistake, and must not be 0."""
+MAX_STEPS = 1_000_000
+"""Largest number of steps of a recording that is taken from a description."""
 MAX_STOP = 1_000_000
 """Latest end of a region in which training counts spikes, in milliseconds."""
 DEFAULT_ORDER = "loop"
-"""Taxels by number, which is what transposing a recording gives."""
+"""Taxels in the order of their numbers, as when a recording is simply transposed."""
 
 _MARKS = {"c": "conv", "avg": "average", "a": "pool", "x": "input"}
-"""Marks in a layer's ``dim`` that tell its kind; the first one present decides. A dense layer has none of them."""
+"""The kind of a layer by a mark in its ``dim``, such as 16c5z; the first mark that occurs decides, so ``avg`` comes
+before ``a``. A dense layer has no mark."""
 _NUMBERS = {"conv": 2, "pool": 1, "input": 3, "dense": 1}
 """How many numbers the ``dim`` of each supported kind has."""
 
 
 class LoihiNeuron(Frozen):
-    """slayerPytorch's LOIHI neuron, in the chip's integers; weights act as ``w * 2^(6 + weight_exponent)``."""
+    """slayerPytorch's LOIHI neuron, in the chip's integers.
+
+    A weight w charges ``w * 2^(6 + weight_exponent)`` counts of a register.
+    """
 
     decay_u: int
     decay_v: int
@@ -40,10 +53,10 @@ class LoihiNeuron(Frozen):
 
 
 class LayerEntry(Frozen):
-    """An entry of ``layer``: the content of ``dim``, and the numbers of a convolution.
+    """An entry of the list ``layer``: the content of its ``dim``, and the options of a convolution.
 
     ``kind`` is input, conv, pool or dense; ``numbers`` are those in ``dim``: (width, height, channels) of an input,
-    (channels, kernel) of a convolution, (kernel,) of pooling, (neurons,) of a dense layer.
+    (channels, kernel size) of a convolution, (kernel size,) of pooling, (neurons,) of a dense layer.
     """
 
     kind: str
@@ -55,12 +68,16 @@ class LayerEntry(Frozen):
 
 
 class SlayerConfig(Frozen):
-    """The content of the description: neurons, the step, the steps of a recording, and a location order.
+    """The content of the description.
 
-    ``location_neuron`` is that of layers along locations. ``ts`` is in milliseconds; SRM time constants are in steps
-    already. ``order`` is a name or taxel numbers, None if there is none. ``layers`` come from the description's own
-    ``layer`` list, the input first; () if there is none. ``branches`` name the layers that run, None if nothing does.
-    ``counted_steps``: at how many steps training counts the spikes of an output, None if that is not told.
+    - ``neuron``: that of layers along time, and ``location_neuron``, that of layers along locations; time constants are
+      in steps already
+    - ``ts``: the length of a step in milliseconds
+    - ``steps``: the number of steps of a recording; None if unknown
+    - ``order``: the location order, a name or taxel numbers; None if the description has none
+    - ``layers``: the entries of its list ``layer``, the input first; () if it has none
+    - ``branches``: the layers that run; None if the description does not name them
+    - ``counted_steps``: over how many steps training counts the spikes of an output; None if unknown
     """
 
     neuron: SrmAlpha | LoihiNeuron
@@ -77,17 +94,17 @@ class SlayerConfig(Frozen):
         return self.location_neuron if axis == "location" else self.neuron
 
     def neuron_of(self, name: str) -> SrmAlpha | LoihiNeuron:
-        """Return the neuron of an entry by its name: the location neuron if the name begins with location."""
+        """Return the neuron of a module by its name, see :func:`axis_of`."""
         return self.neuron_along(axis_of(name))
 
 
 def axis_of(name: str) -> Axis:
-    """Return the axis of a layer by the last part of its name."""
+    """Return the axis of a layer: location if the last part of its name begins with ``location``, else time."""
     return "location" if name.rpartition(".")[2].lower().startswith("location") else "time"
 
 
 def read_config(path: Path) -> SlayerConfig:
-    """Read a description, every entry checked; ``InputError`` for other files."""
+    """Read a description and check every entry; raise ``InputError`` for other files."""
     where = f"config {path.name!r}"
     fix = _GIVE_A_DESCRIPTION
     values = load_yaml(
@@ -99,13 +116,16 @@ def read_config(path: Path) -> SlayerConfig:
     if not isinstance(values, dict):
         raise InputError(where, "it does not describe a network", fix=fix)
     simulation = _section(values, "simulation", where)
-    ts = _number(simulation, "Ts", where, least=1e-6)
-    samples = (
-        _number(simulation, "tSample", where, least=0) if "tSample" in simulation else math.nan
-    )
-    steps = int(samples / ts) if samples >= ts and samples / ts <= 1_000_000 else None
+    ts = _number(simulation, "Ts", where, least=SMALLEST_PARAMETER)
+    recording_ms = math.nan
+    if "tSample" in simulation:
+        recording_ms = _number(simulation, "tSample", where, least=0)
+    # False for nan.
+    is_usable = ts <= recording_ms and recording_ms / ts <= MAX_STEPS
+    steps = int(recording_ms / ts) if is_usable else None
     section = _section(values, "neuron", where)
     key = next((key for key in ("location_neuron", "locationNeuron") if key in values), "neuron")
+    # What the section of location neurons leaves out is as for the others.
     location = {**section, **_section(values, key, where)}
     if location.get("type") != section.get("type"):
         raise InputError(
@@ -115,19 +135,19 @@ def read_config(path: Path) -> SlayerConfig:
         )
     layers = parse_layers(values["layer"], where) if "layer" in values else ()
     return SlayerConfig(
-        _neuron(section, ts, where),
-        _neuron(location, ts, where),
-        ts,
-        steps,
-        _order(values, where),
-        layers,
-        _branches(values, where),
-        _counted_steps(values, ts),
+        neuron=_neuron(section, ts, where),
+        location_neuron=_neuron(location, ts, where),
+        ts=ts,
+        steps=steps,
+        order=_order(values, where),
+        layers=layers,
+        branches=_branches(values, where),
+        counted_steps=_counted_steps(values, ts),
     )
 
 
 def _branches(values: Mapping[Any, Any], where: str) -> Branches | None:
-    """Return the layers that run, as the key ``branches`` names them; None without it."""
+    """Return the layers that run, by the key ``branches``; None if there is no such key."""
     if "branches" not in values:
         return None
     branches = values["branches"]
@@ -138,9 +158,9 @@ def _branches(values: Mapping[Any, Any], where: str) -> Branches | None:
 
 
 def _counted_steps(values: Mapping[Any, Any], ts: float) -> int | None:
-    """Return the steps of the region in which training counts spikes; None where it does not begin at 0.
+    """Return the steps of the region in which training counts spikes; None unless there is one that begins at 0.
 
-    It is no part of the network, so whatever else stands there is left alone.
+    The key is not part of the network, so unexpected content is ignored instead of refused.
     """
     region: Any = values
     for key in ("training", "error", "tgtSpikeRegion"):
@@ -154,28 +174,30 @@ def _counted_steps(values: Mapping[Any, Any], ts: float) -> int | None:
 
 
 def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | LoihiNeuron:
+    """Return the neuron of a section ``neuron``; ``ts`` is the length of a step, in the unit of the time constants."""
     kind = section.get("type")
     if kind == "SRMALPHA":
-        theta, tau_sr, tau_ref = (
-            _number(section, key, where, least=1e-6) for key in ("theta", "tauSr", "tauRef")
-        )
         return SrmAlpha(
-            theta, tau_sr / ts, tau_ref / ts, _number(section, "scaleRef", where, least=0)
+            theta=_number(section, "theta", where, least=SMALLEST_PARAMETER),
+            tau_sr=_number(section, "tauSr", where, least=SMALLEST_PARAMETER) / ts,
+            tau_ref=_number(section, "tauRef", where, least=SMALLEST_PARAMETER) / ts,
+            scale_ref=_number(section, "scaleRef", where, least=0),
         )
     if kind == "LOIHI":
-        threshold, decay_v, decay_u = (
-            _whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay")
-        )
-        refractory = max(_whole(section, "refDelay", where, 1), 1)
         return LoihiNeuron(
-            decay_u, decay_v, threshold, refractory, _whole(section, "wgtExp", where, 0)
+            threshold=_whole(section, "vThMant", where),
+            decay_v=_whole(section, "vDecay", where),
+            decay_u=_whole(section, "iDecay", where),
+            # A refDelay of 0 is the same as 1: no step is blocked.
+            refractory=max(_whole(section, "refDelay", where, 1), 1),
+            weight_exponent=_whole(section, "wgtExp", where, 0),
         )
     fix = did_you_mean(str(kind), ("SRMALPHA", "LOIHI"))
     raise InputError(f"{where}, neuron.type", f"{str(kind)[:40]!r} is not known", fix=fix)
 
 
 def parse_layers(entries: Any, where: str) -> tuple[LayerEntry, ...]:
-    """Return the entries of a ``layer`` list, as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
+    """Return the entries of a list ``layer``, which slayerPytorch's Loihi networks use: ``34x34x2, 16c5z, 2a, 10``."""
     is_list = isinstance(entries, list) and 0 < len(entries) <= MAX_LAYERS
     if not is_list or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(
@@ -189,12 +211,16 @@ def parse_layers(entries: Any, where: str) -> tuple[LayerEntry, ...]:
 
 
 def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
+    """Return one entry of a list ``layer``; the ``first`` must be the input, and no other."""
     dim = str(entry.get("dim", ""))[:60]
     kind = next((kind for mark, kind in _MARKS.items() if mark in dim), "dense")
     numbers = tuple(int(n) for n in re.findall("[0-9]{1,7}", dim))
     if first and kind == "dense":
-        kind, numbers = "input", (1, 1, *numbers)
+        # An input that is not an image is one pixel with many channels.
+        kind = "input"
+        numbers = (1, 1, *numbers)
     if first and kind == "input" and len(numbers) == 2:
+        # An image without a third number has one channel.
         numbers = (*numbers, 1)
     is_in_place = first == (kind == "input")
     is_complete = len(numbers) == _NUMBERS.get(kind)
@@ -206,7 +232,7 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
         return LayerEntry(kind, numbers, stride=numbers[0])
     if kind != "conv":
         return LayerEntry(kind, numbers)
-    # Without one, slayerPytorch's Loihi networks pad by half a kernel.
+    # If no padding is given, slayerPytorch's Loihi networks pad by half a kernel.
     options = {"padding": numbers[1] // 2}
     for key in ("stride", "padding", "dilation", "groups"):
         if key in entry:
@@ -215,7 +241,10 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
 
 
 def _order(values: Mapping[Any, Any], where: str) -> str | None:
-    """Return the location order: ``location_order`` or ``locationOrder``, a name or a list of taxels."""
+    """Return the location order, by the key ``location_order`` or ``locationOrder``: a name, or taxels with commas.
+
+    Long texts and lists are cut; they fail later, with a short message, as no order has as many taxels.
+    """
     for key in ("location_order", "locationOrder"):
         if key in values:
             order = values[key]
@@ -234,6 +263,7 @@ def _order(values: Mapping[Any, Any], where: str) -> str | None:
 
 
 def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, Any]:
+    """Return a section of the description; raise ``InputError`` if it is missing."""
     section = values.get(name)
     if not isinstance(section, dict):
         raise InputError(where, f"section {name!r} is missing", fix=_GIVE_A_DESCRIPTION)
@@ -241,6 +271,7 @@ def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, A
 
 
 def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -> float:
+    """Return a number of a section; raise ``InputError`` if it is missing, not finite, or below ``least``."""
     value = section.get(key)
     if (
         isinstance(value, bool)
@@ -255,6 +286,7 @@ def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -
 
 
 def _whole(section: Mapping[Any, Any], key: str, where: str, default: int | None = None) -> int:
+    """Return a whole number of a section, or the default; raise ``InputError`` for other values."""
     value = section.get(key, default)
     if (
         isinstance(value, bool)

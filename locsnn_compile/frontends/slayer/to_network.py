@@ -1,9 +1,9 @@
 """From a slayerPytorch checkpoint, a dict of tensors, and its YAML to a Network.
 
-A checkpoint holds layers and their weights in the order in which they were made, but no structure: ``choose_layers.py``
-says which of them run, in one chain along time and one that walks the channels. A ``layer`` list in the YAML says which
-ones are convolutions and pooling. A delay belongs to the layer of its own block,
-or else to the first layer that has as many spikes and no delay yet.
+A checkpoint contains layers and their weights in the order in which they were created, but no structure:
+``choose_layers.py`` decides which of them run, in one chain along time and one that walks the channels. A list
+``layer`` in the YAML says which layers are convolutions and pooling. A delay belongs to the layer of its own block,
+or else to the first layer that has as many outputs and no delay yet.
 
 SRMALPHA layers become float neurons with full kernels. LOIHI layers become integer neurons with the weights
 ``2 round(w / 2)``, half to even, as slayerPytorch quantises them in every forward pass; each layer takes one step, as
@@ -64,14 +64,17 @@ from locsnn_compile.network.projections import (
 )
 
 DELAY_MAX = 62
+"""Longest delay of a synapse, in steps; longer ones are cut, which is listed as an assumption."""
 KERNELS = ("full", "cut")
+"""The values of the option ``--kernels``."""
 
 
 @dataclass(eq=False)
 class _Layer:
-    """A layer of weights (n, n_source), its channels, and the delays (n,) of its spikes, in steps.
+    """A layer with weights (n, n_source), its number of output channels, and the axis along which it runs.
 
-    ``axis``: what it runs along. ``assumed``: assumptions about these delays, as sentences.
+    ``delays`` (n,) are those of the spikes that it sends, in steps; None for no delays. ``assumed`` are sentences about
+    assumptions on these delays.
     """
 
     name: str
@@ -83,16 +86,16 @@ class _Layer:
 
     @property
     def size(self) -> int:
-        """Neurons."""
+        """The number of neurons."""
         return int(self.weights.shape[0])
 
 
 def load_slayer(
     path: Path, config: Path, kernels: str | None = None, branches: Branches | None = None
 ) -> Network:
-    """Read a checkpoint and its description, and return the network; ``InputError`` if they cannot be used.
+    """Read a checkpoint and its description, and return the network; raise ``InputError`` if they cannot be used.
 
-    ``branches``: the layers that run, before what the description says.
+    ``branches`` are the layers that run, instead of those that the description names.
     """
     check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
@@ -114,7 +117,7 @@ def load_slayer(
     chains = {axis: [layers[name] for name in names] for axis, names in chosen.chains.items()}
     for chain in chains.values():
         _check_chain(chain, where)
-    # Inputs along time are channels, those along locations are time steps.
+    # The inputs of a time branch are channels, those of a location branch are time steps.
     steps = description.steps or STEPS
     if "location" in chains:
         steps = chains["location"][0].weights.shape[1]
@@ -128,7 +131,7 @@ def load_slayer(
             walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
         parts.views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
         _add_chain(parts, axis, chain, description, where)
-    assert channels is not None  # one chain or the other says it
+    assert channels is not None  # from the time chain, or else from the walk
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
         raise InputError(
@@ -153,7 +156,7 @@ def load_slayer(
 
 
 def _check_chain(chain: list[_Layer], where: str) -> None:
-    """Refuse layers of which one does not take what the one before it sends."""
+    """Raise ``InputError`` for a layer that has other inputs than the layer before it has neurons."""
     for before, after in pairwise(chain):
         what = f"its inputs are not the neurons of {before.name!r}"
         fix = "Save the layers of one chain in their order."
@@ -164,7 +167,7 @@ def _check_chain(chain: list[_Layer], where: str) -> None:
 def _image(
     tensors: Mapping[str, Any], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig
 ) -> Channels | None:
-    """Return the pixels of the input: those in the YAML, or else in the axes of the first weights, if they have any."""
+    """Return the pixels of the input, from the YAML or the axes of the first weights; None if neither has them."""
     if "time" not in chains:
         return None
     if config.layers:
@@ -180,7 +183,7 @@ def _assumed(
     config: SlayerConfig,
     channels: int,
 ) -> Iterator[str]:
-    """Yield a sentence for each value that neither the checkpoint nor its description states."""
+    """Yield a sentence for each assumption: a value that neither the checkpoint nor its description states."""
     yield from chosen.assumed
     if "location" in chains and config.order is None:
         yield f"The description has no location_order: taxels are visited in the order {DEFAULT_ORDER}."
@@ -193,7 +196,7 @@ def _assumed(
 
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
-    """Return the walk over the channels and their number: two fingertips if no time branch determines it."""
+    """Return the walk over the channels, and their number: two fingertips if ``channels`` is None."""
     count = channels or 2 * TAXELS * POLARITIES
     fingertips = touch_fingertips(count)
     if fingertips is None:
@@ -201,13 +204,14 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
             what = f"order {order[:40]!r} is only for fingertips"
             raise InputError(where, what, measured=counted(count, "channel"), fix="Use loop.")
         return np.arange(count), count
-    return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
+    _, taxels = location_order(order, neutouch())
+    return channel_walk(taxels, neutouch(fingertips)), count
 
 
 def _with_kernels(
     config: SlayerConfig, kernels: str | None
 ) -> tuple[SlayerConfig, tuple[str, ...]]:
-    """Return the description with kernels ``full`` or ``cut``, and what is assumed where nobody says which."""
+    """Return the description with kernels ``full`` or ``cut``, and a sentence if the user does not state which."""
     if kernels == "cut":
         neuron = cut(config.neuron)
         location_neuron = cut(config.location_neuron)
@@ -228,7 +232,7 @@ def _add_chain(
         population, projection = _parts_of(layer, axis, source, delays, config, where)
         parts.populations.append(population)
         parts.projections.append(projection)
-        # Delays are those of what a layer sends.
+        # The delays of a layer are those of its outputs, so they act on the projection onto the next layer.
         source = layer.name
         delays = layer.delays
     parts.outputs[source] = None
@@ -239,17 +243,17 @@ def _parts_of(
 ) -> tuple[Population, Projection | ChipProjection]:
     """Return a population and the weights onto it; ``delays`` are those of the spikes of its source."""
     size = layer.size
-    late: Any = 0
+    delay: Any = 0
     if delays is not None:
-        late = int(delays[0])
-        if (delays != late).any():
-            of_each = projections.of_source(layer.weights, delays)
-            late = np.array(np.broadcast_to(of_each, values_of(layer.weights).shape))
+        delay = int(delays[0])
+        if (delays != delay).any():
+            delay_of_weight = projections.of_source(layer.weights, delays)
+            delay = np.array(np.broadcast_to(delay_of_weight, values_of(layer.weights).shape))
     neuron = config.neuron_along(axis)
     if not isinstance(neuron, LoihiNeuron):
         population = Population(layer.name, axis, size, neuron)
-        return population, Projection(source, layer.name, layer.weights, late)
-    # slayerPytorch's Loihi layers round weights to even numbers as they run.
+        return population, Projection(source, layer.name, layer.weights, delay)
+    # slayerPytorch's Loihi layers round weights to even numbers in every forward pass.
     even = (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64)
     mantissa = with_values(layer.weights, even)
     place = f"{where}, layer {layer.name!r}"
@@ -268,13 +272,13 @@ def _parts_of(
         exponent=neuron.weight_exponent,
         weight_bits=8,
         signs=signs,
-        delay=late,
+        delay=delay,
     )
     return Population(layer.name, axis, size, chip_neuron), projection
 
 
 def _layer_weights(tensors: Mapping[str, Any], where: str) -> dict[str, FloatArray]:
-    """Return the weights of every layer in their own shape, in the order of the checkpoint."""
+    """Return the weights of every layer, with their axes as in the checkpoint, and in its order."""
     names = dict.fromkeys(
         key.removesuffix(end) for key in tensors for end in WEIGHT_ENDS if key.endswith(end)
     )
@@ -293,18 +297,23 @@ def _layers(
     config: SlayerConfig,
     where: str,
 ) -> dict[str, _Layer]:
-    """Return all layers by name, those that do not run as well: delays may belong to these."""
-    run = {name: kernel for name, kernel in weights.items() if name in chosen.names}
+    """Return all layers by name, also those that do not run, because delays may belong to them."""
+    running = {name: kernel for name, kernel in weights.items() if name in chosen.names}
     if config.layers:
-        matrices = listed_layers(run, config.layers, where)
+        matrices = listed_layers(running, config.layers, where)
     else:
         matrices = {
-            name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in run.items()
+            name: dense_layer(kernel, f"{where}, layer {name!r}")
+            for name, kernel in running.items()
         }
     axes = {name: axis for axis, names in chosen.chains.items() for name in names}
     layers: dict[str, _Layer] = {}
     for name, kernel in weights.items():
-        flat, channels = matrices.get(name) or (kernel.reshape(len(kernel), -1), len(kernel))
+        if name in matrices:
+            flat, channels = matrices[name]
+        else:
+            flat = kernel.reshape(len(kernel), -1)
+            channels = len(kernel)
         axis = axes.get(name) or axis_of(name)
         layers[name] = _Layer(name, axis, matrix(flat, np.float64), channels)
     for key, values in tensors.items():
@@ -314,29 +323,34 @@ def _layers(
                 f"{where}, entry {key!r}", "layers of slayerPytorch have no biases", fix=fix
             )
         if key == "delay" or key.endswith(".delay"):
-            every = list(layers.values())
-            _attach(every, key, values.reshape(-1), config, f"{where}, entry {key!r}")
+            place = f"{where}, entry {key!r}"
+            _attach_delays(list(layers.values()), key, values.reshape(-1), config, place)
     return layers
 
 
-def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, where: str) -> None:
-    """Give delays, in milliseconds, to the layer of the same block, or else to the first with as many spikes and none.
+def _attach_delays(
+    layers: list[_Layer], key: str, delays_ms: Any, config: SlayerConfig, where: str
+) -> None:
+    """Set the delays of one layer to those of the checkpoint's entry ``key``.
 
-    Layers of the axis in the name of the delays come first. A convolution has one delay per channel.
+    The layer is one of the same block, such as ``block1.fc`` for ``block1.delay.delay``, or else the first one that
+    has as many outputs and no delays; layers of the axis in the name of the entry come first. A convolution has one
+    delay per channel.
     """
-    whole = np.floor(delay / config.ts)
-    steps = np.clip(whole, 0, DELAY_MAX).astype(np.int64)
-    block = key.rpartition(".")[0].rpartition(".")[0]
-    beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
-    axis = axis_of(key.rpartition(".")[0])
-    for layer in beside or sorted(layers, key=lambda layer: layer.axis != axis):
+    whole_steps = np.floor(delays_ms / config.ts)
+    steps = np.clip(whole_steps, 0, DELAY_MAX).astype(np.int64)
+    module = key.rpartition(".")[0]
+    block = module.rpartition(".")[0]
+    of_block = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
+    axis = axis_of(module)
+    for layer in of_block or sorted(layers, key=lambda layer: layer.axis != axis):
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
-            if not beside:
+            if not of_block:
                 layer.assumed += (
                     f"Delays {key!r} are used for layer {layer.name!r}, the first with as many outputs.",
                 )
-            if (whole > DELAY_MAX).any():
+            if (whole_steps > DELAY_MAX).any():
                 layer.assumed += (
                     f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",
                 )
@@ -348,11 +362,14 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
-    """Return a layer's weights in their own shape, with weight normalisation multiplied out."""
+    """Return a layer's weights, with their axes as in the checkpoint, and weight normalisation multiplied out.
+
+    With weight normalisation, row i of the weights is ``gains[i] * directions[i] / |directions[i]|``.
+    """
     plain, *normalised = [tensors.get(name + end) for end in WEIGHT_ENDS]
     if plain is not None:
         return np.asarray(plain, dtype=np.float64)
-    # Torch has two pairs of names for the gains and directions of weight normalisation, an old and a new one.
+    # Torch has two pairs of names for gains and directions, an old and a new one; WEIGHT_ENDS lists them in turns.
     gains = next((tensor for tensor in normalised[0::2] if tensor is not None), None)
     directions = next((tensor for tensor in normalised[1::2] if tensor is not None), None)
     place = f"{where}, layer {name!r}"

@@ -1,1 +1,1 @@
-"""Reads a state dict of torch with a YAML file that lists its layers."""
+"""Read a state dict of torch with a YAML file that lists its layers."""

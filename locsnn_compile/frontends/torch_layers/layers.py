@@ -1,14 +1,14 @@
 """The layers of torch that a description may list: one class each, whose fields are its options.
 
-The weights of a layer are those of its name in the state dict. What torch states in a constructor and the
-weights show (``in_channels``, ``kernel_size`` of a convolution) is not an option.
+The weights of a layer are found in the state dict by its name. Arguments of a torch constructor that the shape of the
+weights shows (``in_channels``, ``kernel_size`` of a convolution) are not options.
 
 Batch normalisation in evaluation multiplies each channel by ``weight / sqrt(running_var + eps)`` and adds
 ``bias - running_mean`` times that factor. It is folded into the weights before it, or else becomes
 weights of its own.
 
-Max pooling over spikes is 1 where any spike of its window is: neurons without memory whose threshold, half
-a spike, any one spike meets. They spike a step later than their input, like all neurons here.
+The maximum over a window of spikes is 1 if any of them is. So max pooling becomes neurons without memory, whose
+threshold is half a spike, behind sum pooling. They spike a step later than their input, like all neurons on the chip.
 """
 
 import math
@@ -24,12 +24,13 @@ from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.torch_layers.chain import Chain
 
 OfAxes = tuple[int, ...]
-"""A number for each axis of an image; a single one stands for all."""
+"""One number per axis of an image; a single one stands for all axes."""
 HALF_A_SPIKE = 0.5
+"""The threshold of max pooling, which one spike or more exceeds."""
 
 
 def with_lists(options: Any, *names: str) -> Any:
-    """Return options with lists for single numbers where torch takes both."""
+    """Return options in which the single numbers of some options are lists of one; torch takes both."""
     if not isinstance(options, dict):
         return options
     lists = {name: [options[name]] for name in names if isinstance(options.get(name), int)}
@@ -41,7 +42,7 @@ class Layer(ABC):
 
     @abstractmethod
     def add_to(self, chain: Chain, name: str) -> None:
-        """Add the layer to a chain; ``InputError`` where it does not fit."""
+        """Add the layer to a chain; raise ``InputError`` if it does not fit there."""
 
 
 class Linear(Layer, Frozen):
@@ -72,7 +73,7 @@ class Convolution(Layer, Frozen):
 
     @staticmethod
     def from_plain(options: Any) -> Any:
-        """Return options as the fields hold them."""
+        """Return the options of a description in the form of the fields: a padding that is a word has its own field."""
         if isinstance(options, dict) and isinstance(options.get("padding"), str):
             numbers = {name: value for name, value in options.items() if name != "padding"}
             options = {**numbers, "named_padding": options["padding"]}
@@ -113,7 +114,7 @@ class BatchNorm(Layer, Frozen):
     eps: Annotated[float, POSITIVE] = 1e-5
 
     def add_to(self, chain: Chain, name: str) -> None:
-        """Fold it into the weights before it, or add it as weights of one connection for each channel."""
+        """Fold it into the weights before it, or add it as weights that connect each channel to itself."""
         factor, bias = self._channels(chain, name)
         if chain.weighted:
             before = chain.nodes[chain.last].array("weight")
@@ -147,7 +148,10 @@ class BatchNorm(Layer, Frozen):
 
 
 def _of_each_channel(factor: FloatArray, bias: FloatArray, axes: int) -> NirNode:
-    """Return a convolution by kernels of one pixel that multiplies each channel, and adds to it."""
+    """Return a convolution with kernels of one pixel that multiplies each channel by a factor and adds a bias.
+
+    ``axes`` are those of its input, with the channels.
+    """
     parameters = {
         "weight": factor.reshape(-1, *(1,) * axes),
         "bias": bias,
@@ -160,7 +164,7 @@ def _of_each_channel(factor: FloatArray, bias: FloatArray, axes: int) -> NirNode
 
 
 class Pooling(Layer, Frozen):
-    """Base of poolings of images: the stride is the kernel's size unless it is given."""
+    """Base of pooling layers of images; without a ``stride``, it is the size of the kernel."""
 
     kernel_size: OfAxes
     stride: OfAxes = ()
@@ -168,11 +172,11 @@ class Pooling(Layer, Frozen):
 
     @staticmethod
     def from_plain(options: Any) -> Any:
-        """Return options as the fields hold them."""
+        """Return the options of a description in the form of the fields."""
         return with_lists(options, "kernel_size", "stride", "padding", "dilation")
 
     def node(self, kind: str, **more: FloatArray) -> NirNode:
-        """Return it as a NIR node of a kind."""
+        """Return the pooling as a NIR node of a kind, with further parameters."""
         parameters = {
             "kernel_size": np.array(self.kernel_size),
             "stride": np.array(self.stride or self.kernel_size),
@@ -182,7 +186,7 @@ class Pooling(Layer, Frozen):
 
 
 class AvgPool2d(Pooling, Frozen):
-    """``torch.nn.AvgPool2d``, padding included in the mean."""
+    """``torch.nn.AvgPool2d``; padding is included in the mean, which is torch's default."""
 
     def add_to(self, chain: Chain, name: str) -> None:
         """Add the mean of each window."""
@@ -203,7 +207,7 @@ class MaxPool2d(Pooling, Frozen):
     dilation: OfAxes = (1,)
 
     def add_to(self, chain: Chain, name: str) -> None:
-        """Add the sum of each window, and neurons that any one spike brings over their threshold."""
+        """Add the sum of each window, and neurons whose threshold any one spike exceeds."""
         if not chain.spiking:
             what = f"max pooling is exact for spikes, and {chain.last!r} sends numbers"
             fix = "Train with the pooling behind the neurons, or with AvgPool2d."
@@ -227,10 +231,12 @@ class Flatten(Layer, Frozen):
 
     def add_to(self, chain: Chain, name: str) -> None:
         """Join the axes."""
-        # Here, axes are counted without the batch.
+        # The graph has no batch axis, so torch's axis 1 is its axis 0.
         first = max(self.start_dim - 1, 0)
-        # A negative number counts from the last axis, batch or not.
-        last = chain.axes + self.end_dim if self.end_dim < 0 else self.end_dim - 1
+        # A negative number counts from the last axis, with or without a batch.
+        last = self.end_dim - 1
+        if self.end_dim < 0:
+            last = chain.axes + self.end_dim
         if not first <= last < chain.axes:
             raise InputError(
                 chain.place(name),
@@ -243,7 +249,7 @@ class Flatten(Layer, Frozen):
 
 
 class Dropout(Layer, Frozen):
-    """``torch.nn.Dropout`` and its like, which do nothing in evaluation."""
+    """``torch.nn.Dropout`` and ``Dropout2d``, which do nothing in evaluation; ``p`` is accepted and not used."""
 
     p: Annotated[float, NOT_NEGATIVE] = math.nan
 
@@ -264,4 +270,4 @@ LAYERS: dict[str, type[Layer]] = {
     "Dropout": Dropout,
     "Dropout2d": Dropout,
 }
-"""Types of layers, as a description names them."""
+"""The classes of layers, by the type that a description states."""

@@ -1,8 +1,8 @@
-"""The neurons of frameworks that a description may list, in the words of their constructors.
+"""The neurons of frameworks that a description may list: one class each, with the options of their constructors.
 
-Each class says its framework's step, with v the potential and x what arrives. They become NIR neurons whose
-time constants are counted in steps; ``Reading`` says how a spike resets, and whether a potential at the
-threshold spikes.
+The docstring of each class has the framework's step, with v the potential and x the input of the step. They become NIR
+neurons whose time constants are counted in steps. With ``r = tau``, Euler's method then adds the whole input. A
+``Reading`` says how a spike resets, and whether a potential at the threshold spikes.
 """
 
 from typing import Annotated, ClassVar
@@ -18,17 +18,19 @@ from locsnn_compile.frontends.torch_layers.chain import DT_SECONDS, Chain
 from locsnn_compile.frontends.torch_layers.layers import Layer
 
 SNNTORCH_RESETS = ("subtract", "zero", "none")
-"""In the order of their numbers in a state dict."""
+"""The reset mechanisms of snnTorch, in the order of their numbers in a state dict."""
 Share = Annotated[float | None, between(0, 1)]
+"""A decay as the share that is kept; None if the option is not given."""
 Positive = Annotated[float | None, POSITIVE]
+"""A number above 0; None if the option is not given."""
 
 
 def _parameter(
     chain: Chain, name: str, key: str, option: float | None, usual: float | None = None
 ) -> FloatArray:
-    """Return a parameter of neurons: of the state dict if that has it, else the option; refuse two values.
+    """Return a parameter of neurons: from the state dict if it has it, else the option, else the default ``usual``.
 
-    ``usual`` is taken where neither says it.
+    Raises ``InputError`` if both have different values, or if nothing has a value.
     """
     place = chain.place(name)
     stored = chain.optional(name, key)
@@ -45,13 +47,16 @@ def _parameter(
 
 
 def _time_constant(kept: FloatArray) -> FloatArray:
-    """Return the time constant, in steps, of a state of which a step keeps a share."""
+    """Return the time constant, in steps, of a state of which the share ``kept`` remains after a step.
+
+    Euler's method loses 1 / tau per step; a share of 1 has an infinite time constant.
+    """
     with np.errstate(divide="ignore"):
         return np.asarray(1 / (1 - np.clip(kept, 0, 1)))
 
 
 class SnntorchNeurons(Layer, Frozen):
-    """Base of snnTorch's neurons: they spike above the threshold."""
+    """Base of snnTorch's neurons: they spike above the threshold, and by default reset one step later."""
 
     beta: Share = None
     threshold: Positive = None
@@ -62,11 +67,15 @@ class SnntorchNeurons(Layer, Frozen):
     """Whether a reset to zero also holds in the next step, with ``reset_delay``."""
 
     def reading(self, chain: Chain, name: str) -> Reading:
-        """Return how a spike resets, from the state dict or else the option."""
+        """Return how a spike resets, from the state dict or else the option.
+
+        Raises ``InputError`` if both have different values.
+        """
         mechanism = self.reset_mechanism
         stored = chain.optional(name, "reset_mechanism_val")
         if stored is not None:
-            mechanism = SNNTORCH_RESETS[int(np.clip(stored.reshape(-1)[0], 0, 2))]
+            number = int(np.clip(stored.reshape(-1)[0], 0, len(SNNTORCH_RESETS) - 1))
+            mechanism = SNNTORCH_RESETS[number]
             if self.reset_mechanism not in (None, mechanism):
                 what = "the state dict has another reset_mechanism"
                 measured = f"{self.reset_mechanism} against {mechanism}"
@@ -81,6 +90,7 @@ class SnntorchNeurons(Layer, Frozen):
         return Reading(dt=DT_SECONDS, discretisation="euler", reset=reset)
 
     def _reset(self, mechanism: str) -> Reset:
+        """Return the name that a ``Reading`` has for a mechanism of snnTorch."""
         if mechanism == "none":
             return "none"
         if mechanism == "zero":
@@ -94,7 +104,7 @@ class SnntorchLeaky(SnntorchNeurons, Frozen):
     late_zero = False
 
     def add_to(self, chain: Chain, name: str) -> None:
-        """Add an LIF whose spikes add their weights."""
+        """Add an LIF to which spikes add their weights."""
         tau = _time_constant(_parameter(chain, name, "beta", self.beta))
         threshold = _parameter(chain, name, "threshold", self.threshold, usual=1.0)
         parameters = {"tau": tau, "r": tau, "v_leak": np.array(0.0), "v_reset": np.array(0.0)}
@@ -110,7 +120,7 @@ class SnntorchSynaptic(SnntorchNeurons, Frozen):
     late_zero = True
 
     def add_to(self, chain: Chain, name: str) -> None:
-        """Add a CubaLIF whose spikes add their weights to the current, and this to the potential."""
+        """Add a CubaLIF: spikes add their weights to the current, and the current is added to the potential."""
         tau_syn = _time_constant(_parameter(chain, name, "alpha", self.alpha))
         tau_mem = _time_constant(_parameter(chain, name, "beta", self.beta))
         threshold = _parameter(chain, name, "threshold", self.threshold, usual=1.0)
@@ -127,13 +137,13 @@ class SnntorchSynaptic(SnntorchNeurons, Frozen):
 
 
 class SpikingjellyNeurons(Layer, Frozen):
-    """Base of spikingjelly's neurons: they spike at the threshold; without a ``v_reset``, it is subtracted."""
+    """Base of spikingjelly's neurons: they spike at the threshold. If ``v_reset`` is None, it is subtracted."""
 
     v_threshold: Annotated[float, POSITIVE] = 1.0
     v_reset: float | None = 0.0
 
     def parameters(self) -> dict[str, FloatArray]:
-        """Return the threshold and the reset of a node."""
+        """Return the parameters of a node for the threshold and the reset."""
         reset_to = 0.0 if self.v_reset is None else self.v_reset
         return {"v_threshold": np.array(self.v_threshold), "v_reset": np.array(reset_to)}
 
@@ -177,7 +187,8 @@ class SpikingjellyParametricLIF(SpikingjellyLIF, Frozen):
     def add_to(self, chain: Chain, name: str) -> None:
         """Add an LIF."""
         w = float(chain.tensor(name, "w").reshape(-1)[0])
-        self.add_leaky(chain, name, 1 + float(np.exp(-w)))
+        tau = 1 + float(np.exp(-w))  # 1 / sigmoid(w)
+        self.add_leaky(chain, name, tau)
 
 
 class NorseLIFBox(Layer, Frozen):
@@ -205,7 +216,7 @@ class NorseLIFBox(Layer, Frozen):
 class SinabsNeurons(Layer, Frozen):
     """Base of sinabs' neurons with ``spike_fn`` SingleSpike: they spike at the threshold.
 
-    ``reset_fn`` is MembraneSubtract or MembraneReset, to 0.
+    ``reset_fn`` is MembraneSubtract, or MembraneReset, which resets to 0. ``min_v_mem`` is the floor of the potential.
     """
 
     spike_threshold: Positive = None
@@ -228,7 +239,7 @@ class SinabsNeurons(Layer, Frozen):
         )
 
     def ends(self, chain: Chain, name: str) -> dict[str, FloatArray]:
-        """Return the threshold and the reset of a node."""
+        """Return the parameters of a node for the threshold and the reset."""
         threshold = _parameter(chain, name, "spike_threshold", self.spike_threshold, usual=1.0)
         return {"v_threshold": threshold, "v_reset": np.array(0.0)}
 
@@ -251,10 +262,11 @@ class SinabsLIF(SinabsNeurons, Frozen):
     def add_to(self, chain: Chain, name: str) -> None:
         """Add an LIF whose input is held during a step."""
         tau = _parameter(chain, name, "tau_mem", self.tau_mem)
-        gain = np.ones_like(tau)
+        r = np.ones_like(tau)
         if not self.norm_input:
-            gain = 1 / -np.expm1(-1 / tau)
-        parameters = {"tau": tau, "r": gain, "v_leak": np.array(0.0), **self.ends(chain, name)}
+            # Holding the input multiplies it by 1 - a, which is undone here.
+            r = 1 / -np.expm1(-1 / tau)
+        parameters = {"tau": tau, "r": r, "v_leak": np.array(0.0), **self.ends(chain, name)}
         chain.add_neurons(name, NirNode("LIF", parameters), self.reading(chain, name))
 
 
@@ -268,4 +280,4 @@ NEURON_TYPES: dict[str, type[Layer]] = {
     "sinabs.IAF": SinabsIAF,
     "sinabs.LIF": SinabsLIF,
 }
-"""Types of neurons, as a description names them."""
+"""The classes of neurons, by the type that a description states."""

@@ -1,4 +1,7 @@
-"""From a state dict and the YAML that lists its layers to a Network, by way of a NIR graph in memory."""
+"""From a state dict and the YAML that lists its layers (the *description*) to a Network.
+
+The layers become a NIR graph in memory, which is read like that of a NIR file.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -22,13 +25,16 @@ from locsnn_compile.frontends.torch_layers.neurons import NEURON_TYPES
 from locsnn_compile.network.network import Network
 
 MAX_DESCRIPTION_BYTES = 200_000
+"""Largest size of a description; a limit for hostile files, chosen by hand."""
 MAX_LAYERS = 1000
+"""Largest number of layers of a description; a limit for hostile files, chosen by hand."""
 LAYER_TYPES: dict[str, type[Layer]] = {**LAYERS, **NEURON_TYPES}
+"""The classes of layers and neurons, by the type that a description states."""
 FIX = "Give 'input: [channels, height, width]' and 'layers: {name: {type: ...}, ...}'."
 
 
 class Description(Frozen):
-    """The content of a description: the shape of a step of input, and its layers by name, in order."""
+    """The content of a description: the shape of the input of one step, and the layers by name, in order."""
 
     input: tuple[int, ...]
     layers: dict[str, Layer]
@@ -36,7 +42,10 @@ class Description(Frozen):
 
 
 def lists_layers(config: Path) -> bool:
-    """Tell whether a YAML file lists layers; what cannot be read is refused where its format is."""
+    """Return whether a YAML file lists layers.
+
+    A file that cannot be read does not; the format that then takes it raises the error.
+    """
     try:
         values = _yaml(config)
     except InputError:
@@ -45,11 +54,11 @@ def lists_layers(config: Path) -> bool:
 
 
 def read_description(config: Path) -> Description:
-    """Read a description, every entry checked; ``InputError`` for other files."""
+    """Read a description and check every entry; raise ``InputError`` for other files."""
     where = f"config {config.name!r}"
     reader = RecordReader(where, FIX)
-    required = {"input": True, "layers": True, "step_seconds": False}
-    entries = reader.entries(_yaml(config), "", required)
+    is_required = {"input": True, "layers": True, "step_seconds": False}
+    entries = reader.entries(_yaml(config), "", is_required)
     shape = entries["input"]
     if isinstance(shape, int):
         shape = [shape]
@@ -59,13 +68,13 @@ def read_description(config: Path) -> Description:
     check_most(len(layers), MAX_LAYERS, where, "too many layers", fix="Give a smaller network.")
     if not layers:
         raise InputError(f"{where}: layers", "there are none", fix=FIX)
-    parts = {str(name): _layer(reader, entry, str(name)) for name, entry in layers.items()}
+    layer_of = {str(name): _layer(reader, entry, str(name)) for name, entry in layers.items()}
     seconds = reader.value(float | None, entries.get("step_seconds"), "step_seconds")
-    return Description(input_shape, parts, seconds)
+    return Description(input_shape, layer_of, seconds)
 
 
 def _layer(reader: RecordReader, entry: Any, name: str) -> Layer:
-    """Return a layer; ``InputError`` for an unknown type, and for options that it does not have."""
+    """Return a layer; raise ``InputError`` for an unknown type, and for options that the type does not have."""
     key = f"layers.{name}"
     if not name.isprintable() or "/" in name or len(name) > 200:
         raise InputError(reader.place(key), "its name has a slash or is not text", fix="Rename it.")
@@ -81,12 +90,13 @@ def _layer(reader: RecordReader, entry: Any, name: str) -> Layer:
 def load_torch_layers(
     path: Path, config: Path, *, relay_delays: bool = False, host_layers: str | None = None
 ) -> Network:
-    """Read a state dict and its description, and return the network; ``InputError`` if they cannot be used."""
+    """Read a state dict and its description, and return the network; raise ``InputError`` if they cannot be used."""
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
     description = read_description(config)
     state = load_plain(data, where, fix=SAVE_A_STATE_DICT)
     tensors = state_tensors(state, where, (*FLOATS, *WHOLE_NUMBERS))
+    # Layers on the host take numbers.
     takes_spikes = host_layers is None
     chain = Chain(where, tensors, axes=len(description.input), spiking=takes_spikes)
     for name, layer in description.layers.items():
@@ -110,6 +120,7 @@ def load_torch_layers(
 
 
 def _yaml(config: Path) -> object:
+    """Return the content of a YAML file."""
     where = f"config {config.name!r}"
     text = read_bytes(config, where, MAX_DESCRIPTION_BYTES, "Give only the YAML.")
     return load_yaml(text, where, "it is not YAML", "Give the network's description.")
