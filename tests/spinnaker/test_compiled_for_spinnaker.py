@@ -1,4 +1,8 @@
-"""Shipped networks compiled for SpiNNaker: the numbers that an independent model of the chip gave as well."""
+"""Shipped networks compiled for SpiNNaker: their spikes, scales and reports.
+
+The numbers of spikes are those of an independent model of the chip. The shifts of sPyNNaker's own choice are those that
+sPyNNaker chose when it mapped the emitted network.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +21,18 @@ from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
 
 CHIP = spinnaker_chip("spinnaker1")
 TOUCHES = "examples/recordings/touches.npz"
+TIME_STEPS = 250
+"""The steps of the time phase of objects-hybrid."""
+TAXELS = 78
+"""The channels of its sensor, which are the steps of its location phase."""
+NEURONS_PER_BRANCH = 68
+"""32 hidden neurons and 36 classes in each branch."""
+NS_PER_STEP = 1e6
+"""A board takes 1 ms for a step."""
 
 
 def compiled(model: str, events: str | None = None) -> CompiledSpinnaker:
+    """Compile a shipped model; without recordings, it is checked on made-up ones."""
     network = lc.load(f"examples/models/{model}.pt")
     return lc.compile(network, CHIP, events=events)
 
@@ -61,8 +74,9 @@ def test_the_shifts_that_spynnaker_chooses_would_cost_the_location_branch_its_sp
 def test_the_report_says_scales_time_and_what_is_not_known(hybrid):
     report = hybrid.report
     assert report["energy"]["per_sample_pj"] is None
-    assert report["latency"]["per_sample_ns"] == (250 + 78) * 1e6
-    assert report["operations"]["per_sample"]["neuron_updates"] == 250 * 68 + 78 * 68
+    steps = TIME_STEPS + TAXELS
+    assert report["latency"]["per_sample_ns"] == steps * NS_PER_STEP
+    assert report["operations"]["per_sample"]["neuron_updates"] == steps * NEURONS_PER_BRANCH
     hidden = report["quantization"]["location_hidden"]
     assert (hidden["weight_unit_na"], hidden["potential_unit_mv"]) == (0.25, 1 / 64)
     assert hidden["ring_shifts"] == [13, 11]
@@ -82,13 +96,13 @@ def test_the_report_says_scales_time_and_what_is_not_known(hybrid):
 @pytest.mark.slow
 def test_no_report_says_that_resets_were_calibrated(hybrid):
     """Their weights are rounded one by one: other recordings give the same program."""
-    sparse = (np.random.default_rng(0).random((2, 250, 78)) < 0.02).astype(np.uint8)
+    sparse = (np.random.default_rng(0).random((2, TIME_STEPS, TAXELS)) < 0.02).astype(np.uint8)
     network = hybrid.network
     for target in ("spinnaker1", "loihi-sim"):
-        on_made_up = lc.compile(network, target, "reset", events=TOUCHES)
-        on_others = lc.compile(network, target, "reset", events=TOUCHES, calibration=sparse)
-        assert on_made_up.report["assumptions"] == on_others.report["assumptions"] == []
-        assert on_made_up.files()["program.npz"] == on_others.files()["program.npz"]
+        usual = lc.compile(network, target, "reset", events=TOUCHES)
+        on_sparse = lc.compile(network, target, "reset", events=TOUCHES, calibration=sparse)
+        assert usual.report["assumptions"] == on_sparse.report["assumptions"] == []
+        assert usual.files()["program.npz"] == on_sparse.files()["program.npz"]
 
 
 def test_a_network_of_windows_keeps_every_spike_and_class():
@@ -102,6 +116,7 @@ def test_a_network_of_windows_keeps_every_spike_and_class():
 def test_delays_arrive_as_in_the_network():
     fingertips = compiled("two-fingertips")
     assert fingertips.match.prediction_agreement == 1
+    # The power of two that holds the longest delay of the network.
     assert fingertips.program.network.population("location_hidden").slots == 8
     agreed = [match.agreement for match in fingertips.match.integers.values()]
     assert min(agreed) > 0.999
@@ -117,7 +132,7 @@ def test_a_network_of_any_length_takes_the_steps_of_recordings(steps):
         for name, shape in description.weight_shapes.items()
     }
     network = replace(lc.load(Checkpoint(description, weights)), any_length=True)
-    events = (random.random((3, steps, 78)) < 0.2).astype(np.uint8)
+    events = (random.random((3, steps, TAXELS)) < 0.2).astype(np.uint8)
     spinnaker = lc.compile(network, "spinnaker1", events=events)
     loihi = lc.compile(network, "loihi-sim", "reset", events=events, diagnosis=False)
     for name, numbers in loihi.report["quantization"].items():

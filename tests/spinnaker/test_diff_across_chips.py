@@ -1,4 +1,7 @@
-"""``locsnn diff --events``: two builds of one model for chips that compute in different ways."""
+"""``locsnn diff --events`` with builds of one model for loihi-sim and SpiNNaker, which compute in different ways.
+
+The numbers of spikes are those of ``test_compiled_for_spinnaker.py``, where the compiler itself compares both.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ TOUCHES = "examples/recordings/touches.npz"
 
 
 def built(folder: Path, model: str, target: str) -> str:
-    """Compile a shipped model with strategy reset."""
+    """Compile a shipped model with strategy reset, and return the folder of the build."""
     name = f"examples/models/{model}.pt"
     arguments = [name, "--target", target, "--events", TOUCHES, "--quiet", "-o", str(folder)]
     assert compile_main([*arguments, "--strategy", "reset"]) == 0
@@ -23,8 +26,10 @@ def built(folder: Path, model: str, target: str) -> str:
 
 @pytest.fixture(scope="module")
 def builds(tmp_path_factory):
-    place = tmp_path_factory.mktemp("builds")
-    return [built(place / each, "objects-hybrid", each) for each in ("loihi-sim", "spinnaker1")]
+    """The folders of two builds: for loihi-sim, then for SpiNNaker."""
+    folder = tmp_path_factory.mktemp("builds")
+    targets = ("loihi-sim", "spinnaker1")
+    return [built(folder / target, "objects-hybrid", target) for target in targets]
 
 
 @pytest.mark.slow
@@ -43,9 +48,9 @@ def test_the_hybrid_predicts_every_class_alike_with_99_9_percent_of_its_spikes(b
 def test_the_summary_and_the_page_say_so_by_population(builds, capsys, tmp_path):
     page = tmp_path / "diff.html"
     assert main(["diff", *builds, "--events", TOUCHES, "--html", str(page)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "class of both programs the same in 8 of 8 recordings" in said
-    assert "both, time_hidden 99.986 % of spikes equal" in said
+    stdout = " ".join(capsys.readouterr().out.split())
+    assert "class of both programs the same in 8 of 8 recordings" in stdout
+    assert "both, time_hidden 99.986 % of spikes equal" in stdout
     assert "Spikes of both programs" in page.read_text()
 
 

@@ -1,4 +1,8 @@
-"""``--emit pynn``: a script for sPyNNaker, played here by a stand-in that takes what sPyNNaker takes."""
+"""``--emit pynn``: a script that plays the program with sPyNNaker and compares every spike and potential.
+
+Here it runs with a stand-in for sPyNNaker (``pynn_stand_in.py``), which plays by our plain engine. That the stand-in
+takes what sPyNNaker takes was checked by mapping emitted networks with sPyNNaker itself.
+"""
 
 from __future__ import annotations
 
@@ -24,23 +28,31 @@ from tests.support.small_spinnaker_graphs import cells, graph, synapses
 
 CHIP = spinnaker_chip("spinnaker1")
 STAND_IN = Path(__file__).with_name("pynn_stand_in.py")
+STEPS = 40
+LINES = 6
+NEURONS = 3
+VALUES = STEPS * NEURONS
+"""How many spikes, or potentials, the script compares."""
 
 
 def small_program(*, read: bool = False) -> SpinnakerProgram:
-    """Return lines with weights of both signs, some delayed, onto three neurons."""
+    """Return lines with weights of both signs and several delays onto neurons, whose potentials may be ``read`` out."""
     random = np.random.default_rng(5)
-    weights = random.integers(-60, 128, (3, 6)) * 2
+    weights = random.integers(-60, 128, (NEURONS, LINES)) * 2
     part = synapses(weights, delay=np.arange(np.count_nonzero(weights)) % 4)
     readout = Readout(("cells",), (1.0,), potentials_from=2) if read else None
-    of = graph(part, lines=6, groups=(cells(3, threshold=200, refractory=3),), readout=readout)
-    return SpinnakerProgram("small", CHIP, lower_to_spinnaker(of, CHIP).network, readout)
+    group = cells(NEURONS, threshold=200, refractory=3)
+    small = graph(part, lines=LINES, groups=(group,), readout=readout)
+    return SpinnakerProgram("small", CHIP, lower_to_spinnaker(small, CHIP).network, readout)
 
 
 def recording() -> np.ndarray:
-    return (np.random.default_rng(6).random((40, 6)) < 0.3).astype(np.uint8)
+    """Return a random recording (steps, lines)."""
+    return (np.random.default_rng(6).random((STEPS, LINES)) < 0.3).astype(np.uint8)
 
 
 def written(folder: Path, program: SpinnakerProgram) -> Path:
+    """Write the emitted files, and return the folder of the script."""
     for name, content in pynn_folder(program, recording()).items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -49,7 +61,7 @@ def written(folder: Path, program: SpinnakerProgram) -> Path:
 
 
 def run(folder: Path, *options: str, fault: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run the script with the stand-in, which adds ``fault`` spikes."""
+    """Run the script with the stand-in, which hides ``fault`` spikes from it, and with an empty provenance reader."""
     packages = folder.parent / "packages" / "pyNN"
     packages.mkdir(parents=True, exist_ok=True)
     (packages / "__init__.py").touch()
@@ -77,11 +89,11 @@ def test_the_script_finds_every_spike_and_potential_equal(tmp_path, read):
     lines = result.stdout.splitlines()
     if read:
         assert lines[:2] == [
-            "cells: 0 spikes expected, 0 of 120 spikes differ",
-            "cells: 0 of 120 potentials differ",
+            f"cells: 0 spikes expected, 0 of {VALUES} spikes differ",
+            f"cells: 0 of {VALUES} potentials differ",
         ]
     else:
-        assert lines[0].endswith(" spikes expected, 0 of 120 spikes differ")
+        assert lines[0].endswith(f" spikes expected, 0 of {VALUES} spikes differ")
         assert not lines[0].startswith("cells: 0 ")
     assert lines[-4:] == [
         "  Times_synaptic_weights_have_saturated: 0",
@@ -120,7 +132,7 @@ def test_both_phases_of_a_shipped_network_tell_spynnaker_sums_that_give_its_shif
     network = lc.load("examples/models/objects-best.pt")
     recordings = recordings_for(network, None)
     graph_of = lower_neurons(quantize_for(CHIP, network, recordings), grid_of(CHIP))
-    of = lower_to_spinnaker(graph_of, CHIP).network
-    for population in of.populations:
-        sums = expected_sums(of, population)
+    lowered = lower_to_spinnaker(graph_of, CHIP).network
+    for population in lowered.populations:
+        sums = expected_sums(lowered, population)
         assert tuple(map(shift_for, sums)) == population.shifts

@@ -1,4 +1,9 @@
-"""SpiNNaker against what the machine code of sPyNNaker was seen to do, and faults that it tells."""
+"""Both engines of SpiNNaker against what the machine code of sPyNNaker did with the same networks.
+
+The code that sPyNNaker ships for the chip's cores ran in an emulator, and every register was recorded
+(``record_machine.py``); such a record is called a *witness*. Planted faults show that the witnesses would find errors of
+the arithmetic.
+"""
 
 from __future__ import annotations
 
@@ -28,19 +33,24 @@ def test_every_constant_and_register_is_that_of_the_machine_code(number, play):
 
 
 def test_the_recorded_networks_meet_all_that_the_arithmetic_distinguishes():
-    met = dict.fromkeys(spinnaker.EVENTS, 0)
+    """Every counted event, potentials exactly at the threshold, and time constants so long that synapses are silent."""
+    event_counts = dict.fromkeys(spinnaker.EVENTS, 0)
     at_threshold = 0
     silent_synapses = 0
     for witness in WITNESSES:
         case = case_of(witness)
         result = play_reference(case.network, PHASE, case.spikes, case.lateness)
         for name, count in result.events.items():
-            met[name] += count
+            event_counts[name] += count
         at_threshold += np.count_nonzero(result.potential == witness["parameters.v_thresh"])
+        # Above 2^30, the exponent 2^30 // tau_syn is 0: such synapses add nothing.
         silent_synapses += np.count_nonzero(witness["parameters.tau_syn"] > 1 << 30)
-    assert all(met.values())
+    assert all(event_counts.values())
     assert at_threshold > 50
     assert silent_synapses > 0
+
+
+# Faulty versions of functions of hw_model/arithmetic/spinnaker.py, with the arguments of the sound ones.
 
 
 def _rounded_product(goal, distance, membrane_decay):
@@ -65,12 +75,12 @@ def _unrounded_share(wide, factor):
 
 
 def _step_that(**changes: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the step with changed potentials: ``fired`` or ``state`` of what the sound one gives."""
+    """Return a faulty step: the sound one, with its ``fired`` or ``state`` replaced by what ``changes`` return."""
 
     def faulty(p, c, shifts, state, ring):
-        taken = SOUND_STEP(p, c, shifts, state, ring)
-        return taken._replace(
-            **{name: change(p, c, state, taken) for name, change in changes.items()}
+        sound = SOUND_STEP(p, c, shifts, state, ring)
+        return sound._replace(
+            **{name: change(p, c, state, sound) for name, change in changes.items()}
         )
 
     return faulty
@@ -80,19 +90,20 @@ SOUND_STEP = spinnaker.step
 SOUND_EXPULR = spinnaker.expulr
 
 
-def _refractory_one_longer(p, c, state, taken):
-    left = np.where(taken.fired, c.refractory_steps + 1, taken.state.refractory)
-    return taken.state._replace(refractory=left)
+def _refractory_one_longer(p, c, state, sound):
+    steps_left = np.where(sound.fired, c.refractory_steps + 1, sound.state.refractory)
+    return sound.state._replace(refractory=steps_left)
 
 
-def _silent_while_refractory(p, c, state, taken):
-    return taken.fired & (state.refractory == 0)
+def _silent_while_refractory(p, c, state, sound):
+    return sound.fired & (state.refractory == 0)
 
 
-def _currents_cleared_by_a_spike(p, c, state, taken):
-    return taken.state._replace(current=np.where(taken.fired[:, None], 0, taken.state.current))
+def _currents_cleared_by_a_spike(p, c, state, sound):
+    return sound.state._replace(current=np.where(sound.fired[:, None], 0, sound.state.current))
 
 
+# By what is wrong: the function or constant of the arithmetic, and what takes its place.
 FAULTS = {
     "the membrane's product is rounded to nearest": ("approached", _rounded_product),
     "the membrane's product is rounded towards 0": ("approached", _towards_zero),
@@ -128,19 +139,22 @@ FAULTS = {
 def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
     name, faulty = FAULTS[fault]
     monkeypatch.setattr(spinnaker, name, faulty)
-    told = 0
+    differing_values = 0
     for witness in WITNESSES:
         case = case_of(witness)
         result = play_reference(case.network, PHASE, case.spikes, case.lateness)
-        told += sum(differences(case, result, witness).values())
-    assert told > 0
+        differing_values += sum(differences(case, result, witness).values())
+    assert differing_values > 0
 
 
 EXPONENTIALS = {
     "expk": "17f887efb84814586dc2c931a2e6b20193949466585a93ed6ca7e6dd4766f260",
     "expulr": "65481c61433742492055387e77821102f272c0c3187d6454ecb8ddbbe0c5d37b",
 }
-"""SHA-256 of what the machine code gave for every argument, as words of 32 bits, lowest byte first."""
+"""SHA-256 of what the machine code gave for every argument, as words of 32 bits, lowest byte first.
+
+A digest stands for 704,106 values, which would be a file of several megabytes.
+"""
 
 
 @pytest.mark.slow

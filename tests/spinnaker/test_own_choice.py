@@ -1,4 +1,8 @@
-"""The shifts that sPyNNaker chooses by itself, and networks with other shifts than theirs."""
+"""The shifts that sPyNNaker would choose by itself, and networks stored for other shifts.
+
+The formulas are computed once more here, with scipy's Poisson distribution. That they are sPyNNaker's was checked by
+mapping networks with sPyNNaker, see ``test_compiled_for_spinnaker.py``.
+"""
 
 from __future__ import annotations
 
@@ -27,35 +31,39 @@ def test_equal_delays_take_the_largest_weight_times_the_most_synapses():
 def test_unequal_delays_take_five_deviations_of_a_poisson_number_of_spikes(synapses):
     weights = np.linspace(0.5, 2.0, 50)
     part = Incoming(synapses, weights, delays_vary=True)
+    # 30 spikes a second are 0.03 in a step of 1 ms.
     spikes = synapses * 0.03
-    variance = weights.var() * (synapses - 1) / (synapses - 1)
     limit = round(spikes + 3 * np.sqrt(spikes))
-    spread = spikes * weights.mean() ** 2 + spikes * variance * poisson.cdf(limit - 1, spikes)
-    wanted = spikes * weights.mean() + 5 * np.sqrt(spread)
-    assert expected_sum([part]) == pytest.approx(wanted, rel=1e-9)
+    counted_share = poisson.cdf(limit - 1, spikes)
+    # For a single projection, the pooled variance is just that of its weights.
+    variance_of_sum = spikes * weights.mean() ** 2 + spikes * weights.var() * counted_share
+    expected = spikes * weights.mean() + 5 * np.sqrt(variance_of_sum)
+    assert expected_sum([part]) == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_sum_is_at_least_the_largest_weight():
-    one = Incoming(1, np.array([3.0]), delays_vary=True)
-    assert expected_sum([one]) == 3.0
+    single_synapse = Incoming(1, np.array([3.0]), delays_vary=True)
+    assert expected_sum([single_synapse]) == 3.0
 
 
 def test_shifts_are_chosen_by_receptor():
     inhibitory = projection((0, 0, 1 << 14, 1), receptor="inhibitory")
     excitatory = projection((0, 0, 1 << 15, 1), (0, 0, 1 << 14, 1))
     cells = population(shifts=(3, 5))
-    of = network(populations=(cells,), projections=(excitatory, inhibitory))
+    small = network(populations=(cells,), projections=(excitatory, inhibitory))
     # Weights 8 and 4 nA on one neuron: 2 * 8 = 16 needs 5 bits; 16 nA alone need 5, too.
-    assert own_shifts(of) == {"cells": (5, 5)}
+    assert own_shifts(small) == {"cells": (5, 5)}
 
 
 def test_other_shifts_store_the_same_currents_and_lose_what_does_not_fit():
     cells = population(shifts=(3, 0))
-    of = network(populations=(cells,), projections=(projection((0, 0, 1 << 14, 1)),))  # 4 nA
-    wider = with_shifts(of, {"cells": (5, 0)})
-    narrower = with_shifts(of, {"cells": (1, 0)})
+    # A stored weight of 2^14 with a shift of 3 is 2^14 * 2^(3 - 15) = 4 nA.
+    small = network(populations=(cells,), projections=(projection((0, 0, 1 << 14, 1)),))
+    wider = with_shifts(small, {"cells": (5, 0)})
+    narrower = with_shifts(small, {"cells": (1, 0)})
     assert wider.projections[0].weight.tolist() == [1 << 12]
-    assert narrower.projections[0].weight.tolist() == [0]  # 2^16 loses its high bit
+    # It would be stored as 2^16, and loses its high bit.
+    assert narrower.projections[0].weight.tolist() == [0]
     assert wider.populations[0].shifts == (5, 0)
 
 

@@ -1,4 +1,4 @@
-"""The command line with SpiNNaker: compile, run, list targets, and what it says of what SpiNNaker has not."""
+"""The command line with SpiNNaker: compile, run, list targets, and refuse options that have no meaning for it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ TOUCHES = "examples/recordings/touches.npz"
 
 
 def compile_hybrid(folder, *options: object, target: str = "spinnaker1") -> int:
+    """Compile the shipped hybrid into a folder, and return the exit code."""
     arguments = [MODEL, "--target", target, "--events", TOUCHES, "--quiet", "-o", folder]
-    return compile_main([str(each) for each in (*arguments, *options)])
+    return compile_main([str(argument) for argument in (*arguments, *options)])
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
+    """The folder of a build with a script for sPyNNaker."""
     folder = tmp_path_factory.mktemp("built") / "build"
     assert compile_hybrid(folder, "--strategy", "reset", "--emit", "pynn", "program") == 0
     return folder
@@ -55,14 +57,15 @@ def test_its_program_runs_with_the_counts_of_the_report(built, capsys):
 
 @pytest.mark.slow
 def test_both_engines_say_the_same(built, capsys, tmp_path):
-    said = []
+    outputs = []
     for engine in ("fast", "reference"):
         command = ["run", str(built), "--events", TOUCHES, "--json", "--engine", engine]
         assert main(command) == 0
-        said.append(json.loads(capsys.readouterr().out))
-    assert said[0] == said[1]
-    assert said[0]["energy_pj"] is None
-    assert said[0]["counts"]["saturated_weights"] == 0
+        outputs.append(json.loads(capsys.readouterr().out))
+    fast, reference = outputs
+    assert fast == reference
+    assert fast["energy_pj"] is None
+    assert fast["counts"]["saturated_weights"] == 0
 
 
 def test_compiling_again_gives_the_same_bytes(built, tmp_path):

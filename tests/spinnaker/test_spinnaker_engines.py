@@ -1,4 +1,4 @@
-"""The compiled engine of SpiNNaker against the plain one, and both against numbers by hand."""
+"""The compiled engine of SpiNNaker against the plain one on random networks, and both against numbers by hand."""
 
 from __future__ import annotations
 
@@ -15,34 +15,36 @@ from tests.support.random_spinnaker import PHASE, random_case
 from tests.support.small_spinnaker import network, population, projection
 
 REGISTERS = ("spikes", "potential", "v", "current", "refractory")
+RANDOM_NETWORKS = 60
+"""Enough that every event that the arithmetic counts happens in some."""
 
 
 def test_both_engines_give_the_same_registers_and_counts_whatever_happens():
-    seen = Counter()
-    for seed in range(60):
+    total_events = Counter()
+    for seed in range(RANDOM_NETWORKS):
         case = random_case(seed)
-        given = (case.network, PHASE, case.spikes, case.lateness)
-        plain = play_reference(*given)
-        fast = play_fast(*given)
+        plain = play_reference(case.network, PHASE, case.spikes, case.lateness)
+        fast = play_fast(case.network, PHASE, case.spikes, case.lateness)
         for name in REGISTERS:
             assert np.array_equal(getattr(plain, name), getattr(fast, name)), (seed, name)
         assert fast.events == plain.events, seed
-        seen.update(plain.events)
-    assert all(seen[event] > 0 for event in EVENTS)
+        total_events.update(plain.events)
+    assert all(total_events[event] > 0 for event in EVENTS)
 
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_a_delay_acts_so_many_steps_after_its_spike(play):
     delays = projection((0, 0, 30000, 1), (0, 1, 30000, 3))
-    result = play(
-        network(populations=(population(size=2),), projections=(delays,)), "run", np.eye(5, 1)
-    )
+    two_neurons = network(populations=(population(size=2),), projections=(delays,))
+    # One line for 5 steps, which spikes in step 0 only.
+    result = play(two_neurons, "run", np.eye(5, 1))
     moved = result.potential > 0
     assert moved.argmax(axis=0).tolist() == [1, 3]
 
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_weights_saturate_synapse_by_synapse(play):
+    # A ring buffer holds 65,535: the second and the third addition do not fit.
     heavy = projection((0, 0, 40000, 1), (0, 0, 40000, 1), (0, 0, 40000, 1))
     result = play(network(projections=(heavy,)), "run", [[1], [0]])
     assert result.events["saturated_weights"] == 2
@@ -61,10 +63,11 @@ def test_weights_saturate_synapse_by_synapse(play):
 )
 def test_a_spike_is_late_if_its_delay_is_no_longer_than_it_is_late_by(play, lateness, delay, late):
     part = projection((0, 0, 30000, delay))
+    # The line spikes in step 0 of 20; sources are the line and the neuron.
     spikes = np.eye(20, 1)
-    behind = np.zeros((20, 2), dtype=np.int64)
-    behind[0, 0] = lateness
-    result = play(network(projections=(part,)), "run", spikes, behind)
+    lateness_of_spikes = np.zeros((20, 2), dtype=np.int64)
+    lateness_of_spikes[0, 0] = lateness
+    result = play(network(projections=(part,)), "run", spikes, lateness_of_spikes)
     assert result.events["late_synapses"] == late
 
 

@@ -1,4 +1,7 @@
-"""Parameters of IF_curr_exp that make of it a neuron of ``loihi``: nothing wraps, and the gain is right."""
+"""Parameters of IF_curr_exp with which it acts like a neuron of ``loihi``: nothing wraps, and the gain is right.
+
+Scales and bounds are computed once more with exact fractions; time constants are compared with their neighbours.
+"""
 
 from fractions import Fraction
 
@@ -24,6 +27,7 @@ NEURONS = st.builds(
 
 
 def scales_of(neuron: LeakyNeuron, sums: Sums) -> Scales:
+    """Return the scales that the compiler chooses for a population of this one neuron."""
     weight = inverse.weight_scale(inverse.membrane_of(neuron.decay_u, neuron.decay_v), sums)
     return Scales(weight, inverse.potential_scale(neuron, sums, weight))
 
@@ -56,17 +60,20 @@ def test_no_longer_time_constant_keeps_the_same_of_a_potential(decay_v):
 
 @given(decay_u=st.integers(6, 4096), step=st.integers(-2000, 2000))
 def test_no_time_constant_is_nearer_to_the_decay_of_a_current(decay_u, step):
+    # What a step keeps of 4096, as a number of 32 fractional bits.
     wanted = (4096 - decay_u) << 20
     tau = inverse.nearest_tau_syn(decay_u)
-    off = abs(expulr(-((1 << 30) // tau)) - wanted)
-    other = min(max(tau + step, 1), 1 << 30)
-    assert abs(expulr(-((1 << 30) // other)) - wanted) >= off
-    assert off / SPAN <= 1.51e-5
+    error = abs(expulr(-((1 << 30) // tau)) - wanted)
+    other_tau = min(max(tau + step, 1), 1 << 30)
+    assert abs(expulr(-((1 << 30) // other_tau)) - wanted) >= error
+    # The largest error of any decay.
+    assert error / SPAN <= 1.51e-5
 
 
 def test_a_current_that_keeps_nothing_and_a_potential_that_keeps_nothing_are_exact():
     membrane = inverse.membrane_of(4096, 4096)
     assert (membrane.synapse_decay, membrane.membrane_decay) == (0, 0)
+    # In ms: e^(-1 / 0.09616) is below what the formats can hold.
     assert round(membrane.tau_m / ONE, 5) == 0.09616
     assert round(membrane.tau_syn / ONE, 5) == 0.09616
 
@@ -79,17 +86,19 @@ def test_nothing_wraps_however_inputs_come_at_the_scales_of_the_bounds(neuron, s
     constants = spinnaker.constants(parameters)
     assert inverse.fitted(neuron, scales).c_m >= 64
     assert constants.resistance[0] == (int(parameters.tau_m[0]) << 15) // int(parameters.c_m[0])
-    shifts = [inverse.shift_for(each * scales.weight_unit) for each in sums]
-    rings = [
-        inverse.stored_weights(np.array([each * scales.weight_unit]), shift)[0]
-        for each, shift in zip(sums, shifts, strict=True)
-    ]
+    sums_na = [largest_sum * scales.weight_unit for largest_sum in sums]
+    shifts = [inverse.shift_for(sum_na) for sum_na in sums_na]
+    excitation, inhibition = (
+        inverse.stored_weights(np.array([sum_na]), shift)[0]
+        for sum_na, shift in zip(sums_na, shifts, strict=True)
+    )
     state = spinnaker.State(
         np.zeros(1, np.int64), np.zeros((1, 2), np.int64), np.zeros(1, np.int64)
     )
     for t in range(400):
-        # First all that excites, then all that inhibits: the longest way from goal to goal.
-        arrived = np.array([[rings[0], 0] if t < 200 else [0, rings[1]]])
+        # For 200 steps all excitation, then for 200 steps all inhibition: V moves as far as it can.
+        is_excited = t < 200
+        arrived = np.array([[excitation, 0] if is_excited else [0, inhibition]])
         step = spinnaker.step(parameters, constants, np.array(shifts), state, arrived)
         assert step.wraps == {"ring_wraps": 0, "current_wraps": 0, "potential_wraps": 0}
         state = step.state
@@ -99,7 +108,8 @@ def test_nothing_wraps_however_inputs_come_at_the_scales_of_the_bounds(neuron, s
 def test_scales_are_the_largest_powers_of_two_that_the_bounds_allow(neuron, sums):
     membrane = inverse.membrane_of(neuron.decay_u, neuron.decay_v)
     share, kept = Fraction(membrane.synapse_init, SPAN), Fraction(membrane.synapse_decay, SPAN)
-    currents = [each * share / (1 - kept) for each in sums]
+    # What a current settles at if the sum arrives in every step.
+    currents = [largest_sum * share / (1 - kept) for largest_sum in sums]
     scales = scales_of(neuron, sums)
 
     def weight_fits(power: int) -> bool:
@@ -111,6 +121,7 @@ def test_scales_are_the_largest_powers_of_two_that_the_bounds_allow(neuron, sums
     drive = sum(currents) + abs(Fraction(neuron.bias, 64)) * share
     moved = Fraction(ONE - membrane.membrane_decay, ONE)
     goal = drive / (moved * share)
+    # The bound, with room for the rounding of the capacity.
     assert goal / 2**scales.potential <= 65535 * Fraction(100001, 100000)
     # One halving more is allowed where the rounded capacity would let a goal wrap.
     assert scales.potential < 2 or goal / 2 ** (scales.potential - 2) > 65535
@@ -155,11 +166,11 @@ def test_the_shift_is_the_least_power_of_two_above_the_largest_sum(largest_sum, 
 @pytest.mark.parametrize(
     ("weight", "shift", "integer", "rounded"),
     [
-        (1.0, 1, 16384, 0),
-        (0.5, 15, 0, 1),  # half to even
-        (1.5, 15, 2, 1),
-        (2.0, 0, 0, 0),  # 2^16 loses its high bit
-        (2.5, 0, 16384, 0),
+        pytest.param(1.0, 1, 16384, 0, id="exact"),
+        pytest.param(0.5, 15, 0, 1, id="a half is rounded down to the even 0"),
+        pytest.param(1.5, 15, 2, 1, id="a half is rounded up to the even 2"),
+        pytest.param(2.0, 0, 0, 0, id="2^16 loses its high bit"),
+        pytest.param(2.5, 0, 16384, 0, id="above 2^16, the low bits stay"),
     ],
 )
 def test_weights_are_stored_to_nearest_in_16_bits(weight, shift, integer, rounded):

@@ -1,4 +1,7 @@
-"""What a core and a board of SpiNNaker cannot hold is refused, by its limit."""
+"""Populations, networks and programs that a core or a board of SpiNNaker cannot hold are refused, naming the limit.
+
+Tables give the changes to a small valid network, and the whole error message.
+"""
 
 from __future__ import annotations
 
@@ -139,6 +142,7 @@ def test_a_network_that_cannot_be_is_refused(case):
 
 
 def _row(length: int) -> list[tuple[int, int, int, int]]:
+    """Return synapses (source, target, weight, delay) from line 0 to this many neurons."""
     return [(0, n, 1, 1) for n in range(length)]
 
 

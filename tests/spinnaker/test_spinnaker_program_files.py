@@ -1,8 +1,7 @@
-"""Programs for SpiNNaker on disk: what is written is read back, and what is damaged is refused by name."""
+"""Programs for SpiNNaker on disk: what is written is read back unchanged, and damage is refused, naming what is wrong."""
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +9,12 @@ import numpy as np
 import pytest
 
 from hw_model.errors import InputError
-from hw_model.io.files import pack_arrays
 from hw_model.mapping.graph import MAX_LINES, MAX_STEPS, Input, Phase, Readout
 from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.files import load_spinnaker, save_spinnaker, spinnaker_files
 from hw_model.spinnaker.playing import play_program
 from hw_model.spinnaker.program import SpinnakerProgram
+from tests.support.edited_programs import replace_array, replace_text
 from tests.support.random_spinnaker import random_case
 from tests.support.small_spinnaker import network, population, projection
 
@@ -23,11 +22,11 @@ CHIP = spinnaker_chip("spinnaker1")
 
 
 def small_program() -> SpinnakerProgram:
-    """Return two phases, the second transposed, with all that a program may say."""
+    """Return a program of two phases, the second transposed, with a value in every optional field but the times."""
     lines = Input("lines", 3, "run", "touches")
     turned = Input("turned", 4, "walk", "touches", positions=np.array([0, 2, 1]))
     walk = population("walkers", phase="walk", size=2, potential_unit=0.25)
-    of = network(
+    both_phases = network(
         phases=(Phase("run", "time", None), Phase("walk", "location", 3)),
         inputs=(lines, turned),
         populations=(population(size=2), walk),
@@ -39,7 +38,7 @@ def small_program() -> SpinnakerProgram:
     return SpinnakerProgram(
         name="small",
         chip=CHIP,
-        network=of,
+        network=both_phases,
         readout=Readout(("cells", "walkers"), (1.0, 0.5), potentials_from=(None, 2), tie_class=1),
         step_seconds=0.01,
         event_threshold=1,
@@ -58,21 +57,21 @@ def test_a_loaded_program_is_the_saved_one(tmp_path):
     assert spinnaker_files(loaded) == spinnaker_files(program)
     assert loaded.readout == program.readout
     recordings = (np.random.default_rng(0).random((2, 6, 3)) < 0.5).astype(np.uint8)
-    before, after = (play_program(each, recordings) for each in (program, loaded))
-    assert np.array_equal(before.scores, after.scores)
-    assert before.counts == after.counts
+    played = play_program(program, recordings)
+    played_after_loading = play_program(loaded, recordings)
+    assert np.array_equal(played.scores, played_after_loading.scores)
+    assert played.counts == played_after_loading.counts
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_networks_are_read_back_as_they_were(seed, tmp_path):
-    of = random_case(seed).network
-    program = SpinnakerProgram("random", CHIP, of)
-    save_spinnaker(program, tmp_path)
+    saved = random_case(seed).network
+    save_spinnaker(SpinnakerProgram("random", CHIP, saved), tmp_path)
     loaded = load_spinnaker(tmp_path).network
-    for old, new in zip(of.projections, loaded.projections, strict=True):
+    for old, new in zip(saved.projections, loaded.projections, strict=True):
         assert np.array_equal(old.weight, new.weight)
         assert np.array_equal(old.delay, new.delay)
-    for old, new in zip(of.populations, loaded.populations, strict=True):
+    for old, new in zip(saved.populations, loaded.populations, strict=True):
         assert all(map(np.array_equal, old.parameters, new.parameters))
 
 
@@ -90,50 +89,35 @@ def test_programs_of_all_families_have_as_many_lines_and_steps(tmp_path):
 
 @pytest.fixture
 def saved(tmp_path) -> Path:
+    """The folder of a saved program."""
     save_spinnaker(small_program(), tmp_path)
     return tmp_path
 
 
-def replace_in(folder: Path, old: str, new: str) -> None:
-    """Edit the entries, and remove the checksum that says so."""
-    path = folder / "program.yaml"
-    text = path.read_text().rpartition("# SHA-256")[0]
-    assert old in text
-    path.write_text(text.replace(old, new))
-
-
-def replace_array(folder: Path, name: str, array: np.ndarray) -> None:
-    """Put another array into the file, and make its checksum agree."""
-    with np.load(folder / "program.npz") as stored:
-        arrays = dict(stored.items())
-    before = hashlib.sha256((folder / "program.npz").read_bytes()).hexdigest()
-    packed = pack_arrays({**arrays, name: array}, compressed=True)
-    (folder / "program.npz").write_bytes(packed)
-    replace_in(folder, before, hashlib.sha256(packed).hexdigest())
-
-
 def swapped(folder: Path) -> None:
+    """Replace the arrays by those of another program."""
     other = replace(small_program(), network=network(), readout=None, class_names=None)
     (folder / "program.npz").write_bytes(spinnaker_files(other)["program.npz"])
 
 
+# By what is wrong: the damage done to a saved program, and the error.
 DAMAGE = {
     "arrays of another program": (
         swapped,
         "program.npz: the checksum differs: it is damaged, or of another program. Compile again.",
     ),
     "another version": (
-        lambda folder: replace_in(folder, "version: 1", "version: 2"),
+        lambda folder: replace_text(folder, "version: 1", "version: 2"),
         "program.yaml: the program has another format version (2 against 1). Compile it again, or "
         "use the release that wrote it.",
     ),
     "another kind": (
-        lambda folder: replace_in(folder, "locsnn-spinnaker-program", "locsnn-xylo-program"),
+        lambda folder: replace_text(folder, "locsnn-spinnaker-program", "locsnn-xylo-program"),
         "program.yaml: this is a program of another kind (locsnn-xylo-program against "
         "locsnn-spinnaker-program). Play it with `locsnn run`.",
     ),
     "an unknown chip": (
-        lambda folder: replace_in(folder, "target: spinnaker1", "target: spinnaker9"),
+        lambda folder: replace_text(folder, "target: spinnaker1", "target: spinnaker9"),
         "target 'spinnaker9': no SpiNNaker of this name ships. Did you mean 'spinnaker1'?",
     ),
     "an array too much": (
@@ -150,11 +134,11 @@ DAMAGE = {
         "input 'turned': its visits do not fit its lines, or the steps of its phase. Compile again.",
     ),
     "an axis that does not exist": (
-        lambda folder: replace_in(folder, "axis: location", "axis: depth"),
+        lambda folder: replace_text(folder, "axis: location", "axis: depth"),
         "program.yaml: phases.axis: 'depth' is not known. Choose one of: location, time.",
     ),
     "no potential unit": (
-        lambda folder: replace_in(folder, "potential_unit: 0.25", "potential_unit: 0"),
+        lambda folder: replace_text(folder, "potential_unit: 0.25", "potential_unit: 0"),
         "program.yaml: populations.potential_unit: it must be a number above 0 (got 0). Compile again.",
     ),
 }
@@ -173,5 +157,6 @@ def test_an_edited_file_is_refused_until_its_checksum_is_removed(saved):
     path.write_text(path.read_text().replace("tie_class: 1", "tie_class: 0"))
     with pytest.raises(InputError, match="it was edited, or is damaged"):
         load_spinnaker(saved)
-    replace_in(saved, "tie_class: 0", "tie_class: 0")
+    # This changes nothing but removes the checksum.
+    replace_text(saved, "tie_class: 0", "tie_class: 0")
     assert load_spinnaker(saved).readout.tie_class == 0

@@ -1,4 +1,7 @@
-"""What is proven of registers of SpiNNaker holds in every run, and says no where it must."""
+"""The proven bounds of SpiNNaker's registers: no run exceeds them, some come close, and limits are exact to one unit.
+
+Registers are compared with runs of the compiled engine, and bounds with geometric series in real numbers.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,10 @@ from tests.support.random_spinnaker import PHASE, random_case
 from tests.support.small_spinnaker import network, parameters, population, projection
 
 SEEDS = range(3000, 3120)
+FEWEST_PROVEN = 5
+"""How many of the random networks must be proven to fit, lest the test shows little: most are made to overflow."""
+SPAN = 2**32
+"""1 in the format of the exponentials, u0.32."""
 
 
 def test_no_run_leaves_its_bounds_and_nothing_wraps_where_they_fit():
@@ -30,22 +37,25 @@ def test_no_run_leaves_its_bounds_and_nothing_wraps_where_they_fit():
             current = result.current[:, columns]
             assert (current >= 0).all()
             assert (current <= reaches[name].current).all(), (seed, name)
-    assert proven >= 5
+    assert proven >= FEWEST_PROVEN
 
 
 def test_a_current_comes_to_its_bound():
-    """A spike in every step, weight 1000: what a step brings over what a step loses, from below."""
-    one = network()
-    result = play_fast(one, "run", np.ones((400, 1), dtype=np.uint8))
-    constants = one.population("cells").constants
-    kept = int(constants.synapse_decay[0, 0]) / 2**32
-    brought = 1000 * int(constants.synapse_init[0, 0]) / 2**32
-    bound = int(reach_of(one, "cells").current[0, 0])
+    """With a spike of weight 1000 in every step, the current rises to what a step brings over the share it loses."""
+    small = network()
+    result = play_fast(small, "run", np.ones((400, 1), dtype=np.uint8))
+    constants = small.population("cells").constants
+    kept = int(constants.synapse_decay[0, 0]) / SPAN
+    brought = 1000 * int(constants.synapse_init[0, 0]) / SPAN
+    bound = int(reach_of(small, "cells").current[0, 0])
+    # A few units of tolerance: the chip rounds down in every step.
     assert bound == pytest.approx(brought / (1 - kept), abs=8)
-    highest = int(result.current.max()) / kept  # before the step takes its share
-    assert bound - 12 <= highest <= bound
+    # Currents are recorded after the decay of the step.
+    highest_before_decay = int(result.current.max()) / kept
+    assert bound - 12 <= highest_before_decay <= bound
 
 
+# By case: weights of synapses onto the neuron, changes to it, and whether it may saturate and may wrap.
 LIMITS = {
     "a sum of 65,535": ((32767, 32768), {}, (False, False)),
     "a sum of 65,536": ((32768, 32768), {}, (True, False)),
@@ -83,18 +93,18 @@ def test_saturations_and_wraps_are_excluded_up_to_the_limit(case):
 
 
 def test_a_current_comes_to_its_bound_of_rarer_spikes():
-    """A spike in every fourth step: what it brings over what four steps lose."""
-    one = network()
+    """With a spike in every fourth step, the current rises to what a spike brings over the share that four steps lose."""
+    small = network()
     rows = np.zeros((400, 1), dtype=np.uint8)
     rows[::4] = 1
-    result = play_fast(one, "run", rows)
-    constants = one.population("cells").constants
-    kept = int(constants.synapse_decay[0, 0]) / 2**32
-    brought = 1000 * int(constants.synapse_init[0, 0]) / 2**32
-    bound = int(reach_of(one, "cells", 4).current[0, 0])
+    result = play_fast(small, "run", rows)
+    constants = small.population("cells").constants
+    kept = int(constants.synapse_decay[0, 0]) / SPAN
+    brought = 1000 * int(constants.synapse_init[0, 0]) / SPAN
+    bound = int(reach_of(small, "cells", period=4).current[0, 0])
     assert bound == pytest.approx(brought / (1 - kept**4), abs=2)
-    highest = int(result.current.max()) / kept
-    assert bound - 8 <= highest <= bound
+    highest_before_decay = int(result.current.max()) / kept
+    assert bound - 8 <= highest_before_decay <= bound
 
 
 def test_rarer_spikes_wrap_nothing_where_every_step_would():
@@ -107,8 +117,9 @@ def test_rarer_spikes_wrap_nothing_where_every_step_would():
     synapses = projection((0, 0, 16384, 1))
     limited = network(populations=(wide,), projections=(synapses,))
     constants = limited.population("cells").constants
-    kept = int(constants.synapse_decay[0, 0]) / 2**32
-    brought = 2048 * int(constants.synapse_init[0, 0]) / 2**32
+    kept = int(constants.synapse_decay[0, 0]) / SPAN
+    # A stored weight of 16,384 with a shift of 12 is 16,384 * 2^(12 - 15) = 2,048 nA.
+    brought = 2048 * int(constants.synapse_init[0, 0]) / SPAN
     settles = {period: brought / (1 - kept**period) for period in (6, 8)}
     assert settles[6] > 65536 > settles[8]
     assert safe_period(limited, "cells") == 8

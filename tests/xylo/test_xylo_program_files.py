@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,13 +11,13 @@ import yaml
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.io.files import pack_arrays
 from hw_model.mapping.graph import Readout
 from hw_model.targets.programs import load_any_program
 from hw_model.xylo.chips import xylo_chip
 from hw_model.xylo.files import load_xylo, save_xylo, xylo_files
 from hw_model.xylo.playing import play_program
 from hw_model.xylo.program import NamedPart, XyloProgram
+from tests.support.edited_programs import replace_array, replace_text
 from tests.support.random_xylo import random_xylo
 from tests.support.small_xylo_networks import memoryless_network, touches
 
@@ -68,28 +67,6 @@ def saved(tmp_path) -> Path:
     return tmp_path
 
 
-def replace_in(folder: Path, old: str, new: str) -> None:
-    """Edit the entries, and remove the checksum that says so."""
-    path = folder / "program.yaml"
-    text = path.read_text().rpartition("# SHA-256")[0]
-    assert old in text
-    path.write_text(text.replace(old, new))
-
-
-def replace_array(folder: Path, name: str, array: np.ndarray | None) -> None:
-    """Put another array into the file, or leave one out, and make its checksum agree."""
-    with np.load(folder / "program.npz") as stored:
-        arrays = dict(stored.items())
-    before = hashlib.sha256((folder / "program.npz").read_bytes()).hexdigest()
-    if array is None:
-        del arrays[name]
-    else:
-        arrays[name] = array
-    packed = pack_arrays(arrays, compressed=True)
-    (folder / "program.npz").write_bytes(packed)
-    replace_in(folder, before, hashlib.sha256(packed).hexdigest())
-
-
 def swapped(folder: Path) -> None:
     program, _ = random_program(3)
     (folder / "program.npz").write_bytes(xylo_files(program)["program.npz"])
@@ -118,37 +95,37 @@ DAMAGE = {
         "play it as edited, remove its last line.",
     ),
     "another version": (
-        lambda folder: replace_in(folder, "version: 1", "version: 2"),
+        lambda folder: replace_text(folder, "version: 1", "version: 2"),
         "program.yaml: the program has another format version (2 against 1). Compile it again, or "
         "use the release that wrote it.",
     ),
     "another chip": (
-        lambda folder: replace_in(folder, "xylo-audio3", "xylo-audio9"),
+        lambda folder: replace_text(folder, "xylo-audio3", "xylo-audio9"),
         "target 'xylo-audio9': no Xylo of this name ships. Did you mean 'xylo-audio3'?",
     ),
     "an unknown entry": (
-        lambda folder: replace_in(folder, "outputs:", "output: x\noutputs:"),
+        lambda folder: replace_text(folder, "outputs:", "output: x\noutputs:"),
         "program.yaml: unknown key 'output'. Did you mean 'outputs'?",
     ),
     "a missing entry": (
-        lambda folder: replace_in(folder, "outputs: classes\n", ""),
+        lambda folder: replace_text(folder, "outputs: classes\n", ""),
         "program.yaml: the key 'outputs' is missing. Compile again.",
     ),
     "a shift beyond the chip's": (
-        lambda folder: replace_in(folder, "shift_in: ", "shift_in: 9"),
+        lambda folder: replace_text(folder, "shift_in: ", "shift_in: 9"),
         "program.yaml: shift_in: it must be a whole number from 0 to 15 (got 93). Compile again.",
     ),
     "a start that is no time": (
-        lambda folder: replace_in(folder, "start: first", "start: never"),
+        lambda folder: replace_text(folder, "start: first", "start: never"),
         "program.yaml: start: it must be a number of seconds, or 'first' (got 'never'). Compile "
         "again.",
     ),
     "an unknown unit of time": (
-        lambda folder: replace_in(folder, "time_unit: ms", "time_unit: days"),
+        lambda folder: replace_text(folder, "time_unit: ms", "time_unit: days"),
         "program.yaml: time_unit: 'days' is not known. Choose one of: ms, ns, s, us.",
     ),
     "a name for other neurons": (
-        lambda folder: replace_in(folder, "  size: ", "  size: 1"),
+        lambda folder: replace_text(folder, "  size: ", "  size: 1"),
         "program 'random 2': the names of its hidden neurons do not fit (17 against 7). Name "
         "each of them once.",
     ),
