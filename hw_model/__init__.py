@@ -1,6 +1,7 @@
-"""A Loihi-like chip: its arithmetic and limits, programs for it, and a simulator that counts.
+"""Neuromorphic chips: their arithmetic and limits, programs for them, and a simulator that counts operations.
 
-It knows nothing of training, and imports neither torch nor the compiler.
+The chips are one like Intel's Loihi, Xylo, SpiNNaker 1 and an open core. The package knows nothing of training, and
+imports neither torch nor the compiler.
 """
 
 from pathlib import Path
@@ -8,7 +9,8 @@ from pathlib import Path
 import lazy_loader
 
 if not Path(__file__).parent.is_dir():
-    # With the name of the package, `python -m hw_model` says this in one line.
+    # The package is imported from a zip archive. An ImportError with the name of the package makes `python -m hw_model`
+    # print one line instead of a traceback.
     message = (
         "it reads files of its own, and an archive has none. Unpack it, or install it with pip."
     )

@@ -132,7 +132,8 @@ def weight_grid(weight_bits: int, sign_mode: SignMode) -> WeightGrid:
         fix = "Choose one of 1, 2, 3, 4, 5, 6, 8."
         raise InputError("weight bits", f"no synapse format has {weight_bits} bits", fix=fix)
     check_known("sign mode", f"{sign_mode!r} does not exist", str(sign_mode), SIGN_MODES)
-    step = 1 << (9 - weight_bits if sign_mode == "mixed" else 8 - weight_bits)
+    magnitude_bits = weight_bits - 1 if sign_mode == "mixed" else weight_bits
+    step = 1 << (8 - magnitude_bits)
     low = {"mixed": -256, "excitatory": 0, "inhibitory": step - 256}[sign_mode]
     high = 0 if sign_mode == "inhibitory" else 256 - step
     return WeightGrid(weight_bits, sign_mode, step, low, high)

@@ -130,7 +130,8 @@ def _count(c: Place, *events: tuple[str, Lanes]) -> None:
 def _finish(c: Place, step: Step) -> Lanes:
     """Write all registers after a step except u; return the lanes whose v or refractory count is not 0."""
     _, v, blocked = step.state
-    c[V], c[BLOCKED] = v, blocked
+    c[V] = v
+    c[BLOCKED] = blocked
     c[POTENTIAL] = step.potential
     not_at_rest: Lanes = v | blocked
     return not_at_rest
@@ -172,7 +173,8 @@ def update_plain(c: Place, charge: Place) -> LlvmValues:
     busy, response = _respond_plainly(c, charge)
     fired = response.v > c[THRESHOLD]
     v = loihi.reset(PLAINLY, response.v, fired)
-    c[V], c[POTENTIAL] = v, response.v
+    c[V] = v
+    c[POTENTIAL] = response.v
     return bits(fired), count(busy), bits((response.u | v) != 0)
 
 
@@ -190,7 +192,8 @@ def update_pair(
     """
     busy, response = _respond_plainly(c, charge)
     other_busy, other_response = _respond_plainly(other, other_charge)
-    c[V], other[V] = response.v, other_response.v
+    c[V] = response.v
+    other[V] = other_response.v
     total = response.v + other_response.v
     potential = PLAINLY.clip(total, soma[VMIN], soma[VMAX])
     fired = potential > soma[THRESHOLD]
@@ -250,11 +253,17 @@ def advance_pair(  # noqa: PLR0913 - registers and parameters of a step, by name
     ends = halves_of_ranges(c, widths)
     second = KEPT_FIELDS  # the state of the second dendrite lies behind that of the first
     ops = OnLanes(ends)
-    alpha, refractory, soma = (_parameters(c.after(n * FIELDS)) for n in range(3))
+    alpha = _parameters(c)
+    refractory = _parameters(c.after(FIELDS))
+    soma = _parameters(c.after(2 * FIELDS))
     if ends[1] is None:
         alpha = _plain(alpha)
         refractory = _plain(refractory)
-    u, v, u_other, v_other = (variable(before[field]) for field in (0, 1, second, second + 1))
+    # A state begins with u and v.
+    u = variable(before[0])
+    v = variable(before[1])
+    u_other = variable(before[second])
+    v_other = variable(before[second + 1])
     fired = variable(mask_of(c, spikes))
     counted = variable(numbers[0])
     echoes = (echo[0], other_echo[0])
@@ -263,13 +272,16 @@ def advance_pair(  # noqa: PLR0913 - registers and parameters of a step, by name
     # none, as vmin is 0 at most and the threshold 0 at least.
     threshold = where(soma.vmax > soma.threshold, soma.threshold, alpha.vmax + refractory.vmax)
     for row in each_row(c, many):
-        arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
-        response = loihi.respond(ops, alpha, u[0], v[0], charge.row(row)[0] + arrived, NO_JOINED)
+        echoed, other_echoed = (where(fired[0], weights, weights & 0) for weights in echoes)
+        response = loihi.respond(ops, alpha, u[0], v[0], charge.row(row)[0] + echoed, NO_JOINED)
+        other_arrived = other_charge.row(row)[0] + other_echoed
         other_response = loihi.respond(
-            ops, refractory, u_other[0], v_other[0], other_charge.row(row)[0] + also, NO_JOINED
+            ops, refractory, u_other[0], v_other[0], other_arrived, NO_JOINED
         )
-        u[0], v[0] = response.u, response.v
-        u_other[0], v_other[0] = other_response.u, other_response.v
+        u[0] = response.u
+        v[0] = response.v
+        u_other[0] = other_response.u
+        v_other[0] = other_response.v
         state_after = after.row(row)
         fired_before = masks.row(row).bits()
         state_after[0] = u[0]
@@ -329,12 +341,11 @@ def list_flips(
 
     A new spike, a bit of ``spikes`` too, is listed as its number, and one that is gone as ``~number``.
     """
-    numbers, rows[0] = event.each(first) + event.numbers(), rows.each(row)
-    return (
-        put_side_by_side(
-            event, mask_of(event, flips), where(mask_of(event, spikes), numbers, numbers ^ -1)
-        ),
-    )
+    numbers = event.each(first) + event.numbers()
+    rows[0] = rows.each(row)
+    # `x ^ -1` is ~x.
+    listed = where(mask_of(event, spikes), numbers, numbers ^ -1)
+    return (put_side_by_side(event, mask_of(event, flips), listed),)
 
 
 @kernel("spikes, row, column, fired", returns=0)

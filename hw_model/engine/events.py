@@ -44,7 +44,8 @@ def list_events(name: str, recordings: ByteArray) -> EventLists:
                 raise not_binary(name)
             channel = channel[:event_count]
             # With several parts, copy each one's events to free its spare room while the others are listed.
-            lists.append((starts, channel if stop - low == batch else channel.copy()))
+            is_only_part = stop - low == batch
+            lists.append((starts, channel if is_only_part else channel.copy()))
         return lists
 
     parts = []

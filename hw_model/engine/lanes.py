@@ -34,16 +34,21 @@ WrapHalves = Sequence[Any]
 
 def _operation(name: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
     """Return a method of :class:`Lanes` that adds an instruction of this name in LLVM."""
-    return lambda left, right: left.with_value(
-        getattr(left.builder, name)(left.value, left.like(right))
-    )
+
+    def operate(left: "Lanes", right: "Lanes | int") -> "Lanes":
+        instruction = getattr(left.builder, name)
+        return left.with_value(instruction(left.value, left.like(right)))
+
+    return operate
 
 
 def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
     """Return a method of :class:`Lanes` that adds a comparison, whose result is a mask."""
-    return lambda left, right: left.with_value(
-        left.builder.icmp_signed(sign, left.value, left.like(right))
-    )
+
+    def compare(left: "Lanes", right: "Lanes | int") -> "Lanes":
+        return left.with_value(left.builder.icmp_signed(sign, left.value, left.like(right)))
+
+    return compare
 
 
 def _lane_type(kind: ir.Type) -> ir.Type:
@@ -81,10 +86,16 @@ class Lanes:
             return self.builder.zext(other.value, wide)
         return self.builder.sext(other.value, wide)
 
-    __add__, __sub__, __mul__ = _operation("add"), _operation("sub"), _operation("mul")
-    __and__, __or__, __xor__ = _operation("and_"), _operation("or_"), _operation("xor")
-    __lshift__, __rshift__ = _operation("shl"), _operation("ashr")
-    __lt__, __gt__ = _comparison("<"), _comparison(">")
+    __add__ = _operation("add")
+    __sub__ = _operation("sub")
+    __mul__ = _operation("mul")
+    __and__ = _operation("and_")
+    __or__ = _operation("or_")
+    __xor__ = _operation("xor")
+    __lshift__ = _operation("shl")
+    __rshift__ = _operation("ashr")
+    __lt__ = _comparison("<")
+    __gt__ = _comparison(">")
     __eq__ = _comparison("==")  # type: ignore[assignment]
     __ne__ = _comparison("!=")  # type: ignore[assignment]
 
@@ -117,9 +128,8 @@ def as_factor(lanes: Lanes) -> Lanes:
     if kind == COUNT or kind.element.width > COUNT.width:
         return lanes
     factor = ir.VectorType(ir.IntType(FACTOR_BITS), LANES)
-    return lanes.with_value(
-        lanes.builder.sext(lanes.builder.trunc(lanes.value, factor), lanes.value.type)
-    )
+    short = lanes.builder.trunc(lanes.value, factor)
+    return lanes.with_value(lanes.builder.sext(short, lanes.value.type))
 
 
 def first_bits(lanes: Lanes, bits_kept: int) -> Lanes:
@@ -233,10 +243,10 @@ def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
     name = "lanes_of_bytes"
     module = builder.module
     if name not in module.globals:
-        of_bytes = (
-            bytes(bit for bit in range(BITS_OF_BYTE) if byte >> bit & 1) for byte in range(256)
-        )
-        numbers = [int.from_bytes(of_byte, "little") for of_byte in of_bytes]
+        numbers = []
+        for byte in range(256):
+            set_bits = bytes(bit for bit in range(BITS_OF_BYTE) if byte >> bit & 1)
+            numbers.append(int.from_bytes(set_bits, "little"))
         table = ir.Constant(ir.ArrayType(ir.IntType(64), 256), numbers)
         variable_in_module = ir.GlobalVariable(module, table.type, name)
         variable_in_module.linkage = "internal"
@@ -266,7 +276,9 @@ def each_row(place: "Place", many: LlvmValue) -> Iterator[LlvmValue]:
 @contextmanager
 def _each_number(builder: ir.IRBuilder, many: LlvmValue) -> Iterator[LlvmValue]:
     """Write a machine loop over 0 to ``many - 1``, of the type of ``many``, around the body of the ``with``."""
-    test, body, after = (builder.append_basic_block(name) for name in ("test", "body", "after"))
+    test = builder.append_basic_block("test")
+    body = builder.append_basic_block("body")
+    after = builder.append_basic_block("after")
     counter = _on_stack(builder, many.type)
     builder.store(many.type(0), counter)
     builder.branch(test)
@@ -298,7 +310,8 @@ def bits(mask: Lanes) -> ir.Value:
 @contextmanager
 def seldom(mask: Lanes) -> Iterator[None]:
     """Run the body of the ``with`` only if a lane of the mask is set; the processor is told that this is rare."""
-    with mask.builder.if_then(mask.builder.icmp_unsigned("!=", bits(mask), COUNT(0)), likely=False):
+    is_any_set = mask.builder.icmp_unsigned("!=", bits(mask), COUNT(0))
+    with mask.builder.if_then(is_any_set, likely=False):
         yield
 
 
@@ -320,11 +333,9 @@ def first_lanes(mask: Lanes, many: LlvmValue) -> Lanes:
 
 def mask_of(place: "Place", number: LlvmValue) -> Lanes:
     """Return the mask whose lane i is bit i of a number."""
-    builder = place.numbers().builder
-    return Lanes(
-        builder,
-        builder.bitcast(builder.trunc(number, ir.IntType(LANES)), ir.VectorType(BIT, LANES)),
-    )
+    builder = place.builder
+    low_bits = builder.trunc(number, ir.IntType(LANES))
+    return Lanes(builder, builder.bitcast(low_bits, ir.VectorType(BIT, LANES)))
 
 
 def count(mask: Lanes) -> ir.Value:
@@ -410,16 +421,15 @@ class Place:
 
     def after(self, fields: int) -> "Place":
         """Return the place that lies this many fields further on."""
-        return Place(
-            self.builder,
-            self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]),
-        )
+        elements = ir.Constant(ir.IntType(64), fields * LANES)
+        return Place(self.builder, self.builder.gep(self._first, [elements]))
 
     def row(self, number: LlvmValue) -> "Place":
         """Return the place that lies this many rows of the array further on."""
-        first = self.builder.bitcast(self._first, BYTE.as_pointer())
-        first = self.builder.gep(first, [self.builder.mul(number, self._row_bytes)])
-        return Place(self.builder, self.builder.bitcast(first, self._first.type))
+        first_byte = self.builder.bitcast(self._first, BYTE.as_pointer())
+        offset = self.builder.mul(number, self._row_bytes)
+        first = self.builder.bitcast(self.builder.gep(first_byte, [offset]), self._first.type)
+        return Place(self.builder, first)
 
     def bits(self) -> Lanes:
         """Return the mask that is stored here as a number."""

@@ -6,6 +6,8 @@ matrix, of which every spike adds a row; sparse ones become lists, a word of bit
 measures what each of the ways below is worth; the thresholds between them were chosen by hand.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -27,8 +29,6 @@ LONG_LIST = 16
 """Each delay gets lists of its own if a source has at least this many synapses per delay, on average."""
 WORD_BITS = 32
 """If the slot, delay and weight of every synapse of a link fit this many bits, its words are 32 bits wide, else 64."""
-NUMBERS_OF_LINK = 10
-"""Fields of :class:`hw_model.engine.layout.Links` with one number per link: the first ten, up to ``weight_shift``."""
 _Synapses = tuple[Int32Array, ...]
 """Columns of a table of synapses between two nodes: number of the source within its node, column of the target, weight
 in units of 64, and delay."""
@@ -95,14 +95,26 @@ def take_echoes(nodes: Numbering, synapses: dict[NodePair, list[_Synapses]]) -> 
     return echoes
 
 
-class _LinkColumns:
-    """Collects links one after the other: a row of numbers for each, the entries of matrices, and the words of lists.
+class _LinkRow(NamedTuple):
+    """One link, in the fields of :class:`hw_model.engine.layout.Links` that have a number per link."""
 
-    A row has the first ten fields of :class:`hw_model.engine.layout.Links`.
-    """
+    source: int
+    target_node: int
+    kind: int
+    offset: int
+    width: int
+    target: int
+    delay: int
+    slot_bits: int = 0
+    late_bits: int = 0
+    weight_shift: int = 0
+
+
+class _LinkColumns:
+    """Collects links one after the other: a row for each, the entries of matrices, and the words of lists."""
 
     def __init__(self) -> None:
-        self.rows: list[tuple[int, ...]] = []
+        self.rows: list[_LinkRow] = []
         self.matrices: list[npt.NDArray[np.int16]] = []
         self.words: dict[int, list[Lanes]] = {
             LIST: [np.empty(0, dtype=np.int32)],
@@ -120,9 +132,15 @@ class _LinkColumns:
         slots_of_target = slots.stop - slots.start
         matrix = _matrix(source, slot, weight, delay, (sources, slots_of_target))
         if matrix is not None:
-            # kind, offset, width, target, delay; a matrix has no bits of words.
-            form = MATRIX, self._matrix_size, slots_of_target, slots.start, int(delay[0]), 0, 0, 0
-            self.rows.append((*ends, *form))
+            row = _LinkRow(
+                *ends,
+                kind=MATRIX,
+                offset=self._matrix_size,
+                width=slots_of_target,
+                target=slots.start,
+                delay=int(delay[0]),
+            )
+            self.rows.append(row)
             self.matrices.append(matrix.ravel())
             self._matrix_size += matrix.size
             return
@@ -132,9 +150,19 @@ class _LinkColumns:
         # A sparse spike reaches few chunks: each of its synapses marks its own.
         if len(slot) < REACH_SHARE * sources * late_rows * slots_of_target // LANES:
             late_rows = 0
-        # kind, offset, width, target, delay
-        list_form = kind, self._list_rows, late_rows, slots.start, int(delay.min())
-        self.rows.append((*ends, *list_form, *bits))
+        slot_bits, late_bits, weight_shift = bits
+        row = _LinkRow(
+            *ends,
+            kind=kind,
+            offset=self._list_rows,
+            width=late_rows,
+            target=slots.start,
+            delay=int(delay.min()),
+            slot_bits=slot_bits,
+            late_bits=late_bits,
+            weight_shift=weight_shift,
+        )
+        self.rows.append(row)
         # Every link adds the end of its last list too, so that a list always ends at the next entry.
         first = np.searchsorted(source, np.arange(sources + 1))
         self.list_starts.append(first + sum(map(len, self.words[kind])))
@@ -172,11 +200,12 @@ def links_of(
                 (node, target), (source, slot, weight, delay), int(nodes.size[node]), slots
             )
 
-    # Without any link the array would be empty: it must still have ten columns.
-    columns = np.array(link_columns.rows, dtype=np.int64).reshape(-1, NUMBERS_OF_LINK).T.copy()
+    # `reshape` gives a phase without links its columns, too. A copy, because loops need each column in C order.
+    fields_of_link = len(_LinkRow._fields)
+    columns = np.array(link_columns.rows, dtype=np.int64).reshape(-1, fields_of_link).T.copy()
     links_between_blocks = sum(map(len, into_block))
     return Links(
-        **dict(zip(Links._fields, columns, strict=False)),
+        **dict(zip(_LinkRow._fields, columns, strict=True)),
         matrix=link_columns.matrix(),
         word=np.concatenate(link_columns.words[LIST]),
         wide_word=np.concatenate(link_columns.words[WIDE_LIST]),
