@@ -7,7 +7,7 @@ also marks the chunks of compartments that get charge as *touched*: all others m
 
 There are four ways to do it: by lists; by matrix rows, spike by spike; eight matrix rows at once for
 long rows; and, for short rows, all spikes of a tile in one loop.
-``docs/research/special-paths.md`` measures what they are worth.
+``docs/research/special-paths.md`` measures what they are worth. Ranges ``a..b`` leave out their end.
 """
 
 from functools import lru_cache

@@ -81,17 +81,17 @@ def take_echoes(nodes: Numbering, synapses: dict[NodePair, list[_Synapses]]) -> 
     that also lead to other compartments, or with few of the possible delays, stay links.
     """
     echoes: Echoes = {}
-    for node, to in sorted(synapses):
-        if nodes.parent[to] != node or node in echoes:
+    for node, child in sorted(synapses):
+        if nodes.parent[child] != node or node in echoes:
             continue
         # A node has one echo at most: the first child in order.
-        source, column, weight, delay = _sorted(synapses[node, to])
+        source, column, weight, delay = _sorted(synapses[node, child])
         weights = np.zeros((1 + delay.max(), nodes.size[node]), dtype=np.int64)
-        is_to_own_child = np.array_equal(column, nodes.first[to] + source)
+        is_to_own_child = np.array_equal(column, nodes.first[child] + source)
         if is_to_own_child and len(source) >= DENSE_SHARE * weights.size:
             np.add.at(weights, (delay, source), weight)
-            echoes[node] = to, weights
-            del synapses[node, to]
+            echoes[node] = child, weights
+            del synapses[node, child]
     return echoes
 
 
@@ -244,8 +244,8 @@ def _by_delay(
     All synapses of a list with one delay are due in the same row, which then stays in the cache.
     """
     divided = {}
-    for node, to in sorted(synapses):
-        parts = synapses.pop((node, to))
+    for node, target in sorted(synapses):
+        parts = synapses.pop((node, target))
         delay_columns = [part[_DELAY] for part in parts]
         delays: set[int] = set()
         for column in delay_columns:
@@ -253,10 +253,10 @@ def _by_delay(
             delays.update(np.flatnonzero(np.bincount(column)).tolist())
         count = sum(map(len, delay_columns))
         if count < LONG_LIST * int(nodes.size[node]) * len(delays):
-            divided[node, to, 0] = parts
+            divided[node, target, 0] = parts
             continue
         for delay in sorted(delays):
-            divided[node, to, delay] = [_of_delay(part, delay) for part in parts]
+            divided[node, target, delay] = [_of_delay(part, delay) for part in parts]
     return divided
 
 

@@ -3,7 +3,8 @@
 :func:`run_tile` runs the blocks of a phase one after the other, each over all rows of the tile. A block delivers the
 spikes that reach it from outside, updates its chunks of compartments in every row, and lists their spikes for the
 blocks behind it (:mod:`hw_model.engine.layout` explains the words, :mod:`hw_model.engine.chunks` the update of a
-chunk). A chunk whose state is 0, and on which no charge arrives, is skipped: nothing could change in it.
+chunk). A chunk whose state is 0, and on which no charge arrives, is skipped: nothing could change in it. Ranges
+``a..b`` leave out their end.
 """
 
 import numpy as np

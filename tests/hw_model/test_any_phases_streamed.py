@@ -13,6 +13,7 @@ from hw_model.simulation import ENGINES
 from hw_model.streaming.outcomes import StepScores
 from tests.support import any_phases
 from tests.support.any_phases import MANY, QUICK
+from tests.support.session_programs import joined_scores
 
 
 def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int]) -> StepScores:
@@ -24,13 +25,7 @@ def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int
         session.push({name: array[low:high] for name, array in recording.items()})
         for low, high in pairwise(ends)
     ]
-    spikes = {}
-    for name in parts[0].spikes:
-        spikes[name] = np.concatenate([part.spikes[name] for part in parts])
-    potential = {}
-    for name in parts[0].potential:
-        potential[name] = np.concatenate([part.potential[name] for part in parts])
-    return StepScores(spikes, potential, np.concatenate([part.scores for part in parts]))
+    return joined_scores(parts)
 
 
 def check_so_far(case: any_phases.Case, step: int, session_scores: StepScores) -> None:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -106,36 +107,45 @@ def test_no_rows_and_no_events(module):
     ]
 
 
-VISITS = [
-    # positions, first lines, lines, steps -> lines by step, of events (t, c): (0, 0), (0, 2), (1, 0), (1, 1), (2, 2)
-    ("one at a time", [2, 0, 1], None, 3, 3, [[1], [0, 2], [0, 1]]),
-    ("fewer lines than rows", [2, 0, 1], None, 2, 3, [[1], [0], [0, 1]]),
-    ("two together", [0, 1, 0], [0, 0, 3], 6, 2, [[0, 1, 3, 5], [1]]),
-    ("lines in the order of no walk", [0, 1, 0], [3, 0, 0], 6, 2, [[0, 2, 3, 4], [1]]),
-    ("all together", [0, 0, 0], [0, 3, 6], 9, 1, [[0, 1, 4, 6, 8]]),
-    ("all together, fewer lines than rows", [0, 0, 0], [0, 1, 2], 3, 1, [[0, 2]]),
-    ("silence after the walk", [0, 1, 0], [0, 0, 3], 6, 4, [[0, 1, 3, 5], [1], [], []]),
-    ("steps before its end", [2, 0, 1], None, 3, 2, [[1], [0, 2]]),
-    ("two steps before its end", [2, 0, 1], None, 3, 1, [[1]]),
-]
+class Visits(NamedTuple):
+    """A transposed input of three channels, and the lines that :data:`EVENTS_OF_VISITS` spike on in each step."""
+
+    positions: list[int]
+    first_lines: list[int] | None
+    lines: int
+    steps: int
+    lines_by_step: list[list[int]]
+
+
+EVENTS_OF_VISITS = [(0, 0), (0, 2), (1, 0), (1, 1), (2, 2)]
+"""Row and channel of each event."""
+VISITS = {
+    "one at a time": Visits([2, 0, 1], None, 3, 3, [[1], [0, 2], [0, 1]]),
+    "fewer lines than rows": Visits([2, 0, 1], None, 2, 3, [[1], [0], [0, 1]]),
+    "two together": Visits([0, 1, 0], [0, 0, 3], 6, 2, [[0, 1, 3, 5], [1]]),
+    "lines in the order of no walk": Visits([0, 1, 0], [3, 0, 0], 6, 2, [[0, 2, 3, 4], [1]]),
+    "all together": Visits([0, 0, 0], [0, 3, 6], 9, 1, [[0, 1, 4, 6, 8]]),
+    "all together, fewer lines than rows": Visits([0, 0, 0], [0, 1, 2], 3, 1, [[0, 2]]),
+    "silence after the walk": Visits([0, 1, 0], [0, 0, 3], 6, 4, [[0, 1, 3, 5], [1], [], []]),
+    "steps before its end": Visits([2, 0, 1], None, 3, 2, [[1], [0, 2]]),
+    "two steps before its end": Visits([2, 0, 1], None, 3, 1, [[1]]),
+}
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
-@pytest.mark.parametrize(
-    ("positions", "first_lines", "lines", "steps", "lines_by_step"),
-    [row[1:] for row in VISITS],
-    ids=[row[0] for row in VISITS],
-)
-def test_events_become_lines(module, positions, first_lines, lines, steps, lines_by_step):
+@pytest.mark.parametrize("visits", VISITS.values(), ids=VISITS)
+def test_events_become_lines(module, visits):
+    """The second recording of a batch has the events, and the first one none."""
     recordings = np.zeros((2, 3, 3), dtype=np.uint8)
-    recordings[1, [0, 0, 1, 1, 2], [0, 2, 0, 1, 2]] = 1
-    first_lines = None if first_lines is None else read_only(first_lines)
-    item = Input("x", lines, "location", "touch", read_only(positions), first_lines)
-    lists = module.transpose(module.list_events("x", recordings), item, steps)
-    assert lists.rows == steps
+    for row, channel in EVENTS_OF_VISITS:
+        recordings[1, row, channel] = 1
+    first_lines = None if visits.first_lines is None else read_only(visits.first_lines)
+    item = Input("x", visits.lines, "location", "touch", read_only(visits.positions), first_lines)
+    lists = module.transpose(module.list_events("x", recordings), item, visits.steps)
+    assert lists.rows == visits.steps
     assert not lists.first[0].any()
     spikes_by_step = np.split(lists.channel, lists.first[1, 1:-1])
-    assert [spikes.tolist() for spikes in spikes_by_step] == lines_by_step
+    assert [spikes.tolist() for spikes in spikes_by_step] == visits.lines_by_step
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])

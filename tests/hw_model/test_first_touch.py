@@ -20,7 +20,11 @@ from hw_model.mapping.graph import Readout
 from tests.support.early_stops import possible_futures, with_stream_per_phase
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs, random_hybrid
 from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL, UNIT
-from tests.support.session_programs import check_session_after_every_step, largest_potential_so_far
+from tests.support.session_programs import (
+    check_session_after_every_step,
+    joined_scores,
+    largest_potential_so_far,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
@@ -196,21 +200,8 @@ def test_sessions_know_the_same_after_every_step(seed, time, location, kind, row
     session = hw.Session(program)
     for _ in range(2):
         pushed = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
-        check_session_after_every_step(program, recording, joined_in_time(pushed))
+        check_session_after_every_step(program, recording, joined_scores(pushed))
         session.reset()
-
-
-def joined_in_time(pushed: list[hw.StepScores]) -> hw.StepScores:
-    """Return the scores of several pushes as one, as if all rows had been pushed at once."""
-    spikes = {
-        name: np.concatenate([scores.spikes[name] for scores in pushed])
-        for name in pushed[0].spikes
-    }
-    potential = {
-        name: np.concatenate([scores.potential[name] for scores in pushed])
-        for name in pushed[0].potential
-    }
-    return hw.StepScores(spikes, potential, np.concatenate([scores.scores for scores in pushed]))
 
 
 @pytest.mark.parametrize("first", [0, 1, 2, 3, 4, 9], ids=lambda first: f"from step {first}")

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout, decided
-from hw_model.streaming.outcomes import StepScores
 from tests.support.hybrids import (
     CHIP,
     graph_in_phase,
@@ -27,6 +26,7 @@ from tests.support.session_programs import (
     SEEDS,
     TOGETHER,
     check_session_after_every_step,
+    joined_scores,
     live_program,
 )
 
@@ -59,15 +59,7 @@ def test_largest_potentials_so_far_do_not_depend_on_how_rows_are_pushed(seed, fi
     session = hw.Session(program)
     for _ in range(2):
         parts = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
-        joined = {
-            key: np.concatenate([part.potential[key] for part in parts])
-            for key in parts[0].potential
-        }
-        counted = {
-            key: np.concatenate([part.spikes[key] for part in parts]) for key in parts[0].spikes
-        }
-        scores = np.concatenate([part.scores for part in parts])
-        check_session_after_every_step(program, recording, StepScores(counted, joined, scores))
+        check_session_after_every_step(program, recording, joined_scores(parts))
         session.reset()
 
 

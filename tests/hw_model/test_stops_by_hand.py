@@ -18,6 +18,20 @@ from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
 from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 
+def stops_alone(program: hw.ChipProgram, recordings: np.ndarray) -> list[list[int]]:
+    """Return the proven stop of each recording by itself."""
+    return [
+        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
+    ]
+
+
+def steps_until_rest(program: hw.ChipProgram, recording: np.ndarray) -> int:
+    """Return the number of steps after which no compartment has anything to work on any more."""
+    activity = hw.simulate(program, recording, probe=("activity",)).activity["time"][0]
+    is_active = activity.by_piece["neuron_updates_active"].any(axis=1)
+    return 1 + int(np.flatnonzero(is_active).max())
+
+
 @pytest.mark.parametrize(
     ("options", "stop"),
     [
@@ -115,9 +129,7 @@ def test_a_batch_stops_as_its_recordings_alone():
     program = builder.build()
     recordings = np.zeros((4, 9, 2), dtype=np.uint8)
     recordings[0, :7, 0] = recordings[1, :4, 0] = recordings[2, 2, 1] = 1
-    alone = [
-        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
-    ]
+    alone = stops_alone(program, recordings)
     assert alone == [[5], [5], [9], [9]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
@@ -130,9 +142,7 @@ def test_potentials_of_a_batch_count_to_the_end_of_each_recording_alone():
     program = by_potentials(builder.build(), 0)
     recordings = np.zeros((2, 9, 3), dtype=np.uint8)
     recordings[0, :8, 0] = recordings[1, :2, 2] = 1
-    alone = [
-        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
-    ]
+    alone = stops_alone(program, recordings)
     assert alone == [[5], [3]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
@@ -145,9 +155,7 @@ def test_spikes_of_a_batch_count_to_the_end_of_each_recording_alone():
     program = builder.build()
     recordings = np.zeros((2, 9, 3), dtype=np.uint8)
     recordings[0, :8, 0] = recordings[1, 0, 2] = 1
-    alone = [
-        hw.stop_when_proven(program, recording[None]).steps.tolist() for recording in recordings
-    ]
+    alone = stops_alone(program, recordings)
     assert alone == [[5], [2]]
     assert [[step] for step in hw.stop_when_proven(program, recordings).steps.tolist()] == alone
 
@@ -184,12 +192,7 @@ def test_potentials_stay_0_after_the_end_of_a_recording():
     program = replace(program, phases=(replace(program.phases[0], steps=40),))
     recording = np.zeros((1, 3, 2), dtype=np.uint8)
     recording[0, :, 1] = 1
-    busy = (
-        hw.simulate(program, recording, probe=("activity",))
-        .activity["time"][0]
-        .by_piece["neuron_updates_active"]
-    )
-    rests = 1 + int(busy.any(axis=1).nonzero()[0].max())
+    rests = steps_until_rest(program, recording)
     stops = hw.stop_when_proven(program, recording)
     assert (stops.steps.tolist(), stops.prediction.tolist(), rests < 8) == ([rests], [1], True)
 
@@ -269,8 +272,7 @@ def test_nothing_comes_after_the_end_of_a_recording():
     recording = np.zeros((1, 3, 2), dtype=np.uint8)
     recording[0, :, 1] = 1
     stop = hw.stop_when_proven(program, recording)
-    rests = 1 + int(hw.simulate(program, recording, probe=("activity",)).activity["time"][0]
-                    .by_piece["neuron_updates_active"].any(axis=1).nonzero()[0].max())  # fmt: skip
+    rests = steps_until_rest(program, recording)
     assert (stop.steps.tolist(), stop.prediction.tolist(), stop.all_steps) == ([rests], [1], 40)
     assert 4 < rests < 20
     silent = hw.stop_when_proven(program, 0 * recording)

@@ -3,6 +3,7 @@
 import ast
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -40,21 +41,32 @@ def test_every_chip_that_ships_is_of_one_kind(name):
     assert kind in TARGETS
 
 
-@pytest.mark.parametrize(
-    ("name", "joins", "timed", "has_mesh", "times_cores"),
-    [
-        ("loihi-sim", True, True, True, True),
-        ("tiny-sim", True, True, True, True),
-        ("ecp5-25f", True, True, False, False),
-        ("ecp5-85f", True, True, False, False),
-        ("ice40up5k", False, True, False, False),
-        ("locsnn-130nm", True, True, False, False),
-    ],
-)
-def test_targets_say_what_they_can_do(name, joins, timed, has_mesh, times_cores):
+class Abilities(NamedTuple):
+    """What a target says that it can do."""
+
+    joins: bool
+    timed: bool
+    has_mesh: bool
+    times_cores: bool
+
+
+ON_A_MESH = Abilities(joins=True, timed=True, has_mesh=True, times_cores=True)
+OPEN_CORE = Abilities(joins=True, timed=True, has_mesh=False, times_cores=False)
+ABILITIES = {
+    "loihi-sim": ON_A_MESH,
+    "tiny-sim": ON_A_MESH,
+    "ecp5-25f": OPEN_CORE,
+    "ecp5-85f": OPEN_CORE,
+    "ice40up5k": OPEN_CORE._replace(joins=False),
+    "locsnn-130nm": OPEN_CORE,
+}
+
+
+@pytest.mark.parametrize(("name", "abilities"), ABILITIES.items(), ids=ABILITIES)
+def test_targets_say_what_they_can_do(name, abilities):
     target = target_of(hw.chip(name))
-    answers = (target.joins, target.timed, target.has_mesh, target.times_cores)
-    assert answers == (joins, timed, has_mesh, times_cores)
+    answers = Abilities(target.joins, target.timed, target.has_mesh, target.times_cores)
+    assert answers == abilities
 
 
 def test_a_mesh_without_times_of_operations_is_not_timed():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from hypothesis import strategies as st
 
@@ -12,6 +14,17 @@ from tests.support.register_units import FORGETS_AT_ONCE
 SEEDS = st.integers(0, 2**32 - 1)
 TOGETHER = st.integers(1, 3)
 """Channels that the location phase visits at one step."""
+
+
+def joined_scores(parts: Sequence[hw.StepScores]) -> hw.StepScores:
+    """Return the scores of several pushes as one, as if all rows had been pushed at once."""
+    spikes = {}
+    for name in parts[0].spikes:
+        spikes[name] = np.concatenate([part.spikes[name] for part in parts])
+    potential = {}
+    for name in parts[0].potential:
+        potential[name] = np.concatenate([part.potential[name] for part in parts])
+    return hw.StepScores(spikes, potential, np.concatenate([part.scores for part in parts]))
 
 
 def cut_after_every_step(recording: np.ndarray) -> np.ndarray:
