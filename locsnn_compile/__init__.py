@@ -13,8 +13,9 @@ import lazy_loader
 
 __version__ = "0.1.0"
 
+# Python can import a package from a .zip, but this one reads data files that lie next to its modules.
 if not Path(__file__).parent.is_dir():
-    # With the name of the package, `python -m locsnn_compile` says this in one line.
+    # With the name of the package, `python -m locsnn_compile` prints this in one line.
     message = (
         "it reads files of its own, and an archive has none. Unpack it, or install it with pip."
     )

@@ -1,4 +1,8 @@
-"""The Python interface: compile a network, and verify the result."""
+"""The Python interface: compile a network, and verify the result.
+
+The commands do the same through :func:`fulfil`. What is asked of the compiler is a request
+(``request/compile_request.py``), and each family of chips fulfils it in its own way (``families.py``).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -132,11 +136,13 @@ def compile(  # noqa: PLR0913 - public: each is an option of its own
 
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that the chip cannot hold.
     """
+    # A dial is a choice of the compiler; a setting is one value for each (settings.py). The first
+    # three are arguments of their own, and any others come as keywords.
     check_dials(dials, "compile")
     chip = chip_named(target)
     dials |= {"strategy": strategy, "weight_bits": weight_bits, "split_weights": split_weights}
-    one_network = _one_network(network, weights, calibration)
-    setting = setting_of(chip, one_network, dials)
+    joined_network = _one_network(network, weights, calibration)
+    setting = setting_of(chip, joined_network, dials)
     setting_request = SettingRequest.of(setting, dials, budget, calibration)
     check_request = CheckRequest(
         events=events,
@@ -149,7 +155,7 @@ def compile(  # noqa: PLR0913 - public: each is an option of its own
     )
     pricing_request = PricingRequest(profile)
     return fulfil(
-        CompileRequest(one_network, chip, setting_request, check_request, pricing_request)
+        CompileRequest(joined_network, chip, setting_request, check_request, pricing_request)
     )
 
 
@@ -158,12 +164,17 @@ def _one_network(
     weights: Sequence[float] | None,
     calibration: Events | None,
 ) -> Network:
-    """Return what is given as one network: several are joined, with their class scores added."""
+    """Return one network; several are joined, so that their class scores are added."""
     if isinstance(network, Sequence):
-        members = [load(one) if isinstance(one, Checkpoint) else one for one in network]
+        members = [_as_network(member) for member in network]
         return join(members, weights, calibration)
     if weights is not None:
         raise InputError("weights", "they apply only to several networks", fix="Leave them out.")
+    return _as_network(network)
+
+
+def _as_network(network: Network | Checkpoint) -> Network:
+    """Return the network of a checkpoint, as ``train`` returns one; a network as it is."""
     return load(network) if isinstance(network, Checkpoint) else network
 
 
@@ -198,30 +209,37 @@ def join(
     Without ``weights``, scores are weighed so that those of all networks vary alike on recordings: ``calibration``, or
     else the recordings in a network. If there are none, scores are added as they are.
     """
-    joined = committee(networks, weights or (1.0,) * len(networks))
     if weights:
-        return joined
-    recordings = joined.recordings
+        return committee(networks, weights)
+    unweighted = committee(networks, (1.0,) * len(networks))
+    recordings = unweighted.recordings
     if calibration is not None:
-        recordings = calibration_recordings(joined, calibration, reading)
+        recordings = calibration_recordings(unweighted, calibration, reading)
     if recordings is None:
         sentence = "Class scores of the networks are added as they are (--weights)."
-        return replace(joined, assumptions=(*joined.assumptions, sentence))
+        return _assuming(unweighted, sentence)
+    # The deviation of the class scores of each network, over recordings and classes.
     deviations = [score_spread(network, network.fitted(recordings)) for network in networks]
     if 0.0 in deviations:
+        # Such a network has no deviation to divide by.
         rows = zip(networks, deviations, strict=True)
         silent = listed([network.name for network, deviation in rows if not deviation])
         sentence = (
             f"Class scores of {silent} are equal on {recordings.source}: scores are added as they are "
             "(--weights)."
         )
-        return replace(joined, assumptions=(*joined.assumptions, sentence))
+        return _assuming(unweighted, sentence)
     # The first network has a weight of 1; the others are scaled to its deviation.
-    weighed = committee(networks, [deviations[0] / deviation for deviation in deviations])
-    weights_found = ", ".join(f"{member.name} {member.weight:.4g}" for member in weighed.members)
-    on = f"{counted(len(recordings), 'recording')} of {recordings.source}"
-    sentence = f"Class scores vary alike on {on}: weights {weights_found} (--weights)."
-    return replace(weighed, assumptions=(*weighed.assumptions, sentence))
+    weighted = committee(networks, [deviations[0] / deviation for deviation in deviations])
+    weights_text = ", ".join(f"{member.name} {member.weight:.4g}" for member in weighted.members)
+    recordings_text = f"{counted(len(recordings), 'recording')} of {recordings.source}"
+    sentence = f"Class scores vary alike on {recordings_text}: weights {weights_text} (--weights)."
+    return _assuming(weighted, sentence)
+
+
+def _assuming(network: Network, sentence: str) -> Network:
+    """Return the network with a further sentence among its assumptions, which the report lists."""
+    return replace(network, assumptions=(*network.assumptions, sentence))
 
 
 @checked
@@ -256,5 +274,6 @@ def diagnose(
 
 
 def _observed_events(compiled: CompiledModel, events: Events, labels: ArrayLike | None) -> Observed:
+    """Return what the program and the float network do on recordings, which are fitted to the network."""
     recordings = recordings_for(compiled.network, events, labels)
     return observed_by(compiled.levels, compiled.network.fitted(recordings))

@@ -1,4 +1,8 @@
-"""What every compiled network has, whatever the chip: a program, its check, and the report of both."""
+"""What every compiled network has, whatever the chip: a program, its check, and the report of both.
+
+``compile`` returns a subclass for each family of chips: ``CompiledModel`` for meshes of cores and the
+open core, ``CompiledXylo`` and ``CompiledSpinnaker``.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -26,14 +30,15 @@ class Compiled(ABC):
     """A program, the network that it came from, and the report of their comparison.
 
     - ``figures``: the content of report.json, with types
-    - ``choice``: what ``auto`` compared; None where there was nothing to choose
-    - ``program``: what its chip plays
+    - ``choice``: the settings that ``auto`` compared; None if there was nothing to choose
+    - ``program``: the program for the chip
     """
 
     figures: SharedFigures
     choice: Choice | None
 
-    # To a dataclass that derives from this one, a property would be the default of its field.
+    # Only for the type checker: some subclasses are dataclasses with a field of this name, and would
+    # take the property for the default of the field.
     if TYPE_CHECKING:
 
         @property
@@ -57,7 +62,7 @@ class Compiled(ABC):
 
     @abstractmethod
     def with_gates(self, gates: tuple[GateFigures, ...]) -> "Compiled":
-        """Return the same with these gates in the report."""
+        """Return the same with gates, bounds that were asked for and their outcome, in the report."""
 
     @abstractmethod
     def program_files(self) -> Files:
@@ -73,6 +78,7 @@ class Compiled(ABC):
         return f"<{type(self).__name__} {name!r} on {self.chip_name}: {sentence}>"
 
     def _repr_html_(self) -> str:
+        # Notebooks show this.
         return render_summary(self.composed)
 
     @cached_property
@@ -87,8 +93,8 @@ class Compiled(ABC):
     def files(self, emit: Sequence[str] = (), shown: ShownRecording | None = None) -> Files:
         """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
 
-        ``emit`` are kinds of ``--emit``; those about one recording need the one that is ``shown``.
-        Equal input, equal bytes.
+        ``emit`` has kinds of ``--emit``; some of them show one recording, ``shown``. Equal inputs give
+        equal bytes.
         """
         files = self.program_files() | report_files(self.report, self.composed)
         return files | self.emitted_files(emit, shown)

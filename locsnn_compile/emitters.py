@@ -1,7 +1,8 @@
-"""What ``--emit KIND`` writes: one row for each kind. To add an emitter, write its module and its row.
+"""What ``--emit KIND`` writes: a table with one row for each kind. To add an emitter, write its module and its row.
 
-A row imports the module that writes its files only when its kind is asked for, so that help and
-builds without it do not wait for it; for the same reason, rows are plain dataclasses.
+A row has a function that returns the files of its kind. The function imports the module that makes
+them only when it is called, so that help and builds without this kind do not wait for the import; for
+the same reason, the classes here are plain dataclasses.
 """
 
 from collections.abc import Sequence
@@ -29,8 +30,9 @@ Files = dict[str, bytes]
 class ShownRecording:
     """The recording that emitted files show.
 
-    ``spikes`` are (steps, channels), or a mapping by stream; ``title`` names the recording;
-    ``probes`` are the compartments that waveforms show, as ``population[index]``.
+    - ``spikes``: (steps, channels), or a mapping by input stream
+    - ``title``: names the recording
+    - ``probes``: the compartments that waveforms show, as ``population[index]``
     """
 
     spikes: "Spikes"
@@ -42,8 +44,8 @@ class ShownRecording:
 class Build:
     """All that an emitter may write about.
 
-    ``compiled`` is None for a program that was written by hand, and ``shown`` where no kind shows
-    a recording.
+    ``compiled`` is None for a program that was written by hand, and ``shown`` is None if none of the
+    kinds shows a recording.
     """
 
     program: "hw.ChipProgram"
@@ -82,7 +84,7 @@ class Writer(Protocol):
 
 @dataclass(frozen=True)
 class OtherChip:
-    """A kind of chip with an arithmetic of its own: what it is called, and the name of one."""
+    """A kind of chip with an arithmetic of its own, for messages: ``a Xylo``, such as ``xylo-audio3``."""
 
     called: str
     example: str
@@ -94,12 +96,12 @@ class Emitter:
 
     - ``kind``: its name on the command line
     - ``path``: the file that it writes, or its folder if the name ends in a slash
-    - ``write``: makes the contents
-    - ``holds``: a pattern of the names below its folder, those included that its tools leave there:
-      a later build replaces them, and refuses to remove any other
-    - ``shows_recording``: writes about one recording, the one of ``--recording``
-    - ``of_mesh``: describes a mesh of cores, their memories and times, which an open core is not
-    - ``of_chip``: describes another kind of chip, whose builds write it themselves
+    - ``write``: returns the contents by name
+    - ``holds``: a regular expression for the names below its folder, including files that the tools
+      of this kind leave there. A later build replaces such files, and refuses to remove any other
+    - ``shows_recording``: it shows one recording, the one of ``--recording``
+    - ``of_mesh``: it describes a mesh of cores, with their memories and times; the open core is none
+    - ``of_chip``: it describes another kind of chip, whose compiled networks write it themselves
     """
 
     kind: str
@@ -118,7 +120,7 @@ class LevelText:
         self.level = level
 
     def __call__(self, build: Build, /) -> Files:
-        """Return ``LEVEL.txt``. A name may hold characters that UTF-8 cannot: they are escaped."""
+        """Return ``LEVEL.txt``; characters in names that UTF-8 cannot encode, lone surrogates, are escaped."""
         from locsnn_compile.pipeline import LEVEL_TEXTS
 
         text = LEVEL_TEXTS[self.level](build.model.levels)
@@ -185,7 +187,8 @@ def _net(build: Build) -> Files:
     return {"network.net": exchange_file("net", build.model.levels.quantized)}
 
 
-def _elsewhere(build: Build) -> Files:
+def _of_other_chip(build: Build) -> Files:
+    # Compiled networks for Xylo and SpiNNaker do not come here, and check_kinds refuses all others.
     raise AssertionError(f"{build.program.chip.name} is another chip, which check_kinds has said")
 
 
@@ -215,11 +218,12 @@ def _viewer(build: Build) -> Files:
     return {"viewer.html": page}
 
 
+# Patterns of the names in the folders of emitters (``Emitter.holds``).
 _VECTORS = r"README\.md|manifest\.yaml|core\d+/\w+\.hex"
 _RTL = (
     r"[\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|[\w-]+\.(top\.sv|board\.mk)"
     r"|memories\.csv|Makefile|load|words|expected_\w+"
-    # What `make` leaves there.
+    # Files that `make` leaves there.
     r"|[\w-]+\.(bench|json|cells|log|config|asc|bit|bin|smt2|proved)|solver/boolector"
     r"|updates|scores|answers"
 )
@@ -241,8 +245,8 @@ EMITTERS = (
     Emitter("dot", "program.dot", _dot),
     Emitter("nir", "network.nir", _nir),
     Emitter("net", "network.net", _net),
-    Emitter("xylo", "xylo/", _elsewhere, _ROCKPOOL, shows_recording=True, of_chip=XYLO),
-    Emitter("pynn", "spinnaker/", _elsewhere, _SCRIPT, shows_recording=True, of_chip=SPINNAKER),
+    Emitter("xylo", "xylo/", _of_other_chip, _ROCKPOOL, shows_recording=True, of_chip=XYLO),
+    Emitter("pynn", "spinnaker/", _of_other_chip, _SCRIPT, shows_recording=True, of_chip=SPINNAKER),
     Emitter("csv", "csv/", _csv, _TABLES),
     Emitter("events", "events.npz", _events),
     Emitter("viewer", "viewer.html", _viewer),
@@ -251,6 +255,7 @@ EMITTERS = (
 EMIT_KINDS = tuple(emitter.kind for emitter in EMITTERS)
 
 
+# "rtl/" and its pattern become "rtl/(pattern)".
 NAMES_IN_FOLDERS = "|".join(
     f"{emitter.path}({emitter.holds})" for emitter in EMITTERS if emitter.path.endswith("/")
 )
@@ -263,38 +268,38 @@ def emitters_of(kinds: Sequence[str]) -> list[Emitter]:
 
 
 def check_kinds(chip: "hw.Chip", kinds: Sequence[str]) -> None:
-    """Refuse kinds that describe a mesh of cores where the target is none, and those of other chips."""
+    """Refuse kinds for Xylo or SpiNNaker, and for the open core those that describe a mesh of cores."""
     for emitter in emitters_of(kinds):
         if emitter.of_chip is not None:
             what = f"it describes {emitter.of_chip.called}, and {chip.name} is none"
             fix = f"Compile for one, such as --target {emitter.of_chip.example}."
             raise InputError(f"--emit {emitter.kind}", what, fix=fix)
-    emitters = [emitter for emitter in emitters_of(kinds) if emitter.of_mesh]
-    if not emitters:
+    mesh_emitters = [emitter for emitter in emitters_of(kinds) if emitter.of_mesh]
+    if not mesh_emitters:
         return
     from hw_model.targets import target_of
 
     target = target_of(chip)
-    for emitter in emitters:
+    for emitter in mesh_emitters:
         if not target.has_mesh:
             what = f"it describes a mesh of cores, and {chip.name} is {target.called}"
             raise InputError(f"--emit {emitter.kind}", what, fix="Use --emit rtl.")
 
 
 def check_recording_is_shown(kinds: Sequence[str]) -> None:
-    """Refuse ``--recording`` where no kind shows a single recording."""
+    """Refuse ``--recording`` if none of the kinds shows a single recording."""
     if any(emitter.shows_recording for emitter in emitters_of(kinds)):
         return
-    showing = [emitter.kind for emitter in EMITTERS if emitter.shows_recording]
-    fix = f"Add --emit {listed(showing, 'or')}."
+    kinds_that_show = [emitter.kind for emitter in EMITTERS if emitter.shows_recording]
+    fix = f"Add --emit {listed(kinds_that_show, 'or')}."
     raise InputError("--recording", "no emitted file shows a single recording", fix=fix)
 
 
 def emitted_files(build: Build, kinds: Sequence[str]) -> Files:
     """Return the files of some kinds.
 
-    Raises ``InputError`` for a kind that the chip has not, for one that shows a recording or a
-    model where there is none, and for what a format cannot hold.
+    Raises ``InputError`` for a kind that does not describe this chip, for one that shows a recording
+    or a model if there is none, and for what a format cannot hold.
     """
     check_kinds(build.program.chip, kinds)
     files: Files = {}
@@ -310,7 +315,7 @@ def bench_files(
     title: str = "recording 0",
     probes: Sequence[str] = (),
 ) -> Files:
-    """Return the files of kinds that need a program alone, which may have been written by hand.
+    """Return the files of kinds that need only a program, which may have been written by hand.
 
     ``spikes``, ``title`` and ``probes`` are those of :class:`ShownRecording`. Raises ``InputError``
     for kinds about a model, and for vectors, timeline and SANA-FE of an open core.

@@ -1,7 +1,8 @@
-"""What the compiler does for each family of chips: one row for each.
+"""How the compiler treats each family of chips: a table with one row for each.
 
-To add a family, describe its chips (:mod:`hw_model.targets.families`), write how a network is compiled for
-them in a room of its own, and add its row here.
+A family is a group of chips that compute in the same way: meshes of cores (and the open core), Xylo,
+SpiNNaker. To add one, describe its chips (:mod:`hw_model.targets.families`), write how a network is
+compiled for them in a folder of its own, and add its row here.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -32,15 +33,15 @@ ChipT = TypeVar("ChipT", bound=AnyChip)
 
 @dataclass(frozen=True)
 class Family(Generic[ChipT]):
-    """Chips for which networks are compiled alike.
+    """Chips for which networks are compiled in the same way.
 
     - ``chips``: the class of their descriptions
-    - ``setting``: the setting for values by dial, None for usual ones; ``InputError`` for a value
-      that means nothing here
+    - ``setting``: makes a setting of values by dial, where None stands for the usual value;
+      ``InputError`` for a value that means nothing here
     - ``fulfil``: compiles a network as requested, and checks it against the float reference
-    - ``check_network``: refuses a network that no setting could compile: ``TargetError``
+    - ``check_network``: raises ``TargetError`` for a network that no setting could compile
     - ``check_kinds``: refuses kinds of ``--emit`` that show what such a chip does not have
-    - ``bounds_choose``: bounds on what may be lost choose among several settings
+    - ``bounds_choose``: there are several settings, among which bounds on the losses choose
     """
 
     chips: type[ChipT]
@@ -51,8 +52,8 @@ class Family(Generic[ChipT]):
     bounds_choose: bool = False
 
 
-def _left_to_lowering(chip: hw.Chip, network: Network) -> None:
-    """Refuse nothing: what a mesh can hold depends on how neurons are lowered."""
+def _refuse_nothing(chip: hw.Chip, network: Network) -> None:
+    """Do nothing: whether a mesh can hold a network is known only after its neurons are lowered."""
 
 
 FAMILIES: tuple[Family[Any], ...] = (
@@ -60,7 +61,7 @@ FAMILIES: tuple[Family[Any], ...] = (
         chips=hw.Chip,
         setting=setting_for,
         fulfil=fulfil_for_mesh,
-        check_network=_left_to_lowering,
+        check_network=_refuse_nothing,
         check_kinds=check_kinds,
         bounds_choose=True,
     ),
@@ -82,16 +83,16 @@ FAMILIES: tuple[Family[Any], ...] = (
 
 
 def family_of(chip: AnyChip) -> Family[Any]:
-    """Return the row of a chip."""
+    """Return the family of a chip."""
     return next(family for family in FAMILIES if isinstance(chip, family.chips))
 
 
 def setting_of(chip: AnyChip, network: Network, values: Mapping[str, Value | None]) -> Setting:
-    """Return the setting of a network for values by dial, None for usual ones.
+    """Return the setting that ``values`` by dial stand for; None stands for the usual value.
 
-    A network that the chip can hold by no setting is refused first: it would be no help to hear of
-    a value, leave it out, and hear then that the network does not fit. Raises ``TargetError`` for
-    such a network, and ``InputError`` for a value that means nothing for the chip.
+    Raises ``TargetError`` for a network that the chip cannot hold by any setting, and ``InputError``
+    for a value that means nothing for the chip. The network is checked first: users should not
+    correct a value only to learn afterwards that the network does not fit.
     """
     family = family_of(chip)
     family.check_network(chip, network)

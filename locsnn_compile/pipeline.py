@@ -1,4 +1,7 @@
-"""The whole compiler as one column of passes."""
+"""The whole compiler as one column of passes: from a float network to a program for a mesh or the open core.
+
+Each pass takes a network at one level and returns it at the next, which is nearer to the chip.
+"""
 
 import logging
 from collections.abc import Callable
@@ -28,7 +31,15 @@ _log = logging.getLogger("locsnn")
 
 
 class Levels(Shown):
-    """A network at every level, from float to program."""
+    """A network at every level, from float to program.
+
+    - ``network``: neurons and float weights, as trained
+    - ``quantized``: integers of the chip instead of floats
+    - ``compartments``: the chip's units instead of neurons
+    - ``placed``: every compartment has a core
+    - ``routed``: every synapse has a place in a list of its core
+    - ``program``: the tables of all cores, as the chip loads them
+    """
 
     network: Network
     quantized: QuantizedNetwork
@@ -46,7 +57,10 @@ def lower(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> Levels:
-    """Lower by these values of the first dials, all others usual; see :func:`lower_by`."""
+    """Lower a network by a strategy, weight bits and the rounding's split; see :func:`lower_by`.
+
+    All other dials of the setting have their usual values.
+    """
     setting = Setting(strategy, weight_bits_of(chip, weight_bits), rounding.split)
     return lower_by(network, chip, setting, rounding, calibration)
 
@@ -58,16 +72,19 @@ def lower_by(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> Levels:
-    """Lower a network to a program by a setting; every level is checked."""
+    """Lower a network to a program by a setting; every level is checked.
+
+    ``calibration`` is what the float network does on recordings, for which weights are rounded.
+    """
     check_network(network)
     quantized = quantize_by(network, chip, setting, rounding, calibration)
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
-    # What commands that play the program need to know of its network, and no core.
-    of_network = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
-    of_network |= vars(network.event_times or EventTimes())
-    program = replace(assemble(routed), **of_network, **network.numbering_entries)
+    # Commands that play the program read recordings as its network expects them. No core needs this.
+    reading_entries = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
+    reading_entries |= vars(network.event_times or EventTimes())
+    program = replace(assemble(routed), **reading_entries, **network.numbering_entries)
     target_of(chip).check_fits(program, network.steps)
     _log.debug(
         "%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name

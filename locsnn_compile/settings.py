@@ -1,8 +1,14 @@
 """How a network can be compiled: strategies, dials and their settings, and the grid to explore.
 
-A strategy lays out spike response neurons on a chip; strategies are tried in the order given here.
+A *dial* is a choice of the compiler for which there are several values, such as the weight bits. A
+*setting* is one value for each dial. ``locsnn-compile`` takes a setting from its options, ``auto``
+searches for one within error bounds, and ``locsnn explore`` compares a whole grid of them.
+
+The first dial is the *strategy*: how spike response (SRM) neurons become compartments of a chip.
+Strategies are tried in the order given here.
+
 To add a dial, write its row in :data:`DIALS`, which also says how ``auto`` and explore vary it, and
-its field in :class:`Setting`, and read it in the pass that it turns. This module imports nothing
+its field in :class:`Setting`, and read it in the pass that it changes. This module imports nothing
 heavy, because help and completion show the names.
 """
 
@@ -29,10 +35,13 @@ cycles of a core, while a strategy that saves a third may lose a few percent.
 
 @dataclass(frozen=True)
 class Strategy:
-    """``layout`` describes a neuron in compartments, ``dendrites`` how many it has of each kind.
+    """A way to lay out a spike response neuron in compartments.
 
-    ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, even with split
-    weights: it is tried only if no other strategy keeps the budget, or if asked for.
+    - ``layout``: the compartments of a neuron, in words for the report
+    - ``dendrites``: how many dendrites a neuron has of each kind
+    - ``trainable``: networks can be trained on its integers
+    - ``last_resort``: it costs more than any other, even with split weights, so that it is tried only if no other
+      strategy keeps the budget, or if asked for
     """
 
     layout: str
@@ -59,7 +68,9 @@ STRATEGIES = {
 LAYOUTS = {name: strategy.layout for name, strategy in STRATEGIES.items()} | {
     NATIVE: "one compartment per neuron, as the model has it"
 }
+"""The compartments of a neuron in words, by strategy."""
 TRAINABLE = tuple(name for name, strategy in STRATEGIES.items() if strategy.trainable)
+"""The strategies that ``locsnn train --target`` takes."""
 USUAL = tuple(name for name, strategy in STRATEGIES.items() if not strategy.last_resort)
 """The strategies that are tried first."""
 
@@ -75,13 +86,14 @@ Value = str | int | float
 class Search:
     """How ``auto`` varies a dial, if at all.
 
-    - ``starts``: values that it begins with, given a network and the value asked for; without it,
-      the value asked for
-    - ``last_resorts``: values of these that are tried only if no other keeps the error bounds
-    - ``finer``: values that lose less and cost more, in turn, until one keeps the error bounds;
+    - ``starts``: returns the values to begin with, given a network and the value asked for; None to
+      begin with the value asked for
+    - ``last_resorts``: those of the first values that are tried only if no other keeps the error
+      bounds
+    - ``finer``: values that lose less and cost more, tried in turn until one keeps the error bounds;
       they are not tried if the user gave a value
-    - ``coarser``: given a chip and a value, the values that lose more and cost less, the nearest
-      first; they are tried with the cheapest setting that keeps the error bounds
+    - ``coarser``: returns, given a chip and a value, the values that lose more and cost less, the
+      nearest first; they are tried with the cheapest setting that keeps the error bounds
     """
 
     starts: Callable[[Network, Any], Sequence[Value]] | None = None
@@ -92,23 +104,32 @@ class Search:
 
 @dataclass(frozen=True)
 class Dial:
-    """A setting of the compiler that ``auto`` and explore can vary: one row of :data:`DIALS`.
+    """A choice of the compiler that ``auto`` and explore can vary: one row of :data:`DIALS`.
 
-    ``name`` is its keyword in ``compile`` and its field in :class:`Setting`.
+    ``name`` is its keyword in ``compile`` and its field in :class:`Setting`. ``search`` says how
+    ``auto`` varies it.
 
-    For ``auto``: ``search``.
+    For explore:
 
-    For explore: ``values`` are tried for a network that has what the dial ``needs``, a property of
-    ``Network``, and otherwise only the ``neutral`` one. With ``bounds``, other values between them
-    can be asked for. Of a ``width``, only values that the chip's weights have are tried, and the
-    neutral one is the widest of these. ``tried`` says in its help what is tried, ``words`` how the name of a setting
-    shows a value, and ``unsaid`` is the value that the name leaves out.
+    - ``values``: tried for a network that has what the dial needs
+    - ``needs``: the name of the property of ``Network`` without which the dial changes nothing
+    - ``neutral``: the only value that is tried for a network without that property
+    - ``bounds``: other values between them can be asked for
+    - ``width``: values are widths of weights: only those that the chip has are tried, and the neutral
+      one is the widest of these
+    - ``tried``: says in the help what is tried
+    - ``words``: returns a value as the name of a setting shows it
+    - ``unsaid``: the value that the name of a setting leaves out
 
-    For ``locsnn-compile``: ``help``, ``value`` (what help calls its value), ``read``, ``choices``,
-    ``bounds`` and ``default`` declare the option. ``usual`` is the value for a chip where none is
-    given, by default the neutral one, and ``refuse`` raises an error for what the chip does not
-    have. ``idle`` says why the dial would change nothing where a network lacks what it needs; if
-    empty, the compiler itself finds out.
+    For ``locsnn-compile``:
+
+    - ``help``, ``choices``, ``bounds``, ``default``: of the option
+    - ``value``: what the help calls its value
+    - ``read``: parses the text of a value
+    - ``usual``: returns the value for a chip if none is given; by default it is the neutral one
+    - ``refuse``: raises an error for a value that the chip does not have
+    - ``idle``: why the dial would change nothing for a network without what it needs; if empty, the
+      compiler itself finds out
     """
 
     name: str
@@ -141,7 +162,7 @@ class Dial:
         return "taken" if self.name == "strategy" else f"taken_{self.name}"
 
     def matters(self, network: Network) -> bool:
-        """Tell whether the dial changes anything for a network."""
+        """Return whether the dial changes anything for a network."""
         return bool(getattr(network, self.needs))
 
     def check(self, chip: Chip, value: Any) -> None:
@@ -156,47 +177,61 @@ class Dial:
         return self.neutral if self.usual is None else self.usual(chip)
 
     def explored(self, network: Network, most_bits: int) -> tuple[Value, ...]:
-        """Return the values that explore tries if none are asked for."""
+        """Return the values that explore tries if none are asked for.
+
+        ``most_bits`` is the width of the chip's widest weights.
+        """
         if not self.width:
             return self.values if self.matters(network) else (self.neutral,)
-        held = tuple(value for value in self.values if int(value) <= most_bits)
-        return held if self.matters(network) else held[-1:]
+        widths = tuple(value for value in self.values if int(value) <= most_bits)
+        return widths if self.matters(network) else widths[-1:]
 
 
 def part(text: str) -> float:
-    """Read a share of the weights: ``none``, ``all`` or a number."""
-    named = {"none": 0.0, "all": 1.0}
-    return named[text] if text in named else float(text)
+    """Parse a share of the weights: ``none``, ``all`` or a number.
+
+    argparse shows the name of this function if the text is none of these: "invalid part value".
+    """
+    share_of_word = {"none": 0.0, "all": 1.0}
+    return share_of_word[text] if text in share_of_word else float(text)
 
 
 def _widest(chip: Chip) -> Value:
+    """Return the bits of the chip's widest weights."""
     return chip.registers.weight_bits[-1]
 
 
-def _strategies_of(network: Network, asked: str) -> Sequence[Value]:
+def _first_strategies(network: Network, asked: str) -> Sequence[Value]:
+    """Return the strategies that ``auto`` begins with; neurons that the chip has need none."""
     if not network.by_strategy:
         return [NATIVE]
     return list(STRATEGIES) if asked == AUTO else [asked]
 
 
 def _narrower(chip: Chip, bits: int) -> Sequence[Value]:
+    """Return the chip's narrower widths of weights, the widest first."""
     return [width for width in reversed(chip.registers.weight_bits) if width < bits]
 
 
 def _check_strategy(chip: Chip, strategy: str) -> None:
+    """Refuse an unknown strategy. ``chip`` is not needed: every ``Dial.refuse`` takes one."""
     known = (AUTO, *STRATEGIES)
     check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, known)
 
 
 def weight_bits_of(chip: Chip, bits: int | None) -> int:
-    """Return the weight bits asked for, or the chip's most; refuse a width that the chip's synapse formats lack."""
+    """Return the weight bits asked for, or the chip's widest if ``bits`` is None.
+
+    Raises ``InputError`` for a width that no synapse format has, and ``TargetError`` for one that is
+    too wide for the chip.
+    """
     from hw_model.arithmetic.fixed_point import weight_grid
 
     widths = chip.registers.weight_bits
     if bits is None:
         return widths[-1]
     try:
-        weight_grid(bits, "excitatory")
+        weight_grid(bits, "excitatory")  # raises for a width that has no grid, such as 7
     except InputError as error:
         raise InputError("--weight-bits", error.what, fix=error.fix) from None
     if bits not in widths:
@@ -213,6 +248,7 @@ def _check_weight_bits(chip: Chip, bits: int) -> None:
 
 
 _INTEGERS = "the weights of this model are integers of the chip already"
+"""Why dials of rounding change nothing for some networks."""
 DIALS = (
     Dial(
         "strategy",
@@ -228,7 +264,7 @@ DIALS = (
         default=AUTO,
         refuse=_check_strategy,
         search=Search(
-            starts=_strategies_of,
+            starts=_first_strategies,
             last_resorts=[name for name, strategy in STRATEGIES.items() if strategy.last_resort],
         ),
     ),
@@ -262,9 +298,10 @@ DIALS = (
         unsaid=0.0,
         bounds=(0, 1),
         idle=_INTEGERS,
-        search=Search(finer=(0.0, 0.25, 1.0)),
+        search=Search(finer=(0.0, 0.25, 1.0)),  # chosen by hand
     ),
 )
+"""The dials. A setting has its values, and explore varies them, in this order."""
 
 
 @dataclass(frozen=True)
@@ -286,7 +323,7 @@ class Setting:
         return list(zip(DIALS, self.values, strict=True))
 
     def check(self, chip: Chip) -> None:
-        """Refuse values that no chip has (``InputError``), or not this one (``TargetError``)."""
+        """Refuse values that no chip has (``InputError``), or that this chip does not have (``TargetError``)."""
         for dial, value in self.by_dial:
             dial.check(chip, value)
 
@@ -301,7 +338,7 @@ class Setting:
         return replace(self, **changed)
 
     def arguments(self, network: Network) -> list[str]:
-        """Return the options of ``locsnn-compile`` that matter to a network."""
+        """Return the options of ``locsnn-compile`` for this setting, only for dials that matter to a network."""
         arguments = []
         for dial, value in self.by_dial:
             if dial.matters(network):
@@ -312,7 +349,10 @@ class Setting:
         return self.name()
 
     def name(self, dials: Collection[int] | None = None) -> str:
-        """Return the values of a setting in words, of the dials with these numbers or of all."""
+        """Return the values of the setting in words, such as ``dendrite, 8-bit``.
+
+        ``dials`` are the numbers of the dials to name, by default all.
+        """
         words = []
         for number, (dial, value) in enumerate(self.by_dial):
             is_named = dials is None or number in dials
@@ -322,7 +362,7 @@ class Setting:
 
 
 def check_dials(names: Collection[str], function: str) -> None:
-    """Refuse a keyword that is the name of no dial as Python does: by a ``TypeError``."""
+    """Refuse a keyword that is not the name of a dial as Python would: by a ``TypeError``."""
     known = {dial.name for dial in DIALS}
     for name in names:
         if name not in known:
@@ -330,10 +370,11 @@ def check_dials(names: Collection[str], function: str) -> None:
 
 
 def setting_for(chip: Chip, values: Mapping[str, Value | None]) -> Setting:
-    """Return a setting of values by dial, checked; None, or no value, leaves a dial at the usual one.
+    """Return the setting of a mesh or open core for ``values`` by dial.
 
-    Raises ``InputError`` for values that no chip has, and ``TargetError`` for those that this one
-    has not.
+    A dial without a value, or with None, has the value that is usual for the chip. Raises
+    ``InputError`` for values that no chip has, and ``TargetError`` for values that this chip does
+    not have.
     """
     chosen: dict[str, Any] = {}
     for dial in DIALS:
@@ -345,36 +386,39 @@ def setting_for(chip: Chip, values: Mapping[str, Value | None]) -> Setting:
 
 
 def settings(
-    network: Network, wanted: Mapping[str, Sequence[Value]], most_bits: int
+    network: Network, values_to_try: Mapping[str, Sequence[Value]], most_bits: int
 ) -> tuple[Setting, ...]:
-    """Return the grid, the last dial fastest: of each dial the values wanted, by its name, or else all that matter.
+    """Return the grid of explore: every combination of the values of the dials, the last dial varying fastest.
 
-    The chip's widest weights have ``most_bits``; wider ones are tried only if asked for.
+    ``values_to_try`` has, by dial, the values that the user gave. Of the other dials, all values that matter to the
+    network are tried. The chip's widest weights have ``most_bits``; wider ones are tried only if asked for.
 
     Raises ``InputError`` for options of rounding if no weights are rounded.
     """
-    idle = [dial for dial in DIALS if dial.idle and wanted.get(dial.name)]
-    check_matters(network, {dial.name: dial.option for dial in idle})
-    tried = [
-        tuple(dict.fromkeys(wanted.get(dial.name) or dial.explored(network, most_bits)))
-        for dial in DIALS
-    ]
-    return tuple(itertools.starmap(Setting, itertools.product(*tried)))
+    may_be_idle = [dial for dial in DIALS if dial.idle and values_to_try.get(dial.name)]
+    check_matters(network, {dial.name: dial.option for dial in may_be_idle})
+    values_by_dial: list[tuple[Any, ...]] = []
+    for dial in DIALS:
+        values = values_to_try.get(dial.name) or dial.explored(network, most_bits)
+        values_by_dial.append(tuple(dict.fromkeys(values)))  # without repeats, in order
+    return tuple(itertools.starmap(Setting, itertools.product(*values_by_dial)))
 
 
 def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
-    """Return what ``auto`` tries if no bound is given: each strategy, with defaults for everything else."""
-    strategies = DIALS[0].explored(network, most_bits)
+    """Return the settings that ``auto`` tries without bounds: each strategy, and usual values otherwise."""
+    strategy_dial = DIALS[0]
+    strategies = strategy_dial.explored(network, most_bits)
     return tuple(Setting(str(strategy), most_bits) for strategy in strategies)
 
 
 def first_settings(network: Network, asked: Setting) -> list[Setting]:
     """Return the settings that ``auto`` begins with, by the :class:`Search` of each dial."""
-    tried = [
-        (value,) if dial.search.starts is None else dial.search.starts(network, value)
-        for dial, value in asked.by_dial
-    ]
-    return [type(asked)(*values) for values in itertools.product(*tried)]
+    first_values: list[Sequence[Any]] = []
+    for dial, value in asked.by_dial:
+        starts = dial.search.starts
+        first_values.append((value,) if starts is None else starts(network, value))
+    # Of the type of ``asked``, because the setting may have further dials.
+    return [type(asked)(*values) for values in itertools.product(*first_values)]
 
 
 _OTHER_OPTIONS = (
@@ -385,12 +429,15 @@ _OTHER_OPTIONS = (
         "this model has one branch, and predictions have nothing to turn to",
     ),
 )
-"""Options that are no dials: their name, what a network needs for them, and why they would be idle."""
+"""Options that are not dials: name, the property that a network needs for them, and why they change nothing without."""
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
-    """Refuse options that would change nothing for this network; ``given`` has those given, as messages show them."""
-    rows = [(dial.name, dial.needs, dial.idle) for dial in DIALS if dial.idle]
-    for name, needs, why in (*rows, *_OTHER_OPTIONS):
+    """Refuse options that would change nothing for this network.
+
+    ``given`` has, by their names, the options that the user gave, as messages show them.
+    """
+    dial_rows = [(dial.name, dial.needs, dial.idle) for dial in DIALS if dial.idle]
+    for name, needs, reason in (*dial_rows, *_OTHER_OPTIONS):
         if name in given and not getattr(network, needs):
-            raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")
+            raise InputError(given[name], f"it would change nothing: {reason}", fix="Leave it out.")

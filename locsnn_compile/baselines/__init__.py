@@ -1,1 +1,4 @@
-"""What networks cost on paper: operations and arithmetic energy of spiking and conventional networks."""
+"""What spiking and conventional networks cost on paper: their operations, and the energy of their arithmetic.
+
+No chip is simulated: this reproduces the comparison of a published paper.
+"""

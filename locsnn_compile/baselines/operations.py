@@ -20,6 +20,7 @@ from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.network.network import Network
 
 GRU_HIDDEN = 32
+"""Units of the published GRU."""
 ANN_NAMES = ("cnn-3d", "gru-mlp")
 
 
@@ -56,39 +57,54 @@ def ann_counts(name: str, *, sensor: SensorLayout, steps: int, classes: int) -> 
         macs = _cnn_3d_macs(sensor, steps, classes)
         return AnnCounts(macs, macs, macs)
     if name == "gru-mlp":
-        inputs, hidden = sensor.channels, GRU_HIDDEN
+        inputs = sensor.channels
+        hidden = GRU_HIDDEN
+        # Three gates, each with weights onto the input and onto the state.
         macs = steps * 3 * (inputs * hidden + hidden * hidden) + hidden * classes
-        return AnnCounts(macs, macs + 3 * steps * hidden, macs + 10 * steps * hidden)
+        # Per step and unit: one product with the reset gate and two for the new state; nine additions
+        # in the gates and one for the new state.
+        return AnnCounts(
+            macs=macs,
+            multiplications=macs + 3 * steps * hidden,
+            additions=macs + 10 * steps * hidden,
+        )
     raise InputError(
         f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES)
     )
 
 
 def _cnn_3d_macs(sensor: SensorLayout, steps: int, classes: int) -> int:
-    macs, features, channels = 0, 0, sensor.polarities
+    """Return the multiply-accumulates of CNN-3D for one recording, over all surfaces of the sensor."""
+    macs = 0
+    features = 0  # outputs of the last convolution, which the linear layer reads
+    channels = sensor.polarities
     for (outputs, kernel, _), size in zip(CONVOLUTIONS, convolved(steps, sensor), strict=True):
-        macs += math.prod(size) * outputs * channels * math.prod(kernel)
-        channels, features = outputs, math.prod(size) * outputs
+        features = math.prod(size) * outputs
+        macs += features * channels * math.prod(kernel)
+        channels = outputs
     return sensor.surfaces * (macs + features * classes)
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
     """Return the additions of all recordings by phase; see :func:`additions_of_recordings`."""
-    return {
-        axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()
-    }
+    by_phase = additions_of_recordings(network, spikes)
+    return {phase: int(additions.sum()) for phase, additions in by_phase.items()}
 
 
 def additions_of_recordings(
     network: Network, spikes: Mapping[str, ByteArray]
 ) -> dict[str, IntArray]:
-    """Return the additions of each recording, (batch,), by phase: spikes (batch, steps, n) times fan-out."""
+    """Return the additions of each recording, (batch,), by phase: spikes (batch, steps, n) times fan-out.
+
+    A phase is a part of a recording's time on the chip: that of the time branch, or of the location
+    branch. An addition counts in the phase of the neuron that it reaches.
+    """
     batch = len(next(iter(spikes.values())))
     additions = {phase.name: np.zeros(batch, dtype=np.int64) for phase in network.phases}
     phase_of = {population.name: population.phase for population in network.populations}
     for projection in network.projections:
-        sent = spikes[projection.source].sum(axis=1, dtype=np.int64)
-        additions[phase_of[projection.target]] += sent @ projection.fan_out
+        spike_counts = spikes[projection.source].sum(axis=1, dtype=np.int64)
+        additions[phase_of[projection.target]] += spike_counts @ projection.fan_out
     return additions
 
 
@@ -110,17 +126,21 @@ class Arithmetic(Frozen):
 
 
 ARITHMETICS = {
-    "fp32": Arithmetic(3.7, 0.9),
-    "int8": Arithmetic(0.2, 0.03),
-    "int8_sums_of_32_bits": Arithmetic(0.2, 0.1),
+    "fp32": Arithmetic(multiplication_pj=3.7, addition_pj=0.9),
+    "int8": Arithmetic(multiplication_pj=0.2, addition_pj=0.03),
+    "int8_sums_of_32_bits": Arithmetic(multiplication_pj=0.2, addition_pj=0.1),
 }
-"""32-bit floats; only 8-bit integers, which is the lower limit; and 8-bit products summed in 32 bits, as is usual."""
+"""32-bit floats; only 8-bit integers, which is the lower limit; and 8-bit products summed in 32 bits, as is usual.
+
+The numbers are those of :data:`ANN_ENERGY_SOURCE`.
+"""
 
 
 def ann_energy_pj(counts: AnnCounts) -> dict[str, float]:
     """Return the energy of the operations of one recording, for each kind of arithmetic."""
-    return {
-        name: counts.multiplications * costs.multiplication_pj
-        + counts.additions * costs.addition_pj
-        for name, costs in ARITHMETICS.items()
-    }
+    energy_pj: dict[str, float] = {}
+    for name, costs in ARITHMETICS.items():
+        multiplications_pj = counts.multiplications * costs.multiplication_pj
+        additions_pj = counts.additions * costs.addition_pj
+        energy_pj[name] = multiplications_pj + additions_pj
+    return energy_pj

@@ -1,7 +1,9 @@
-"""One network on one chip by one setting: its figures, or why that chip refuses it.
+"""Points of ``locsnn explore`` with several chips: one network compiled for one chip by one setting.
 
-All points share a study: a network, the recordings of the check, those that weights are rounded
-for, and the engines to time. A setting has values of some dials; the others are usual on each chip.
+A point has figures, or the reason why the chip refuses the network. All points share a study: the
+network, the recordings of the check, those for which weights are rounded, and the engines to time.
+A setting names a chip and values for some dials (choices of the compiler, such as the weight bits);
+all other dials have the value that is usual on that chip.
 """
 
 import itertools
@@ -30,7 +32,10 @@ from locsnn_compile.verification.observation import check_labels
 
 
 class ChipSetting(Frozen):
-    """What is tried: a chip, and values of some dials, by name, as options of a command write them."""
+    """What is tried: a chip and, for some dials, pairs of the dial's name and a value.
+
+    Values are texts, as on a command line, so that settings can be compared, hashed and stored.
+    """
 
     target: str
     dials: tuple[tuple[str, str], ...] = ()
@@ -38,34 +43,33 @@ class ChipSetting(Frozen):
     @property
     def values(self) -> dict[str, Value]:
         """The values by dial."""
-        read = {dial.name: dial.read for dial in DIALS}
-        return {name: read[name](text) for name, text in self.dials}
+        parse = {dial.name: dial.read for dial in DIALS}
+        return {name: parse[name](text) for name, text in self.dials}
 
     @property
     def arguments(self) -> list[str]:
-        """The options of ``locsnn-compile``."""
-        option = {dial.name: dial.option for dial in DIALS}
+        """The options of ``locsnn-compile`` that reproduce the setting."""
+        option_of_dial = {dial.name: dial.option for dial in DIALS}
         arguments = ["--target", self.target]
         for name, text in self.dials:
-            arguments += [option[name], text]
+            arguments += [option_of_dial[name], text]
         return arguments
 
     def name(self, varied: Sequence[str] = ()) -> str:
-        """Return the chip, with the values of the dials that are ``varied`` in brackets."""
+        """Return the chip and, in brackets, the values of the ``varied`` dials: of these several are tried."""
         values = self.values
-        words = [
-            dial.words(values[dial.name])
-            for dial in DIALS
-            if dial.name in varied and dial.name in values
-        ]
+        words: list[str] = []
+        for dial in DIALS:
+            if dial.name in varied and dial.name in values:
+                words.append(dial.words(values[dial.name]))
         return f"{self.target} ({', '.join(words)})" if words else self.target
 
 
 class ChipFigures(Entry):
-    """What the report of a program says, with means per recording.
+    """Figures of a program's report; costs are means per recording.
 
-    Errors are shares of what was compared, None if nothing was; accuracies are None without labels,
-    and energy and time where nothing published tells them.
+    Errors are shares of what was compared, None if nothing was compared. Accuracies, of the chip and
+    of the float network, are None without labels. Energy and time are None where nothing is published.
     """
 
     strategy: str
@@ -84,7 +88,7 @@ class ChipFigures(Entry):
 
     @classmethod
     def of(cls, report: SharedFigures) -> "ChipFigures":
-        """Take the figures from a report of any kind of chip."""
+        """Return the figures of a report of any kind of chip."""
         match = report.match
         accuracy = report.accuracy
         return cls(
@@ -105,18 +109,20 @@ class ChipFigures(Entry):
 
     @property
     def losses(self) -> tuple[float, float, float]:
-        """Errors of predictions, spikes and scores, to compare by; 0 for what was not compared."""
+        """Errors of predictions, spikes and scores, by which points are ranked in this order.
+
+        An error is 0 if nothing was compared.
+        """
         return (self.prediction_error or 0.0, self.spike_error or 0.0, self.score_error or 0.0)
 
     def keeps(self, budget: ErrorBudget) -> bool:
-        """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
-        most_changed = None if budget.min_agreement is None else 1 - budget.min_agreement
-        bounds = (
-            (self.prediction_error, most_changed),
-            (self.spike_error, budget.max_spike_error),
-            (self.score_error, budget.max_score_error),
+        """Return whether the budget is kept; a bound on something that was not compared is not kept."""
+        max_prediction_error = None if budget.min_agreement is None else 1 - budget.min_agreement
+        return (
+            _is_within(self.prediction_error, max_prediction_error)
+            and _is_within(self.spike_error, budget.max_spike_error)
+            and _is_within(self.score_error, budget.max_score_error)
         )
-        return all(_is_within(error, bound) for error, bound in bounds)
 
 
 def _error(agreement: float | None) -> float | None:
@@ -124,13 +130,18 @@ def _error(agreement: float | None) -> float | None:
 
 
 def _is_within(error: float | None, bound: float | None) -> bool:
+    """Return whether an error keeps a bound; every error keeps no bound."""
     if bound is None:
         return True
     return error is not None and within(error, bound)
 
 
 class Refusal(Frozen):
-    """An error in parts, which are compared and stored; ``is_of_chip``: the chip lacks something."""
+    """The parts of the error by which a chip refused a point: they can be compared and stored.
+
+    ``is_of_chip``: it is a ``TargetError``, because the chip lacks something, and otherwise an
+    ``InputError``, because a value means nothing for the chip.
+    """
 
     where: str
     what: str
@@ -140,19 +151,22 @@ class Refusal(Frozen):
 
     @classmethod
     def of(cls, error: LocsnnError) -> "Refusal":
-        """Take an error apart."""
+        """Return the parts of an error."""
         is_of_chip = isinstance(error, TargetError)
         return cls(error.where, error.what, error.measured, error.fix, is_of_chip)
 
     @property
     def error(self) -> LocsnnError:
-        """The error again."""
+        """The error, made again from its parts."""
         kind = TargetError if self.is_of_chip else InputError
         return kind(self.where, self.what, measured=self.measured, fix=self.fix)
 
 
 class ChipPoint(Frozen):
-    """A setting with its figures or its refusal, ``timings`` by engine, and the code that measured it."""
+    """A setting with either its figures or its refusal.
+
+    ``timings`` are by engine, and ``code`` is the version of the code that measured the point.
+    """
 
     setting: ChipSetting
     figures: ChipFigures | None
@@ -162,7 +176,10 @@ class ChipPoint(Frozen):
 
 
 class ChipStudy(Frozen, eq=False):
-    """What all points share; ``model_digest`` is that of the files of ``network``."""
+    """What all points share: the network and its recordings, and the chips by the names given for them.
+
+    ``model_digest`` is a hash of the files of ``network``.
+    """
 
     network: Network
     model_digest: str
@@ -172,7 +189,8 @@ class ChipStudy(Frozen, eq=False):
     engines: tuple[Engine, ...] = ()
 
     def key(self, setting: ChipSetting) -> str:
-        """Return the name of a point: a hash of all that determines it."""
+        """Return the name under which a point is stored: a hash of all that determines it."""
+        # The content of the chip file, because the same name may stand for a file that was edited.
         document = family_of(setting.target).document(setting.target)
         return digest_of(
             [self._digest, setting.target, document, setting.dials, self.engines, code_version()]
@@ -180,59 +198,73 @@ class ChipStudy(Frozen, eq=False):
 
     @cached_property
     def _digest(self) -> str:
-        played = [recordings_digest(self.recordings), recordings_digest(self.calibration)]
-        return digest_of([self.network.name, self.model_digest, played])
+        """A hash of what is the same for all points."""
+        of_recordings = [recordings_digest(self.recordings), recordings_digest(self.calibration)]
+        return digest_of([self.network.name, self.model_digest, of_recordings])
 
     def check(self) -> None:
-        """Refuse recordings that fit no chip, because they do not fit the network: ``InputError``."""
+        """Raise ``InputError`` for recordings that do not fit the network, whatever the chip."""
         for recordings in (self.recordings, self.calibration):
             self.network.with_steps_of(recordings).fitted(recordings)
         recordings = self.recordings
         check_labels(self.network, recordings.labels, len(recordings), recordings.source)
 
     def request(self, setting: ChipSetting) -> CompileRequest[AnyChip]:
-        """Return what is asked of the compiler; its report needs no diagnosis."""
+        """Return what is asked of the compiler for a point; its report needs no diagnosis."""
         chip = self.chips[setting.target]
-        chosen = setting_of(chip, self.network, setting.values)
+        compiler_setting = setting_of(chip, self.network, setting.values)
+        # Only neurons that are lowered by a strategy have weights that are rounded for recordings.
         calibration = self.calibration if self.network.by_strategy else None
-        setting_request = SettingRequest.of(chosen, setting.values, None, calibration)
+        setting_request = SettingRequest.of(
+            compiler_setting, setting.values, budget=None, calibration=calibration
+        )
         check = CheckRequest(self.recordings, diagnosis=False)
         return CompileRequest(self.network, chip, setting_request, check)
 
 
 def chips_of(targets: Sequence[str]) -> dict[str, AnyChip]:
-    """Return chips by what was given for them; ``InputError`` for one that does not exist."""
+    """Return the chips by the names or files given for them; ``InputError`` for one that does not exist."""
     return {target: chip_named(target) for target in targets}
 
 
 def chip_settings(
-    targets: Sequence[str], wanted: Mapping[str, Sequence[Value]]
+    targets: Sequence[str], values_to_try: Mapping[str, Sequence[Value]]
 ) -> tuple[ChipSetting, ...]:
-    """Return every chip with every combination of the values wanted, the last dial fastest."""
-    choices = [
-        [(name, str(value)) for value in dict.fromkeys(values)]
-        for name, values in wanted.items()
-        if values
-    ]
+    """Return every chip with every combination of the values to try, the last dial varying fastest.
+
+    ``values_to_try`` are by dial; a dial without values is left at the usual value of each chip.
+    """
+    choices_by_dial: list[list[tuple[str, str]]] = []
+    for name, values in values_to_try.items():
+        if values:
+            choices_by_dial.append([(name, str(value)) for value in dict.fromkeys(values)])
+    combinations = list(itertools.product(*choices_by_dial))
     return tuple(
-        ChipSetting(target, dials)
-        for target in dict.fromkeys(targets)
-        for dials in itertools.product(*choices)
+        ChipSetting(target, dials) for target in dict.fromkeys(targets) for dials in combinations
     )
 
 
 def measure_chip(study: ChipStudy, setting: ChipSetting) -> ChipPoint:
     """Compile and check for a chip as ``locsnn-compile`` does, then time each engine.
 
-    What a chip refuses, whether the network or the value of a dial, says nothing of other chips.
+    Where the chip refuses the network or the value of a dial, the point has the refusal: other chips
+    may still take it.
     """
     try:
         compiled = fulfil(study.request(setting))
     except (InputError, TargetError) as error:
-        return ChipPoint(setting, None, Refusal.of(error), {}, code_version())
+        return ChipPoint(
+            setting, figures=None, refusal=Refusal.of(error), timings={}, code=code_version()
+        )
+    # The recordings with the channels and steps of the network, as the check has played them.
     fitted = study.network.with_steps_of(study.recordings).fitted(study.recordings)
-    timings = engine_timings(compiled.program, fitted.spikes, study.engines)
-    return ChipPoint(setting, ChipFigures.of(compiled.figures), None, timings, code_version())
+    return ChipPoint(
+        setting,
+        figures=ChipFigures.of(compiled.figures),
+        refusal=None,
+        timings=engine_timings(compiled.program, fitted.spikes, study.engines),
+        code=code_version(),
+    )
 
 
 def try_chips(
@@ -244,8 +276,8 @@ def try_chips(
 ) -> tuple[ChipPoint, ...]:
     """Return a point for every setting, in their order; each is stored as soon as it is measured.
 
-    Raises ``InputError`` for recordings that do not fit the network. If every chip refuses it, the
-    error is that of the only one, or one with the sentences of all.
+    Raises ``InputError`` for recordings that do not fit the network. If every chip refuses the
+    network, raises the error of a single point, or one error with the sentences of all.
     """
     study.check()
     keys = {setting: study.key(setting) for setting in settings}
@@ -257,12 +289,12 @@ def try_chips(
 
 
 def _error_of_all(points: Sequence[ChipPoint], refusals: Sequence[Refusal]) -> LocsnnError:
+    """Return the error that ends a command in which every point was refused."""
     if len(points) == 1:
         return refusals[0].error
-    sentences = {
-        f"{point.setting.target}: {refusal.error}": None
-        for point, refusal in zip(points, refusals, strict=True)
-    }
+    sentences: dict[str, None] = {}  # settings of one chip often fail by the same sentence
+    for point, refusal in zip(points, refusals, strict=True):
+        sentences[f"{point.setting.target}: {refusal.error}"] = None
     kind = TargetError if all(refusal.is_of_chip for refusal in refusals) else InputError
     fix = "Try other chips of locsnn targets."
     return kind("--target", "no chip can run it", measured="; ".join(sentences), fix=fix)

@@ -1,4 +1,8 @@
-"""explore.json of one network on chips as types: what each loses and takes, or why it refuses it."""
+"""explore.json for one network on several chips, as types: figures of each chip, or why it refuses.
+
+The fields of an ``Entry`` are the keys of its JSON object. A row is a chip with one combination of
+the values that the user gave for dials, choices of the compiler such as the weight bits.
+"""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -18,11 +22,13 @@ SCHEMA = "locsnn-explore-chips/1"
 
 
 class TriedChip(Entry):
-    """A chip with values of dials, and what came of it: figures, or the sentence that refused it.
+    """A row: a chip with values of dials, and its figures or the sentence by which it refused.
 
-    ``name`` tells it from the other rows, and ``setting`` has the values asked for by dial.
-    ``keeps_bounds`` is None without bounds or figures; ``reported`` are the figures on the
-    recordings of ``--report-on``. The commands reproduce the figures.
+    - ``name``: the chip and the values by which this row differs from the others
+    - ``setting``: the values that the user gave, by dial
+    - ``keeps_bounds``: None without bounds or without figures
+    - ``reported``: the figures on the recordings of ``--report-on``
+    - ``command``, ``report_command``: reproduce ``figures`` and ``reported``
     """
 
     target: str
@@ -37,10 +43,10 @@ class TriedChip(Entry):
 
 
 class ChipsDocument(Entry):
-    """explore.json of chips, in the order in which they were given.
+    """All of explore.json, with chips in the order in which they were given.
 
-    ``lose_least`` has the names of the rows that lose least, and ``runs_on`` those of the chips that
-    hold the network.
+    ``runs_on`` has the names of the chips that can hold the network, and ``lose_least`` the names of
+    the rows with the smallest errors.
     """
 
     schema: str
@@ -60,10 +66,10 @@ class ChipsDocument(Entry):
 
 
 class ChipCommands(Frozen, eq=False):
-    """What the commands of all rows name: files, and options that say how recordings are read.
+    """Makes the commands that reproduce rows, from the files and options that all of them name.
 
-    ``calibration_file`` is None if it is the file of ``events``. ``reported_on`` are the recordings
-    of ``--report-on``.
+    ``calibration_file`` is None if it is the file of ``events``. ``reading_arguments`` are options
+    that say how recordings are read. ``reported_on`` are the recordings of ``--report-on``.
     """
 
     model: ModelFile
@@ -77,22 +83,24 @@ class ChipCommands(Frozen, eq=False):
         return self._command(network, setting, self.events)
 
     def report_command(self, network: Network, setting: ChipSetting) -> str | None:
-        """Return the command that reproduces them on the recordings of ``--report-on``."""
+        """Return the command for the recordings of ``--report-on``; None without that option."""
         if self.reported_on is None:
             return None
         return self._command(network, setting, self.reported_on)
 
     def _command(self, network: Network, setting: ChipSetting, events: Chosen) -> str:
         calibration = self.calibration_file or self.events.file
+        # Recordings without a file have been written to a copy before any command is made.
         assert events.file is not None
         assert calibration is not None
-        rounded_for = ["--calibration", calibration] if network.by_strategy else []
+        # locsnn-compile refuses the option if no weight is rounded for recordings.
+        calibration_arguments = ["--calibration", calibration] if network.by_strategy else []
         return shlex.join(
             [
                 "locsnn-compile",
                 *self.model.arguments(),
                 *setting.arguments,
-                *rounded_for,
+                *calibration_arguments,
                 "--events",
                 events.file,
                 *self.reading_arguments,
@@ -107,20 +115,20 @@ def chips_document(
     budget: ErrorBudget,
     reported: Mapping[ChipSetting, ChipFigures | None],
 ) -> ChipsDocument:
-    """Return what there is to say of points, of which at least one has figures.
+    """Return explore.json for points of which at least one has figures.
 
-    ``reported`` has the figures on the recordings of ``--report-on``.
+    ``reported`` has the figures on the recordings of ``--report-on``, by setting.
     """
     network = study.network
     varied = varied_dials([point.setting for point in points])
-    tried: list[TriedChip] = []
+    rows: list[TriedChip] = []
     for point in points:
         setting = point.setting
         reported_figures = reported.get(setting)
         report_command = None
         if reported_figures is not None:
             report_command = commands.report_command(network, setting)
-        tried.append(
+        rows.append(
             TriedChip(
                 target=setting.target,
                 name=setting.name(varied),
@@ -141,33 +149,36 @@ def chips_document(
         compared_on=ExploredEvents.of(commands.events),
         reported_on=None if reported_on is None else ExploredEvents.of(reported_on),
         bounds=budget if budget.given else None,
-        runs_on=_chips_with_figures(tried),
-        lose_least=_lose_least(tried),
-        chips=tuple(tried),
+        runs_on=_chips_with_figures(rows),
+        lose_least=_lose_least(rows),
+        chips=tuple(rows),
     )
 
 
 def _keeps_bounds(point: ChipPoint, budget: ErrorBudget) -> bool | None:
+    """Return whether a point keeps the bounds; None if there are none, or no figures."""
     if point.figures is None or not budget.given:
         return None
     return point.figures.keeps(budget)
 
 
 def varied_dials(settings: Sequence[ChipSetting]) -> tuple[str, ...]:
-    """Return the dials of which several values are tried."""
-    texts: dict[str, set[str]] = {}
+    """Return the names of the dials of which several values are tried."""
+    values_of_dial: dict[str, set[str]] = {}
     for setting in settings:
         for name, text in setting.dials:
-            texts.setdefault(name, set()).add(text)
-    return tuple(name for name, different in texts.items() if len(different) > 1)
+            values_of_dial.setdefault(name, set()).add(text)
+    return tuple(name for name, values in values_of_dial.items() if len(values) > 1)
 
 
-def _chips_with_figures(tried: Sequence[TriedChip]) -> tuple[str, ...]:
-    able = [each.target for each in tried if each.figures is not None]
-    return tuple(dict.fromkeys(able))
+def _chips_with_figures(rows: Sequence[TriedChip]) -> tuple[str, ...]:
+    """Return the chips that can hold the network, each once."""
+    targets = [row.target for row in rows if row.figures is not None]
+    return tuple(dict.fromkeys(targets))
 
 
-def _lose_least(tried: Sequence[TriedChip]) -> tuple[str, ...]:
-    losses = {each.name: each.figures.losses for each in tried if each.figures is not None}
-    least = min(losses.values())
-    return tuple(name for name, of_row in losses.items() if of_row == least)
+def _lose_least(rows: Sequence[TriedChip]) -> tuple[str, ...]:
+    """Return the names of the rows with the smallest errors: of predictions, then spikes, then scores."""
+    losses_of_row = {row.name: row.figures.losses for row in rows if row.figures is not None}
+    least = min(losses_of_row.values())
+    return tuple(name for name, losses in losses_of_row.items() if losses == least)

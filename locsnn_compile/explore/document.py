@@ -1,4 +1,8 @@
-"""explore.json as types, and its points as rows of a table."""
+"""explore.json of one chip, as types, and its points as rows of explore.csv.
+
+The fields of an ``Entry`` are the keys of its JSON object, in this order; ``INLINED`` puts the keys
+of an object into the object around it. A point is one setting of the compiler with its figures.
+"""
 
 from collections.abc import Iterable
 from typing import Annotated
@@ -16,14 +20,14 @@ SCHEMA = "locsnn-explore/1"
 
 
 class ExploredModel(Entry):
-    """The network, and the checksum of its file."""
+    """The name of the network, and the checksum of its file."""
 
     name: str
     sha256: str | None
 
 
 class ExploredEvents(Entry):
-    """Recordings, of how many that there are."""
+    """The recordings of a comparison: ``recordings`` of the ``available`` ones of a source were used."""
 
     source: str
     part: str | None
@@ -32,7 +36,7 @@ class ExploredEvents(Entry):
 
     @classmethod
     def of(cls, chosen: Chosen) -> "ExploredEvents":
-        """Return what explore.json says of recordings."""
+        """Return the entry of some recordings."""
         recordings = chosen.recordings
         return cls(recordings.source, chosen.part, len(recordings), chosen.available)
 
@@ -47,7 +51,7 @@ class Recommended(Entry):
 
 
 class PointFigures(Entry):
-    """The figures of a point, those to minimise first."""
+    """The figures of a point; those to minimise come first."""
 
     spike_error: float | None
     prediction_error: float | None
@@ -94,7 +98,8 @@ class PointFigures(Entry):
 class ExploredPoint(Entry):
     """A setting with its figures, or the reason why it was refused.
 
-    ``reported``: its figures on the recordings of ``--report-on``, if it is on the front.
+    ``reported``: for a setting on the front, its figures on the recordings of ``--report-on``.
+    ``command`` and ``report_command`` reproduce ``figures`` and ``reported``.
     """
 
     setting: Setting
@@ -108,7 +113,7 @@ class ExploredPoint(Entry):
 
 
 class ExploreDocument(Entry):
-    """explore.json."""
+    """All of explore.json, with points in the order of the grid."""
 
     schema: str
     code: str
@@ -141,16 +146,18 @@ class ExploreDocument(Entry):
 
 
 def _recommended(exploration: Exploration) -> Recommended:
-    taken = exploration.recommendation.taken
+    """Return the entry of the recommendation."""
+    point = exploration.recommendation.taken
     return Recommended(
-        setting=None if taken is None else taken.setting,
+        setting=None if point is None else point.setting,
         why=exploration.recommendation.why,
-        command=None if taken is None else exploration.command(taken.setting),
+        command=None if point is None else exploration.command(point.setting),
         budget=exploration.budget,
     )
 
 
 def _points(exploration: Exploration) -> Iterable[ExploredPoint]:
+    """Yield the entry of each point."""
     reported = {point.setting: point.figures for point in exploration.reported}
     for point, on_front in zip(exploration.points, exploration.on_front, strict=True):
         yield ExploredPoint(
@@ -167,9 +174,9 @@ def _points(exploration: Exploration) -> Iterable[ExploredPoint]:
 
 def table_row(point: ExploredPoint) -> Document:
     """Return a row of explore.csv; cells without a figure are empty."""
-    empty = dict.fromkeys(keys_of(PointFigures))
-    figures = empty if point.figures is None else plain(point.figures)
-    reported = empty if point.reported is None else plain(point.reported)
+    no_figures = dict.fromkeys(keys_of(PointFigures))  # rows of a CSV have equal keys
+    figures = no_figures if point.figures is None else plain(point.figures)
+    reported = no_figures if point.reported is None else plain(point.reported)
     return {
         **plain(point.setting),
         "on_front": point.on_front,

@@ -1,6 +1,8 @@
-"""One point: a setting that was compiled and checked on recordings, or refused, and how long the engines take.
+"""Points of an exploration: a setting that was compiled and checked on recordings, or that the chip refused.
 
-All points of an exploration share a study: a model, a chip, recordings, and the engines to time.
+A setting is one value for each dial of the compiler, such as the weight bits (``settings.py``). All points share a
+*study*: a model, a chip, recordings, and the engines of the simulator to time. A point is stored under a hash of
+everything that determines it, so that a command that was stopped measures no point twice.
 """
 
 import hashlib
@@ -38,11 +40,12 @@ class ModelFile(Frozen):
         return load(self.model, **vars(self.options))
 
     def arguments(self) -> list[str]:
-        """Return the arguments of ``locsnn-compile``."""
+        """Return the arguments by which ``locsnn-compile`` reads the same model."""
         arguments = [self.model]
         for name, value in self.options.given.items():
-            option = f"--{name.replace('_', '-')}"
-            arguments += [option] if value is True else [option, str(value)]
+            arguments.append(f"--{name.replace('_', '-')}")
+            if value is not True:  # a flag has no value
+                arguments.append(str(value))
         return arguments
 
     def digest(self) -> str:
@@ -50,17 +53,19 @@ class ModelFile(Frozen):
         config = self.options.config
         paths = [self.model] if config is None else [self.model, config]
         contents = [Path(path).read_bytes() for path in paths]
-        # The lengths tell where one file ends and the next one begins.
+        # The lengths say where one file ends and the next one begins: without them, bytes that move from one file to
+        # the other would not change the hash.
         lengths = [len(content) for content in contents]
-        # Of the description, the bytes count and not the path.
+        # The content of --config is hashed, so its path, which may differ, is left out.
         options = vars(replace(self.options, config=None))
         return digest_of([options, lengths], *contents)
 
 
 class Study(Frozen, eq=False):
-    """What all points share. ``model_digest`` is :meth:`ModelFile.digest` of ``network``.
+    """What all points share. ``model_digest`` is :meth:`ModelFile.digest` of the file of ``network``.
 
-    Settings are compiled for the ``calibration`` recordings and checked on ``recordings``; ``engines`` are timed.
+    Weights are rounded for the ``calibration`` recordings, programs are checked on ``recordings``, and ``engines`` of
+    the simulator are timed.
     """
 
     network: Network
@@ -76,19 +81,19 @@ class Study(Frozen, eq=False):
         Raises ``TargetError`` for a setting that the chip does not have.
         """
         setting.check(self.chip)
-        # A point is its setting: every dial counts as the user's, and keeps its value.
+        # Every dial counts as given by the user, so that the compiler keeps its value and tries no other.
         all_dials = frozenset(asdict(setting))
         setting_request = SettingRequest(setting, all_dials, calibration=self.calibration)
         check_request = CheckRequest(self.recordings, diagnosis=False)
         return CompileRequest(self.network, self.chip, setting_request, check_request)
 
     def key(self, setting: Setting) -> str:
-        """Return the name of a point: a hash of model, recordings, chip, engines, setting and code."""
+        """Return the name of a stored point: a hash of model, recordings, chip, engines, setting and code."""
         return digest_of([self._digest, asdict(setting), code_version()])
 
     @cached_property
     def _digest(self) -> str:
-        """A hash of the study, which all its points share."""
+        """A hash of the study: of everything that is the same for all its points."""
         of_recordings = [recordings_digest(self.recordings), recordings_digest(self.calibration)]
         return digest_of(
             [self.network.name, self.model_digest, self.chip.document, self.engines, of_recordings]
@@ -107,16 +112,18 @@ def recordings_digest(recordings: Recordings) -> str:
     """Return a hash of recordings: their events, labels and width of a step."""
     spikes = recordings.spikes
     labels = recordings.labels
-    # Integers of eight bytes, the lowest first, on every machine.
+    # Little-endian integers of eight bytes, so that all machines of a cluster get the same hash.
     label_bytes = b"" if labels is None else labels.astype("<i8").tobytes()
-    plain = [spikes.shape, labels is not None, recordings.step_seconds]
-    return digest_of(plain, spikes.tobytes(), label_bytes)
+    # The shape, because arrays of different shapes may have equal bytes.
+    values = [spikes.shape, labels is not None, recordings.step_seconds]
+    return digest_of(values, spikes.tobytes(), label_bytes)
 
 
 class Figures(Losses):
-    """The figures of a setting's report; energy and chip time are means per recording by the chip's default profile.
+    """The figures of a setting's report: what it loses and costs (see ``Losses``), and what the program takes.
 
-    Accuracies are None without labels.
+    Energy and chip time are means per recording by the chip's default profile. ``accuracy`` is that of the chip and
+    ``float_accuracy`` that of the float network; both are None without labels.
     """
 
     accuracy: float | None
@@ -131,7 +138,7 @@ class Figures(Losses):
 
     @classmethod
     def of(cls, report: ReportFigures) -> "Figures":
-        """Take the figures from a report."""
+        """Return the figures of a report."""
         match = report.match
         energy = report.energy
         accuracy = report.accuracy
@@ -175,11 +182,17 @@ class Point(Frozen):
 def measure(study: Study, setting: Setting) -> Point:
     """Compile and check a setting as ``locsnn-compile`` does, then time each engine.
 
-    A setting that the chip cannot hold is also a point; an ``InputError`` is common to all settings, and is raised.
+    A setting that the chip cannot hold is also a point. An ``InputError`` would be the same for all settings, so it is
+    raised.
     """
     try:
         compiled = fulfil(study.request(setting))
     except TargetError as error:
-        return Point(setting, None, vars(error), {}, code_version())
-    timings = engine_timings(compiled.program, compiled.observed.recordings, study.engines)
-    return Point(setting, Figures.of(compiled.figures), None, timings, code_version())
+        return Point(setting, figures=None, refusal=vars(error), timings={}, code=code_version())
+    return Point(
+        setting,
+        figures=Figures.of(compiled.figures),
+        refusal=None,
+        timings=engine_timings(compiled.program, compiled.observed.recordings, study.engines),
+        code=code_version(),
+    )

@@ -1,4 +1,4 @@
-"""An exploration as files and as text.
+"""The results of ``locsnn explore`` for one chip: its files, and its lines on the terminal.
 
 ``explore.json``, ``explore.csv`` and ``explore.svg`` hold figures, front and recommendation. They depend only on what
 was explored: they have the same bytes wherever the points were measured. ``timings.csv`` and ``timings.svg`` hold the
@@ -30,7 +30,7 @@ COLUMNS: dict[str, Callable[[Figures], str]] = {
     "chip time": lambda figures: time(figures.chip_time_ns),
     "synapses": lambda figures: count(figures.synapses),
 }
-"""The figures of a point on the terminal, by heading."""
+"""The figures of a point on the terminal, by heading; a word stands for a figure that is None."""
 X_LABEL = "spikes that differ from the float network's"
 
 
@@ -49,79 +49,96 @@ def exploration_files(exploration: Exploration) -> dict[str, bytes]:
 
 def timing_rows(exploration: Exploration) -> list[Document]:
     """Return a row for each point and engine: seconds per recording, over how many recordings."""
-    return [
-        asdict(point.setting)
-        | {
-            "engine": engine,
-            "recordings": timing.recordings,
-            "seconds_per_recording": timing.seconds,
-        }
-        for point in exploration.points
-        for engine, timing in point.timings.items()
-    ]
+    rows: list[Document] = []
+    for point in exploration.points:
+        for engine, timing in point.timings.items():
+            row = {
+                **asdict(point.setting),
+                "engine": engine,
+                "recordings": timing.recordings,
+                "seconds_per_recording": timing.seconds,
+            }
+            rows.append(row)
+    return rows
 
 
 def figures_picture(exploration: Exploration) -> bytes:
     """Draw energy and time on the chip over spike error; equal figures give equal bytes."""
-    timed = f"time per recording on the chip ({exploration.profile or 'cycles of the open core'})"
-    panels = [_panel(exploration, timed, time, lambda point, figures: figures.chip_time_ns)]
+    panels: list[Panel] = []
+    # A chip with a profile has energies; the open core has none, but times of exact cycles.
     if exploration.profile:
-        priced = f"energy per recording ({exploration.profile})"
-        panels.insert(
-            0, _panel(exploration, priced, energy, lambda point, figures: figures.energy_pj or 0.0)
+        energy_title = f"energy per recording ({exploration.profile})"
+        panels.append(
+            _panel(
+                exploration,
+                energy_title,
+                energy,
+                lambda point, figures: figures.energy_pj or 0.0,
+            )
         )
+    source = exploration.profile or "cycles of the open core"
+    time_title = f"time per recording on the chip ({source})"
+    panels.append(
+        _panel(exploration, time_title, time, lambda point, figures: figures.chip_time_ns)
+    )
     return _picture(exploration, "speed, error and energy", panels)
 
 
 def timings_picture(exploration: Exploration) -> bytes:
     """Draw the time of the simulator per recording, with a panel for each engine."""
-    return _picture(
-        exploration,
-        "time in the simulator",
-        [_timed_panel(exploration, engine) for engine in exploration.study.engines],
+    panels = [_engine_panel(exploration, engine) for engine in exploration.study.engines]
+    return _picture(exploration, "time in the simulator", panels)
+
+
+def _engine_panel(exploration: Exploration, engine: Engine) -> Panel:
+    """Return the panel with the times of one engine."""
+    together = max(
+        point.timings[engine].recordings for point in exploration.points if point.figures
     )
-
-
-def _timed_panel(exploration: Exploration, engine: Engine) -> Panel:
-    many = max(point.timings[engine].recordings for point in exploration.points if point.figures)
-    title = f"simulation time per recording, engine {engine}, {many} at a time"
+    title = f"simulation time per recording, engine {engine}, {together} at a time"
+    # ``time`` takes nanoseconds.
     return _panel(
         exploration, title, time, lambda point, figures: 1e9 * point.timings[engine].seconds
     )
 
 
-def _picture(exploration: Exploration, what: str, panels: Sequence[Panel]) -> bytes:
-    title = f"{exploration.study.network.name} on {exploration.study.chip.name}: {what}"
-    return draw(
-        title, exploration.events.words(), [str(kind) for kind in _kinds(exploration)], panels
-    )
+def _picture(exploration: Exploration, subject: str, panels: Sequence[Panel]) -> bytes:
+    title = f"{exploration.study.network.name} on {exploration.study.chip.name}: {subject}"
+    kinds = [str(kind) for kind in _kinds(exploration)]
+    return draw(title, exploration.events.words(), kinds, panels)
 
 
 def _panel(
     exploration: Exploration,
     title: str,
-    text: Callable[[float], str],
-    y: Callable[[Point, Figures], float],
+    cost_text: Callable[[float], str],
+    cost_of: Callable[[Point, Figures], float],
 ) -> Panel:
+    """Return a panel with a mark for each point: its cost over its spike error.
+
+    A point without a spike error, because no neuron spikes, has no place.
+    """
     kinds = _kinds(exploration)
-    marks = tuple(
-        Mark(
-            x=error,
-            y=y(point, point.figures),
+    marks: list[Mark] = []
+    for point, is_on_front in zip(exploration.points, exploration.on_front, strict=True):
+        figures = point.figures
+        if figures is None or figures.spike_error is None:
+            continue
+        mark = Mark(
+            x=figures.spike_error,
+            y=cost_of(point, figures),
             kind=kinds.index(point.setting.values[0]),
             label=_label(exploration, point.setting),
-            words=_mark_words(point.setting, point.figures),
-            front=mark,
+            words=_mark_words(point.setting, figures),
+            front=is_on_front,
             taken=point is exploration.recommendation.taken,
         )
-        for point, mark in zip(exploration.points, exploration.on_front, strict=True)
-        # If no neuron spikes, the mark has no place.
-        if point.figures and (error := point.figures.spike_error) is not None
-    )
-    return Panel(title, X_LABEL, lambda share: f"{100 * share:g} %", text, marks)
+        marks.append(mark)
+    return Panel(title, X_LABEL, lambda error: f"{100 * error:g} %", cost_text, tuple(marks))
 
 
 def _mark_words(setting: Setting, figures: Figures) -> str:
+    """Return the words that are shown when the pointer is on a mark."""
     return (
         f"{setting}: {known(figures.spike_error, share, 'silent')} of spikes differ, "
         f"{known(figures.prediction_error, share, 'none')} of predictions, "
@@ -130,92 +147,103 @@ def _mark_words(setting: Setting, figures: Figures) -> str:
 
 
 def _kinds(exploration: Exploration) -> list[Value]:
-    """Return the values of the first dial; each has a shape of its own."""
+    """Return the values of the first dial, the strategy: the marks of each have a shape of their own."""
     return list(dict.fromkeys(point.setting.values[0] for point in exploration.points))
 
 
 def _label(exploration: Exploration, setting: Setting) -> str:
-    """Return the values on the other dials on which points differ."""
-    columns = list(zip(*(point.setting.values for point in exploration.points), strict=True))
-    differing = [i for i in range(1, len(DIALS)) if len(set(columns[i])) > 1]
+    """Return the values of those other dials in which points differ."""
+    values_by_dial = list(zip(*(point.setting.values for point in exploration.points), strict=True))
+    differing = [i for i in range(1, len(DIALS)) if len(set(values_by_dial[i])) > 1]
     return setting.name(differing)
 
 
 def lines(exploration: Exploration) -> list[str]:
     """Return the lines of the terminal."""
-    study = exploration.study
-    by = f"profile {exploration.profile}" if exploration.profile else "by cycles"
-    names = f"{plain_text(study.network.name)} on {plain_text(study.chip.name)}"
-    first = f"{names}, {plain_text(exploration.events.words())}, {by}"
-    taken, why = exploration.recommendation.taken, exploration.recommendation.why
-    recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
-    commands = [
+    recommended_point = exploration.recommendation.taken
+    recommended = "none" if recommended_point is None else str(recommended_point.setting)
+    return [
+        _heading(exploration),
+        *_warnings(exploration),
+        "",
+        *_table_lines(exploration),
+        "",
+        *_reported_lines(exploration),
+        f"Recommended: {recommended}, {exploration.recommendation.why}.",
+        "",
         "Commands of the front:",
         *(f"  {exploration.command(setting)}" for setting in exploration.front),
     ]
-    warned = "Chosen on test recordings: figures on these no longer test the choice."
-    warnings = [warned] if exploration.events.part == "test" else []
-    if exploration.reported_on and (shared := exploration.reported_on.shared(exploration.events)):
-        warnings.append(
-            f"Reported on {plural(shared, 'recording')} that settings were also chosen on."
-        )
-    return [
-        first,
-        *warnings,
-        "",
-        *_table(exploration),
-        "",
-        *_reported(exploration),
-        *recommended,
-        *commands,
-    ]
 
 
-def _table(exploration: Exploration) -> list[str]:
-    """Return a row for each point; refused ones come last, each with its reason."""
+def _heading(exploration: Exploration) -> str:
+    """Return the line that names the network, chip, recordings, and the source of the costs."""
+    study = exploration.study
+    costs = f"profile {exploration.profile}" if exploration.profile else "by cycles"
+    names = f"{plain_text(study.network.name)} on {plain_text(study.chip.name)}"
+    return f"{names}, {plain_text(exploration.events.words())}, {costs}"
+
+
+def _warnings(exploration: Exploration) -> list[str]:
+    """Return a line for each way in which recordings that test the choice were used for choosing."""
+    warnings: list[str] = []
+    if exploration.events.part == "test":
+        warnings.append("Chosen on test recordings: figures on these no longer test the choice.")
+    if exploration.reported_on is not None:
+        shared = exploration.reported_on.shared(exploration.events)
+        if shared:
+            recordings = plural(shared, "recording")
+            warnings.append(f"Reported on {recordings} that settings were also chosen on.")
+    return warnings
+
+
+def _table_lines(exploration: Exploration) -> list[str]:
+    """Return a row for each point; refused points come last, each with its reason."""
     engines = exploration.study.engines
+    recommended_point = exploration.recommendation.taken
     rows = [["", *(dial.name.replace("_", " ") for dial in DIALS), *COLUMNS, *engines]]
-    refused = []
-    for point, mark in zip(exploration.points, exploration.on_front, strict=True):
-        if point.figures:
-            sign = ">" if point is exploration.recommendation.taken else "*" if mark else ""
-            timings = [time(1e9 * point.timings[name].seconds) for name in engines]
-            rows.append([sign, *map(str, point.setting.values), *_cells(point), *timings])
-        elif point.refused:
-            refused.append(f"{point.setting}: {point.refused}")
-    timed = (
-        [
-            f"{' and '.join(engines)}: time per recording in the simulator's engines, on this machine."
-        ]
-        if engines
-        else []
-    )
-    return [
+    refusals: list[str] = []
+    for point, is_on_front in zip(exploration.points, exploration.on_front, strict=True):
+        if point.figures is None:
+            if point.refused is not None:
+                refusals.append(f"{point.setting}: {point.refused}")
+            continue
+        sign = "*" if is_on_front else ""
+        if point is recommended_point:
+            sign = ">"
+        # ``time`` takes nanoseconds.
+        timings = [time(1e9 * point.timings[engine].seconds) for engine in engines]
+        rows.append([sign, *map(str, point.setting.values), *_cells(point), *timings])
+    lines = [
         *aligned(rows, 1 + len(DIALS)),
-        *refused,
+        *refusals,
         f"* on the front, > recommended. {FRONT_RULE}",
-        *timed,
     ]
+    if engines:
+        names = " and ".join(engines)
+        lines.append(f"{names}: time per recording in the simulator's engines, on this machine.")
+    return lines
 
 
-def _reported(exploration: Exploration) -> list[str]:
+def _reported_lines(exploration: Exploration) -> list[str]:
+    """Return the table of the front on the recordings of ``--report-on``."""
     if exploration.reported_on is None:
         return []
-    rows = [
-        ["", "front", *COLUMNS],
-        *(["", str(point.setting), *_cells(point)] for point in exploration.reported),
-    ]
+    rows = [["", "front", *COLUMNS]]
+    for point in exploration.reported:
+        rows.append(["", str(point.setting), *_cells(point)])
     return [f"The front on {plain_text(exploration.reported_on.words())}:", *aligned(rows, 2), ""]
 
 
 def _cells(point: Point) -> list[str]:
+    """Return the figures of a point as texts; dashes for a point without figures."""
     if point.figures is None:
         return [NONE] * len(COLUMNS)
-    return [shown(point.figures) for shown in COLUMNS.values()]
+    return [cell_text(point.figures) for cell_text in COLUMNS.values()]
 
 
-def aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:
-    """Return rows with aligned columns: the first ``names`` columns to the left, the others to the right."""
+def aligned(rows: Sequence[Sequence[str]], name_columns: int) -> list[str]:
+    """Return rows as lines with aligned columns: the first ``name_columns`` to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    forms = [f"{'<' if i < names else '>'}{width}" for i, width in enumerate(widths)]
-    return ["  ".join(map(format, row, forms)).rstrip() for row in rows]
+    formats = [f"{'<' if i < name_columns else '>'}{width}" for i, width in enumerate(widths)]
+    return ["  ".join(map(format, row, formats)).rstrip() for row in rows]

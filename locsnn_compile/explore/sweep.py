@@ -4,7 +4,8 @@ Finished points are small files on disk, named by the hash of everything that de
 
     {"schema": "locsnn-explore-point/1", "sha256": of the text of the point, "point": {...}}
 
-A file that is not complete, or not of this setting and code, is ignored, and its point is measured again.
+A file that is not complete, or not of this setting and code, is ignored, and its point is measured again. A setting is
+one value for each dial of the compiler; a point is a setting with its figures (``point.py``).
 """
 
 import json
@@ -26,14 +27,15 @@ from locsnn_compile.verification.matching import Progress
 
 SCHEMA = "locsnn-explore-point/1"
 MAX_BYTES = 1 << 20
+"""A larger file is not a point: points take a few kilobytes."""
 
 
 class StoredPoint(Protocol):
-    """A record of what was measured: of which setting, and by which code."""
+    """What :class:`Store` needs of a point, whether of one chip or of several."""
 
     @property
     def setting(self) -> Hashable:
-        """What was tried."""
+        """The setting that was measured."""
 
     @property
     def code(self) -> str:
@@ -46,7 +48,7 @@ SettingT = TypeVar("SettingT", bound=Hashable)
 
 @dataclass(frozen=True)
 class Store(Generic[PointT]):
-    """A folder of points of one ``kind``, which is made for the first one."""
+    """A folder of points of one ``kind``; the folder is made when the first point is written."""
 
     folder: Path
     kind: type[PointT]
@@ -61,7 +63,7 @@ class Store(Generic[PointT]):
             if document["schema"] != SCHEMA or document["sha256"] != digest_of(document["point"]):
                 return None
             point = RecordReader(path.name).record(self.kind, document["point"])
-        # Whatever is in the file, it is not a point.
+        # A file with any content may have this name; where reading it fails, it is not a point.
         except (
             OSError,
             ValueError,
@@ -72,19 +74,18 @@ class Store(Generic[PointT]):
             InputError,
         ):
             return None
-        return point if (point.setting, point.code) == (setting, code_version()) else None
+        # The name of the file is a hash of both, but a file can be renamed or copied.
+        is_this_point = point.setting == setting and point.code == code_version()
+        return point if is_this_point else None
 
     def write(self, key: str, point: PointT) -> None:
         """Write a point, completely or not at all."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        record: Any = point
+        record: Any = point  # a protocol cannot say that it is a dataclass
         entry = asdict(record)
         document = {"schema": SCHEMA, "sha256": digest_of(entry), "point": entry}
-        replace_file(
-            self._path(key),
-            (json.dumps(document, indent=1) + "\n").encode(),
-            where=f"point {key[:12]}",
-        )
+        content = (json.dumps(document, indent=1) + "\n").encode()
+        replace_file(self._path(key), content, where=f"point {key[:12]}")
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.json"
@@ -97,25 +98,29 @@ def measured_points(
     spread: Spread,
     progress: Progress | None = None,
 ) -> tuple[PointT, ...]:
-    """Return what ``work`` finds for every setting of ``keys``, in their order.
+    """Return the point that ``work`` measures for every setting of ``keys``, in their order.
 
-    Those that are in the store are not measured again; each other is stored as soon as it is
-    measured. Points measured by other code are refused.
+    ``keys`` has the name under which the point of each setting is stored. Points in the store are
+    not measured again; every other is stored as soon as it is measured. A point that a worker with
+    other code measured is an ``InputError``.
     """
-    stored = {setting: store.read(key, setting) for setting, key in keys.items()}
-    points = {setting: point for setting, point in stored.items() if point is not None}
+    points: dict[SettingT, PointT] = {}
+    for setting, key in keys.items():
+        stored = store.read(key, setting)
+        if stored is not None:
+            points[setting] = stored
     missing = [setting for setting in keys if setting not in points]
     if progress:
         progress(len(points), len(keys))
     if missing:
-        # However this ends, processes and connections end with it.
+        # Closing the generator ends its processes and connections, also after an error or Ctrl-C.
         with closing(spread(work, missing)) as measured:
             for point in measured:
-                # Results come in any order, and each says what it is of.
-                setting: Any = point.setting
-                check_code(f"setting {setting}", point.code)
-                store.write(keys[setting], point)
-                points[setting] = point
+                # Processes finish in any order, so each point names its setting.
+                measured_setting: Any = point.setting
+                check_code(f"setting {measured_setting}", point.code)
+                store.write(keys[measured_setting], point)
+                points[measured_setting] = point
                 if progress:
                     progress(len(points), len(keys))
     return tuple(points[setting] for setting in keys)
@@ -143,20 +148,30 @@ def sweep(
 def auto_bounds(
     study: Study, points: Sequence[Point], store: Store[Point], spread: Spread
 ) -> ErrorBudget:
-    """Return what ``auto`` may lose: by the first strategy that the chip holds, measured here if not on the grid."""
-    known = {point.setting: point.figures for point in points}
-    for setting in usual_settings(study.network, weight_bits_of(study.chip, None)):
-        figures = known[setting] if setting in known else _measured(study, setting, store, spread)
-        if figures:
+    """Return the bounds that ``auto`` keeps by default: the losses of the first strategy that fits, and a bit more.
+
+    That strategy, with the widest weights, is measured here if it is not among the points.
+    """
+    figures_of = {point.setting: point.figures for point in points}
+    widest_bits = weight_bits_of(study.chip, None)
+    for setting in usual_settings(study.network, widest_bits):
+        if setting in figures_of:
+            figures = figures_of[setting]
+        else:
+            figures = _measure_untimed(study, setting, store, spread)
+        if figures is not None:
             return default_budget(figures)
-    # The chip holds this network only with fewer bits than its most.
-    return default_budget(min((f for f in known.values() if f), key=lambda figures: figures.losses))
+    # The chip holds this network only with narrower weights: of the points, take the one that loses least.
+    known_figures = [figures for figures in figures_of.values() if figures is not None]
+    return default_budget(min(known_figures, key=lambda figures: figures.losses))
 
 
-def _measured(
+def _measure_untimed(
     study: Study, setting: Setting, store: Store[Point], spread: Spread
 ) -> Figures | None:
+    """Return the figures of a setting that is not on the grid, without timing engines; None if it does not fit."""
     try:
-        return sweep(replace(study, engines=()), [setting], store, spread)[0].figures
-    except TargetError:
+        (point,) = sweep(replace(study, engines=()), [setting], store, spread)
+    except TargetError:  # sweep raises it if no setting fits
         return None
+    return point.figures

@@ -1,4 +1,7 @@
-"""How long engines take to play a program: measured after a point's figures, on recordings of its check."""
+"""How long the simulator's engines take to play a program.
+
+A point of ``locsnn explore`` is timed after its figures are known, on recordings of its check.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -10,9 +13,12 @@ from hw_model.targets.programs import AnyProgram, kind_of
 from hw_model.values import ByteArray, Frozen
 
 ENGINE_RECORDINGS: dict[Engine, int] = {"fast": 16, "reference": 1}
-"""On how many recordings, the first ones, an engine is timed. The reference engine is too slow for more."""
+"""How many of the first recordings an engine is timed on. The reference engine is too slow for more.
+
+16 recordings are a batch of the fast engine, which plays them together.
+"""
 ENGINE_CALLS: dict[Engine, int] = {"fast": 10, "reference": 2}
-"""In how many calls an engine is timed; the fastest counts."""
+"""How many times an engine is timed; the fastest call counts, because other programs only slow it. Chosen by hand."""
 
 
 class Timing(Frozen):
@@ -25,9 +31,9 @@ class Timing(Frozen):
 def engine_timings(
     program: AnyProgram, recordings: ByteArray, engines: Sequence[Engine]
 ) -> dict[str, Timing]:
-    """Time each engine on the first recordings; their spikes must be equal on the recordings that they share."""
+    """Time each engine on the first recordings; all engines must find the same spikes."""
     timings: dict[str, Timing] = {}
-    spikes_of: list[Mapping[str, ByteArray]] = []
+    spikes_by_engine: list[Mapping[str, ByteArray]] = []
     for engine in engines:
         timed_recordings = recordings[: ENGINE_RECORDINGS[engine]]
         seconds: list[float] = []
@@ -37,9 +43,9 @@ def engine_timings(
             seconds.append(time.perf_counter() - start)
         per_recording = min(seconds) / len(timed_recordings)
         timings[engine] = Timing(len(timed_recordings), per_recording)
-        spikes_of.append(played.spikes)
-    for spikes in spikes_of[1:]:
-        _check_equal(spikes_of[0], spikes)
+        spikes_by_engine.append(played.spikes)
+    for spikes in spikes_by_engine[1:]:
+        _check_equal(spikes_by_engine[0], spikes)
     return timings
 
 

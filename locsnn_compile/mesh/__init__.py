@@ -1,1 +1,1 @@
-"""Networks compiled for chips with cores at places of a mesh, and for the open core."""
+"""Networks compiled for chips with cores at places of a mesh, such as Loihi, and for the open core."""

@@ -1,4 +1,9 @@
-"""Compile a network for a mesh of cores or the open core, and check it against the float reference."""
+"""Compile a network for a mesh of cores or the open core, and check it against the float reference.
+
+The steps: read the recordings, choose a setting and lower the network by it (``pipeline.py``), play the
+recordings to the program and to the float network, and make the figures of the report. A setting is one
+value for each dial of the compiler: strategy, weight bits and split weights (``settings.py``).
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -46,11 +51,12 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     network = with_psi(request.network, check.psi)
     recordings = recordings_for(network, check.events, check.labels)
     network = network.with_steps_of(recordings)
-    # Recordings that do not fit are refused before all the work.
+    # ``fitted`` has the steps and channels of the network; recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
-    _check_bounded(fitted.spikes.shape[2], chip, check)
+    _check_events_per_step(fitted.spikes.shape[2], chip, check)
     calibration = calibration_for(network, recordings, request.setting.calibration)
     fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
+    # The loops of the simulator are compiled while the network is lowered.
     compile_loops_ahead(sessions=check.diagnosis)
     start_compiling()
     with spread_over(check.scheduler) as spread:
@@ -59,13 +65,18 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         choice = lowered.choice
         observed = observed_by(levels, fitted)
         match = compare(observed, progress=check.progress, spread=spread)
-    network = _with_bounds_of(choice, network, request.setting)
+    network = _noting_bounds(network, choice, request.setting)
+    # The same program with registers that never overflow: what overflows alone change.
     wide = compare_wide(observed, match)
-    diagnosis, followed, excerpt, search, peaks = None, None, None, None, None
+    diagnosis = None
+    predictions_over_time = None
+    excerpt = None
+    overflow_search = None
+    peaks = None
     if check.diagnosis:
         if asks_for_another_setting(wide):
             overflowing = spread_of(fitted, overflowing_recordings(match))
-            search = search_without_overflows(
+            overflow_search = search_without_overflows(
                 network,
                 chip,
                 lowered.setting,
@@ -75,8 +86,10 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
             )
         diagnosis = find_diagnosis(observed, match.first_divergence)
         peaks = event_peaks(levels.program, fitted.spikes, check.events_per_step)
-        followed = over_time(observed, PSI if network.psi is None else network.psi)
+        psi = PSI if network.psi is None else network.psi
+        predictions_over_time = over_time(observed, psi)
         excerpt = take_excerpt(observed, match.first_divergence)
+    # What was assumed, which the report lists.
     grounds = grounds_of(
         network,
         recordings,
@@ -85,13 +98,13 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         chosen=choice is not None,
         rounded=levels.quantized.populations,
     )
-    findings = Findings(diagnosis, followed, choice, wide, search, peaks)
+    findings = Findings(diagnosis, predictions_over_time, choice, wide, overflow_search, peaks)
     figures = report_figures(levels, match, grounds, findings)
     return CompiledModel(observed, match, figures, choice, excerpt)
 
 
-def _check_bounded(channels: int, chip: hw.Chip, check: CheckRequest) -> None:
-    """Refuse a rate of events for which nothing is bounded."""
+def _check_events_per_step(channels: int, chip: hw.Chip, check: CheckRequest) -> None:
+    """Refuse ``events_per_step`` if no bound on the time of a recording would be stated for it."""
     events = check.events_per_step
     if events is None:
         return
@@ -108,24 +121,31 @@ def _check_bounded(channels: int, chip: hw.Chip, check: CheckRequest) -> None:
         raise InputError(where, what, fix="Leave it out.")
 
 
-def _with_bounds_of(choice: Choice | None, network: Network, request: SettingRequest) -> Network:
-    """Return the network; where an unusual strategy sets the bounds of ``auto``, it says so."""
+def _noting_bounds(network: Network, choice: Choice | None, request: SettingRequest) -> Network:
+    """Return the network, with a sentence among its assumptions if an unusual strategy sets the bounds of ``auto``.
+
+    Without a budget, ``auto`` bounds errors by what the first strategy loses. That is another one
+    than usual if the chip cannot hold the first.
+    """
     if choice is None or request.setting.strategy != AUTO or request.budget.given:
         return network
-    usual = next(iter(STRATEGIES))
-    first = choice.candidates[0].strategy
-    if first == usual:
+    usual_strategy = next(iter(STRATEGIES))
+    first_strategy = choice.candidates[0].strategy
+    if first_strategy == usual_strategy:
         return network
     chip = choice.levels.program.chip
     sentence = (
-        f"{chip.name} cannot hold strategy {usual}, which sets the bounds of auto. "
-        f"Here {first} sets them."
+        f"{chip.name} cannot hold strategy {usual_strategy}, which sets the bounds of auto. "
+        f"Here {first_strategy} sets them."
     )
     return replace(network, assumptions=(*network.assumptions, sentence))
 
 
 class _Lowered(NamedTuple):
-    """A network at every level, the setting that led there, and what it was chosen from, if it was."""
+    """A network at every level, the setting by which it was lowered, and what that was chosen from.
+
+    ``choice`` is None if the setting was not chosen.
+    """
 
     levels: Levels
     setting: Setting
@@ -133,7 +153,7 @@ class _Lowered(NamedTuple):
 
     @property
     def known(self) -> Mapping[Setting, Levels]:
-        """The network at every level, by every setting that was tried."""
+        """The network at every level, by every setting that was tried: none needs to be lowered again."""
         if self.choice is None:
             return {self.setting: self.levels}
         return self.choice.levels_by_setting
@@ -146,24 +166,24 @@ def _lower(
     calibration: Recordings,
     spread: Spread,
 ) -> _Lowered:
-    """Lower as asked, or by a setting that is chosen; refuse a strategy that no neuron uses."""
+    """Lower by the setting asked for, or by one that is chosen; refuse a strategy that no neuron uses."""
     choice = None
     if request.chooses:
         choice = choose_strategy(network, chip, request, calibration, spread)
-    setting = request.setting
-    if choice:
-        levels = choice.levels
+    if choice is not None:
         setting = choice.taken.setting
+        levels = choice.levels
     else:
-        if setting.strategy == AUTO:
+        setting = request.setting
+        if setting.strategy == AUTO:  # there was nothing to choose, so that any strategy will do
             setting = replace(setting, strategy=next(iter(STRATEGIES)))
         calibrated = calibrate(network, calibration, chip.registers)
         levels = lower_or_advise(network, chip, setting, calibrated)
-    _check_used(request.setting.strategy, levels)
+    _check_strategy_is_used(request.setting.strategy, levels)
     return _Lowered(levels, setting, choice)
 
 
-def _check_used(strategy: str, levels: Levels) -> None:
+def _check_strategy_is_used(strategy: str, levels: Levels) -> None:
     """Refuse a strategy that no neuron of the model uses."""
     used = {population.strategy for population in levels.quantized.populations}
     if strategy == AUTO or strategy in used:
@@ -180,5 +200,5 @@ def _check_used(strategy: str, levels: Levels) -> None:
 
 
 def observed_by(levels: Levels, fitted: Recordings) -> Observed:
-    """Return what both sides do on recordings of the network's own steps and channels."""
+    """Return what the program and the float network do on recordings of the network's own steps and channels."""
     return Observed(levels, fitted.spikes, fitted.labels, fitted.source)

@@ -1,4 +1,4 @@
-"""What compiling for a mesh of cores gives: a program, its network, and the report of their comparison."""
+"""A network compiled for a mesh of cores or the open core: its program, and the report of their comparison."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,8 +24,9 @@ class CompiledModel(Compiled, Frozen, eq=False, repr=False):
     """A program, the network it came from, and the report of their comparison."""
 
     observed: Observed
-    """The recordings of the check, and what both sides do on them."""
+    """The recordings of the check, and what the program and the float network do on them."""
     match: Match
+    """How well both agree, spike by spike."""
     figures: ReportFigures
     """The content of report.json, with types."""
     choice: Choice | None = None
@@ -59,7 +60,7 @@ class CompiledModel(Compiled, Frozen, eq=False, repr=False):
         return self.program.chip.name
 
     def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledModel":
-        """Return the same with these gates in the report."""
+        """Return the same with gates, bounds that were asked for and their outcome, in the report."""
         return replace(self, figures=self.figures.with_gates(gates))
 
     def program_files(self) -> Files:

@@ -1,6 +1,9 @@
 """What is asked of the compiler, as one frozen value: Python, the command line and explore all make one.
 
 CompileRequest = a network, a chip, SettingRequest, CheckRequest, PricingRequest
+
+A setting is one value for each dial of the compiler: strategy, weight bits, split weights
+(``settings.py``). ``locsnn_compile.api.fulfil`` takes a request and returns the compiled network.
 """
 
 from collections.abc import Mapping
@@ -26,9 +29,10 @@ NO_BOUNDS = ErrorBudget()
 class SettingRequest(Frozen, eq=False):
     """Which setting to compile with, or which ones to choose from.
 
-    - ``setting``: as asked for; with the strategy ``auto`` or a ``budget``, it is the first of
-      several that are compared
-    - ``given``: the names of the dials whose values are the user's, and not usual ones
+    - ``setting``: the setting asked for; with the strategy ``auto`` or a ``budget``, several that
+      begin with it are compared
+    - ``given``: the names of the dials whose values the user gave; the others have usual values,
+      which the compiler may change
     - ``budget``: the bounds that the chosen setting keeps
     - ``calibration``: recordings for which weights are rounded and settings chosen; None stands for
       those in the model, or else synthetic ones, or else those of the check
@@ -50,13 +54,16 @@ class SettingRequest(Frozen, eq=False):
         budget: ErrorBudget | None = None,
         calibration: Events | None = None,
     ) -> "SettingRequest":
-        """Return a request for the setting that values by dial, None for usual ones, stand for."""
+        """Return a request for a setting that was made of ``values``.
+
+        ``values`` are by dial; a dial is given if its value is not None.
+        """
         given = frozenset(name for name, value in values.items() if value is not None)
         return cls(setting, given, budget or NO_BOUNDS, calibration)
 
     @property
     def chooses(self) -> bool:
-        """Whether a setting is chosen, or else used as it is."""
+        """Whether the compiler chooses among several settings; otherwise ``setting`` is used as it is."""
         return self.setting.strategy == AUTO or self.budget.given
 
 
@@ -65,11 +72,12 @@ class CheckRequest(Frozen, eq=False):
 
     - ``events``: what both sides play; None stands for the recordings in the model, or else
       synthetic ones
-    - ``labels``: (samples,), of events that are an array
-    - ``psi``: of the time-weighted prediction; None for the model's own
+    - ``labels``: the class of each recording, (samples,), if ``events`` are an array
+    - ``psi``: how late the time-weighted prediction shifts to the location branch; None for the
+      model's own
     - ``diagnosis``: also break the error down, follow predictions over time, and keep an excerpt
     - ``scheduler``: the address of a Dask cluster that plays the recordings; None to play them here
-    - ``progress``: is called with how many recordings are done, and of how many
+    - ``progress``: a function that is called with (recordings done, all recordings)
     - ``events_per_step``: bounds on time are also stated for recordings with at most so many
       events in a step; None for those at the rate of ``events`` alone
     """
@@ -89,7 +97,7 @@ class PricingRequest(Frozen):
     profile: str | Path | None = None
 
     def priced(self, chip: hw.Chip) -> hw.Chip:
-        """Return a chip with these costs; ``InputError`` for a profile that does not exist."""
+        """Return the chip with these costs; ``InputError`` for a profile that does not exist."""
         return chip if self.profile is None else hw.priced_by(chip, self.profile)
 
 
@@ -104,9 +112,9 @@ class CompileRequest(Generic[TargetT], Frozen, eq=False):
 
 
 def check_only_setting(request: CompileRequest[AnyChip], unpriced: str) -> None:
-    """Refuse what a request cannot ask of a chip that has one setting and no table of energies.
+    """Refuse requests that make no sense for a chip with one setting and without a table of energies.
 
-    ``unpriced``: why there is none.
+    ``unpriced`` is the reason why there is no table, for the message.
     """
     name = request.chip.name
     if request.setting.budget.given:

@@ -1,4 +1,8 @@
-"""Which recordings a network is checked on, and which its choices are made on."""
+"""The recordings on which a network is checked, and those on which the compiler makes its choices.
+
+Choices are made on calibration recordings: weights are rounded and settings chosen for them. They
+differ from the recordings of the check wherever possible, so that the check tests the choices.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,6 +18,7 @@ from locsnn_compile.data.joining import join_channels
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.real_values import read_real_values, real_values
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
@@ -21,8 +26,10 @@ from locsnn_compile.network.network import HostLayers, Network
 from locsnn_compile.reference.host import host_recordings
 from locsnn_compile.request.compile_request import Events
 
-SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
-"""How many synthetic recordings are made, and the most values in them: large recordings are fewer."""
+SYNTHETIC_SAMPLES = 16
+"""How many synthetic recordings are made, unless they are large."""
+SYNTHETIC_VALUES = 10_000_000
+"""Values (steps times channels) of all synthetic recordings, beyond which there are fewer: chosen by hand."""
 SYNTHETIC_SEED = 0
 
 
@@ -44,39 +51,53 @@ def recordings_for(
         if network.sensor is None:
             what = "carries no recordings, and its sensor is not known"
             raise InputError(f"model {network.name!r}", what, fix="Give events.")
-        samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // (network.steps * network.channels))
-        touches = synthetic_touches(
-            samples, steps=network.steps, sensor=network.sensor, seed=SYNTHETIC_SEED
-        )
-        # Their labels are motions of the generator, not classes of this model.
-        return Recordings(
-            touches.spikes,
-            labels=None,
-            step_seconds=network.stated_step_seconds,
-            source=touches.source,
-            origin=touches.origin,
-        )
+        return _synthetic_touches(network, network.sensor)
     if isinstance(events, Recordings):
         network.expected.check(events)
         return join_channels(events, network.expected)
     if isinstance(events, str | Path):
         return read_recordings(events, model=network.expected)
+    # An array holds no width of a step, so it gets the model's.
     labels_array = None if labels is None else np.asarray(labels)
     spikes, pixels = frames_as_channels(np.asarray(events))
-    step_seconds = network.stated_step_seconds
-    recordings = Recordings(spikes, labels_array, step_seconds, "array", channels=pixels)
+    recordings = Recordings(
+        spikes,
+        labels_array,
+        step_seconds=network.stated_step_seconds,
+        source="array",
+        channels=pixels,
+    )
     return join_channels(recordings, network.expected)
+
+
+def _synthetic_touches(network: Network, sensor: SensorLayout) -> Recordings:
+    """Return synthetic touches of a sensor, with the steps of a network."""
+    values_per_recording = network.steps * network.channels
+    samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // values_per_recording)
+    touches = synthetic_touches(samples, steps=network.steps, sensor=sensor, seed=SYNTHETIC_SEED)
+    # Without labels: those of the generator are its motions, not classes of this model.
+    return Recordings(
+        touches.spikes,
+        labels=None,
+        step_seconds=network.stated_step_seconds,
+        source=touches.source,
+        origin=touches.origin,
+    )
 
 
 def _through_host(
     network: Network, host: HostLayers, inputs: str | Path | ArrayLike, labels: ArrayLike | None
 ) -> Recordings:
-    """Return the spikes that the host's layers send for arrays of numbers."""
+    """Return the spikes that layers on the host computer send for arrays of numbers.
+
+    The first layers of such a network do not run on the chip: they turn numbers into spikes.
+    """
     if isinstance(inputs, str | Path):
         values = read_real_values(inputs)
     else:
         values = real_values(inputs, labels)
-    recordings = host_recordings(host, values, None if network.any_length else network.steps)
+    steps = None if network.any_length else network.steps
+    recordings = host_recordings(host, values, steps)
     if recordings.step_seconds is None:
         recordings = replace(recordings, step_seconds=network.stated_step_seconds)
     return recordings
@@ -85,9 +106,10 @@ def _through_host(
 def calibration_recordings(
     network: Network, calibration: Events | None, reading: Mapping[str, Any] | None = None
 ) -> Recordings:
-    """Return the recordings to make choices on: if a file or folder is divided, its train part.
+    """Return the recordings of ``calibration``: if it is a file or folder that is divided, its train part.
 
-    ``reading``: what ``read_recordings`` has to know of the sensor.
+    None stands for the recordings in the model, or else synthetic ones. ``reading``: further
+    arguments of ``read_recordings``, such as the sensor.
     """
     if not isinstance(calibration, str | Path) or network.host is not None:
         return recordings_for(network, calibration)
@@ -98,14 +120,22 @@ def calibration_recordings(
 def calibration_for(
     network: Network, recordings: Recordings, calibration: Events | None
 ) -> Recordings:
-    """Return the recordings that choices are made on: never those of the check, if there are others."""
+    """Return the recordings on which choices are made: never those of the check, if there are others.
+
+    ``recordings`` are those of the check. There are no others if none are given, the model carries
+    none, and none can be made up because its sensor is unknown.
+    """
     if calibration is None and network.recordings is None and network.sensor is None:
         return recordings
     return calibration_recordings(network, calibration)
 
 
 def with_psi(network: Network, psi: float | None) -> Network:
-    """Return the network, checked, with the psi asked for; a network of one branch has none."""
+    """Check the network, and return it with the psi asked for.
+
+    Psi says how late the prediction shifts from the time branch to the location branch, so a network
+    with one branch keeps none.
+    """
     check_network(network)
     if psi is None:
         return network

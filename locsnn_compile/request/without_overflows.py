@@ -1,5 +1,12 @@
-"""Look for settings with which nothing wraps or clips, and what they cost."""
+"""Look for settings with which no register overflows, and what they cost.
 
+A charge or current that leaves its register *wraps* to the other end, and a voltage is *clipped* to
+the end: the chip then computes something else than the float network. If that happened in the check,
+the report names settings (strategy, weight bits) that avoid it. They are tried on recordings in which
+registers overflowed.
+"""
+
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -14,14 +21,14 @@ from locsnn_compile.request.choose_strategy import Candidate, Trial
 from locsnn_compile.settings import STRATEGIES, USUAL, Setting
 
 MOST_RECORDINGS = 16
-"""Recordings that settings are compared on, of those in which something wrapped or clipped."""
+"""Of the recordings with overflows, settings are compared on at most so many: chosen by hand, for speed."""
 
 
 class OverflowSearch(Frozen):
     """Settings that were tried on ``recordings`` recordings in which registers wrapped or clipped.
 
-    ``taken`` is the setting of the program on these, and ``others`` are those that were tried, in
-    order.
+    ``taken`` is the setting of the program, measured on these recordings, and ``others`` are the
+    settings that were tried, in this order.
     """
 
     recordings: int
@@ -32,11 +39,12 @@ class OverflowSearch(Frozen):
     def without_overflows(self) -> tuple[Candidate, ...]:
         """The settings with which nothing wrapped or clipped, the one that loses least first.
 
-        Of a strategy, it is the one with the widest weights: narrower ones only lose more.
+        There is at most one for each strategy, with the widest weights: narrower ones only lose more.
         """
         clean = [candidate for candidate in self.others if not candidate.overflows]
+        clean.sort(key=lambda candidate: candidate.setting.weight_bits, reverse=True)
         widest: dict[str, Candidate] = {}
-        for candidate in sorted(clean, key=lambda each: -each.setting.weight_bits):
+        for candidate in clean:
             widest.setdefault(candidate.strategy, candidate)
         return tuple(sorted(widest.values(), key=lambda candidate: candidate.losses))
 
@@ -49,25 +57,26 @@ def search_without_overflows(
     overflowing: Recordings,
     lowered: Mapping[Setting, Levels],
 ) -> OverflowSearch | None:
-    """Try other strategies and narrower weights; None where there is nothing to try.
+    """Try other strategies and narrower weights on the ``overflowing`` recordings.
 
-    ``lowered`` is what is known already: the network at every level, by settings that were rounded
-    for the same calibration.
+    ``taken`` is the setting of the program, and ``lowered`` has the settings that were lowered
+    already, rounded for the same ``calibration``: they are not lowered again. Returns None if there
+    is nothing to try.
     """
     narrower = _narrower(network, chip, taken)
-    strategies = _strategies(network, taken)
-    if not narrower and not strategies:
+    other_strategies = _other_strategies(network, taken)
+    if not narrower and not other_strategies:
         return None
     known_calibration = calibrate(network, calibration, chip.registers)
     trial = Trial(network, chip, overflowing, here, known_calibration, levels=dict(lowered))
-    candidate = trial.measure(taken)
-    if candidate is None:
+    taken_candidate = trial.measure(taken)
+    if taken_candidate is None:
         return None
-    for setting in strategies:
+    for setting in other_strategies:
         trial.measure(setting)
     try_widths(trial, narrower)
-    others = [tried for tried in trial.candidates.values() if tried.setting != taken]
-    return OverflowSearch(len(overflowing), candidate, tuple(others))
+    others = [candidate for candidate in trial.candidates.values() if candidate.setting != taken]
+    return OverflowSearch(len(overflowing), taken_candidate, tuple(others))
 
 
 def try_widths(trial: Trial, narrower: list[Setting]) -> None:
@@ -75,17 +84,22 @@ def try_widths(trial: Trial, narrower: list[Setting]) -> None:
 
     Narrower weights let the compiler choose a smaller scale, which leaves more room in registers.
     So where the narrowest that the chip can hold have overflows, those between are not tried.
+    The trial keeps what was measured.
     """
     settings = list(narrower)
+    # Drop the narrowest ones as long as the chip cannot hold them.
     while settings and trial.measure(settings[-1]) is None:
         settings.pop()
+    if not settings:
+        return
 
     def is_clean(index: int) -> bool:
-        tried = trial.measure(settings[index])
-        return tried is not None and not tried.overflows
+        candidate = trial.measure(settings[index])
+        return candidate is not None and not candidate.overflows
 
+    # All from widest_clean on are taken to be clean, and all before first_unknown have overflows.
     widest_clean = len(settings) - 1
-    if not settings or not is_clean(widest_clean):
+    if not is_clean(widest_clean):
         return
     first_unknown = 0
     while first_unknown < widest_clean:
@@ -98,18 +112,20 @@ def try_widths(trial: Trial, narrower: list[Setting]) -> None:
 
 def spread_of(recordings: Recordings, numbers: IntArray) -> Recordings:
     """Return at most :data:`MOST_RECORDINGS` of the recordings with these numbers, evenly spread."""
-    every = max(1, -(-len(numbers) // MOST_RECORDINGS))
-    return recordings.subset(numbers[::every])
+    stride = max(1, math.ceil(len(numbers) / MOST_RECORDINGS))
+    return recordings.subset(numbers[::stride])
 
 
 def _narrower(network: Network, chip: hw.Chip, taken: Setting) -> list[Setting]:
-    if not network.has_float_weights:
+    """Return the setting with all narrower weights of the chip, the widest first."""
+    if not network.has_float_weights:  # its weights are integers of the chip already
         return []
     widths = [bits for bits in reversed(chip.registers.weight_bits) if bits < taken.weight_bits]
     return [replace(taken, weight_bits=bits) for bits in widths]
 
 
-def _strategies(network: Network, taken: Setting) -> list[Setting]:
+def _other_strategies(network: Network, taken: Setting) -> list[Setting]:
+    """Return the setting with each other usual strategy; none if its neurons need no strategy."""
     if not network.by_strategy or taken.strategy not in STRATEGIES:
         return []
     return [replace(taken, strategy=name) for name in USUAL if name != taken.strategy]

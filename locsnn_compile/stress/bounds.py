@@ -40,37 +40,53 @@ def error_bound(
     The bound is the most that each source moves the potential, (batch, steps, n), in register units; they add up.
     ``numbers`` are those of both sides, with the same groups; a group that one side lacks is not bounded here.
     """
-    spiking = {**lines, **spikes}
-    batch, steps = spiking[population].shape[:2]
+    all_spikes = {**lines, **spikes}
+    batch, steps = all_spikes[population].shape[:2]
     states = {pair.exact.name: _Compartments(pair, batch, steps) for pair in numbers.groups}
-    for pair in numbers.synapses:
-        state, played, delay = (
-            states[pair.exact.target],
-            spiking[pair.exact.source],
-            pair.exact.delay,
-        )
-        due = played[:, : max(0, steps - 1 - delay)].astype(np.float64)
-        for into, matrix in (
-            (state.charge, pair.exact.weights),
-            (state.rounding[0], _apart(pair.chip, pair.exact_fitted)),
-            (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
-        ):
-            # Weights (n,) connect neurons of the same number.
-            into[:, loihi.acts_at(0, delay) :] += (
-                due * matrix if matrix.ndim == 1 else [sent @ matrix.T for sent in due]
-            )
-    found = np.zeros((len(SOURCES), *spikes[population].shape))
+    _deliver_all(numbers, states, all_spikes, steps)
+    bounds = np.zeros((len(SOURCES), *spikes[population].shape))
     for step in range(steps):
+        # Children come before their parents, so that a join reaches the parent in the same step.
         for state in states.values():
             state.update(step)
             parent = state.pair.exact.joined_to
             if parent is not None:
                 states[parent].join(state)
-        found[:, :, step] = states[population].f
-        for name, played in spikes.items():
+        # Before the reset: the potential is what the threshold sees.
+        bounds[:, :, step] = states[population].f
+        for name, spikes_of_population in spikes.items():
             if name in states:
-                states[name].reset(played[:, step].astype(np.bool_))
-    return dict(zip(SOURCES, found, strict=True))
+                states[name].reset(spikes_of_population[:, step].astype(np.bool_))
+    return dict(zip(SOURCES, bounds, strict=True))
+
+
+def _deliver_all(
+    numbers: Numbers,
+    states: Mapping[str, "_Compartments"],
+    all_spikes: Mapping[str, ByteArray],
+    steps: int,
+) -> None:
+    """Add the charges of all steps, and what their weights are off, to the compartments they reach.
+
+    This can be done before the first step, because all spikes are given.
+    """
+    for pair in numbers.synapses:
+        state = states[pair.exact.target]
+        delay = pair.exact.delay
+        # Later spikes arrive after the last step.
+        arriving = all_spikes[pair.exact.source][:, : max(0, steps - 1 - delay)].astype(np.float64)
+        weights_of_sums = (
+            (state.charge, pair.exact.weights),
+            # Weights are rounded, and before that scaled to make up for what decays gain or lose.
+            (state.rounding[0], _apart(pair.chip, pair.exact_fitted)),
+            (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
+        )
+        for sums, weights in weights_of_sums:
+            if weights.ndim == 1:  # weights (n,) connect neurons of the same number
+                delivered = arriving * weights
+            else:
+                delivered = np.stack([recording @ weights.T for recording in arriving])
+            sums[:, loihi.acts_at(0, delay) :] += delivered
 
 
 class _Uncertain(Frozen, eq=False):
@@ -87,7 +103,10 @@ class _Uncertain(Frozen, eq=False):
 
 
 class _Keep(Frozen, eq=False):
-    """The share that a decay keeps on both sides, and the most that the chip cuts off."""
+    """The share of a register that a decay keeps, in float (``exact``) and on the chip.
+
+    ``cut`` is the most that the chip then cuts off toward zero.
+    """
 
     exact: FloatArray
     chip: FloatArray
@@ -95,7 +114,11 @@ class _Keep(Frozen, eq=False):
 
 
 class _OnUncertain:
-    """The operations of a step where no register wraps or clips."""
+    """The operations of a step over float values that carry the bound of their error.
+
+    ``hw_model.arithmetic.loihi`` writes the step of a compartment in terms of these operations, so that
+    the bound follows the very step that the chip takes. Here no register wraps or clips.
+    """
 
     def wrap_charge(self, q: _Uncertain) -> _Uncertain:
         """Return q itself."""
@@ -110,11 +133,12 @@ class _OnUncertain:
         return q
 
     def kept(self, x: _Uncertain, keep: _Keep) -> _Uncertain:
-        """Return what is left of x; a register at rest on both sides has nothing to cut."""
+        """Return what a decay leaves of x: A e + |A - a| |x| + 1, as in the docstring of the module."""
         error = keep.chip * x.error
         error[SOURCES.index("decays")] += np.abs(keep.chip - keep.exact) * np.abs(x.value)
-        moves = (x.value != 0) | x.error.any(axis=0)
-        error[SOURCES.index("states")] += keep.cut * moves
+        # A register that is 0 on both sides has nothing to cut.
+        may_be_nonzero = (x.value != 0) | x.error.any(axis=0)
+        error[SOURCES.index("states")] += keep.cut * may_be_nonzero
         return _Uncertain(keep.exact * x.value, error)
 
     def clip(self, v: _Uncertain, low: float, high: float) -> _Uncertain:
@@ -122,8 +146,12 @@ class _OnUncertain:
         return v
 
     def select(self, condition: BoolArray, chosen: Any, otherwise: Any) -> Any:
-        """Return one where the condition holds, and the other where not; a number has no error."""
+        """Return ``chosen`` where the condition holds, ``otherwise`` elsewhere; a plain number has no error.
+
+        At most one of both carries an error.
+        """
         if isinstance(chosen, _Uncertain):
+            # Swap them, so that only the other case is left below.
             return self.select(~condition, otherwise, chosen)
         if isinstance(otherwise, _Uncertain):
             value = np.where(condition, chosen, otherwise.value)
@@ -135,14 +163,17 @@ _OPERATIONS = _OnUncertain()
 
 
 class _Compartments:
-    """The registers of a group in floats, (batch, n), and the bounds of their errors."""
+    """The registers of a group of compartments in floats, (batch, n), and the bounds of their errors.
+
+    ``pair`` has the numbers of the group in float (``exact``) and on the chip.
+    """
 
     def __init__(self, pair: GroupNumbers, batch: int, steps: int) -> None:
         self.pair = pair
         size = pair.exact.size
         self.charge = np.zeros((batch, steps, size))
         self.rounding = np.zeros((2, batch, steps, size))
-        """Of charges: what their weights are off, by rounding and by decays."""
+        """By how much charges are off, because weights are rounded, and because of decays (see SOURCES)."""
         self._at_rest = _Uncertain(np.zeros((batch, size)), np.zeros((len(SOURCES), batch, size)))
         self._u = self._at_rest
         self._v = self._at_rest
@@ -156,10 +187,10 @@ class _Compartments:
         return self._v.error
 
     def update(self, step: int) -> None:
-        """Take a step up to the threshold."""
+        """Take a step up to the threshold: the spikes are given, so nothing is compared with it."""
         parameters = self._parameters
         error = np.zeros_like(self._at_rest.error)
-        error[:2] = self.rounding[:, :, step]
+        error[:2] = self.rounding[:, :, step]  # the sources "weights" and "decays"
         charge = _Uncertain(self.charge[:, step], error)
         response = loihi.respond(_OPERATIONS, parameters, self._u, self._v, charge, self._joined)
         self._u = response.u
@@ -177,16 +208,22 @@ class _Compartments:
 
 
 def _parameters(pair: GroupNumbers) -> Parameters:
-    """Return the parameters of a group on both sides; spikes are given, so that it needs no threshold."""
-    exact, chip = pair.exact, pair.chip
-    fitted = exact.bias * pair.bias_ratio
-    bias_error = np.stack(
-        (np.abs(chip.bias - fitted), np.abs(fitted - exact.bias), np.zeros(exact.size))
-    )
+    """Return the parameters of a group on both sides.
+
+    Spikes are given and no register clips, so that the threshold and the limits are infinite.
+    """
+    exact = pair.exact
+    chip = pair.chip
+    # The bias is scaled like the weights to make up for what decays gain or lose, and then rounded.
+    fitted_bias = exact.bias * pair.bias_ratio
+    by_weights = np.abs(chip.bias - fitted_bias)
+    by_decays = np.abs(fitted_bias - exact.bias)
+    by_states = np.zeros(exact.size)
+    bias_error = np.stack((by_weights, by_decays, by_states))  # in the order of SOURCES
     return Parameters(
         keep_u=_Keep(exact.keep_u, chip.keep_u, _cut(chip.keep_u)),
         keep_v=_Keep(exact.keep_v, chip.keep_v, _cut(chip.keep_v)),
-        bias=_Uncertain(exact.bias, bias_error[:, None]),
+        bias=_Uncertain(exact.bias, bias_error[:, None]),  # the same for the whole batch
         threshold=np.inf,
         refractory=exact.refractory,
         vmin=-np.inf,
@@ -200,6 +237,6 @@ def _cut(keep: FloatArray) -> FloatArray:
     return cut
 
 
-def _apart(one: Matrix, other: Matrix) -> Matrix:
-    """Return the absolute differences of two matrices with the same connections."""
-    return with_values(one, np.abs(values_of(one) - values_of(other)))
+def _apart(left: Matrix, right: Matrix) -> Matrix:
+    """Return the absolute differences of two weight matrices with the same connections."""
+    return with_values(left, np.abs(values_of(left) - values_of(right)))

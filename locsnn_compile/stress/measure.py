@@ -1,5 +1,10 @@
 """Measure a case: lower it, play it to the float network and the chip, and compare potentials and spikes.
 
+The chip's side is computed by a *twin*: a float64 program that takes the step of a compartment with the chip's own
+numbers, one *stage* after the other (rounded weights, rounded decays, cut states, wraps and clips, ...). With all
+stages it equals the chip, and with some it shows what each stage adds. Both sides can be *forced* to send the spikes of
+the float network, so that one different spike does not make all that follows different.
+
 Every way to compute a program must give the same integers; one that does not is named.
 """
 
@@ -36,10 +41,12 @@ from locsnn_compile.verification.matching import PopulationMatch
 FLOAT_ROUNDING = 1e-9
 """Share of a potential or threshold that float64 itself may round by: far less than a unit of a register."""
 CALIBRATION_SEED = SEED + 2
+"""Weights have the seed and random input the next one: recordings for rounding differ from those of the check."""
 COARSE = 0.01
-"""A decay is named if it fades faster or slower than asked for by more than this share."""
+"""A decay is named if it fades faster or slower than asked for by more than this share. Chosen by hand."""
 PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
+"""The chip with registers for any number."""
 
 
 class FloatRun(Frozen, eq=False):
@@ -63,31 +70,39 @@ class Sides:
         self.float = self._float(levels, recordings)
 
     def forced(self, *stages: Stage) -> FloatArray:
-        """Return the potential with some stages as on the chip if the float network's spikes are sent."""
-        sent = {POPULATION: self.float.spikes}
-        trace = run_twin(
-            twin_with(self.phase, stages), self.lines, forced=sent, potentials=(POPULATION,)
-        )
+        """Return the potential with some stages as on the chip, if the float network's spikes are sent."""
+        float_spikes = {POPULATION: self.float.spikes}
+        twin = twin_with(self.phase, stages)
+        trace = run_twin(twin, self.lines, forced=float_spikes, potentials=(POPULATION,))
         return trace.potential[POPULATION]
 
     def free(self) -> TwinTrace:
-        """Return what the twin does with all stages and its own spikes, which the program must do as well."""
+        """Return what the twin does with all stages and its own spikes: the program must do the same."""
         return run_twin(twin_with(self.phase, STAGES), self.lines, potentials=(POPULATION,))
 
     def bound(self) -> dict[Source, FloatArray]:
-        """Bound the error of the potential if the float network's spikes are sent, without that of the neuron model."""
-        return error_bound(
-            self.phase.program_neurons, POPULATION, self.lines, {POPULATION: self.float.spikes}
-        )
+        """Bound the error of the potential if the float network's spikes are sent, by source.
+
+        The error of another neuron model, such as that of strategy ``reset``, is not among the sources.
+        """
+        float_spikes = {POPULATION: self.float.spikes}
+        return error_bound(self.phase.program_neurons, POPULATION, self.lines, float_spikes)
 
     def model_error(self) -> FloatArray:
-        """Return how far the strategy's neuron model alone moves the potential, (samples, steps, n)."""
+        """Return how far the strategy's neuron model alone moves the potential, (samples, steps, n).
+
+        0 for strategies whose model is that of the float network.
+        """
         if self.phase.float_neurons is self.phase.program_neurons:
             return np.zeros_like(self.float.potential)
         return np.abs(self.forced("kernel") - self.float.potential)
 
     def _float(self, levels: Levels, recordings: ByteArray) -> FloatRun:
-        """Evaluate in float64; on-grid neurons as the same numbers without cuts, wraps and clips."""
+        """Evaluate the float network.
+
+        Neurons on the grid are integers of the chip already. Their float network has the same numbers,
+        without cuts, wraps and clips: the twin without any stage.
+        """
         population = levels.quantized.population(POPULATION)
         if population.population.on_grid:
             trace = run_twin(twin_with(self.phase, ()), self.lines, potentials=(POPULATION,))
@@ -97,9 +112,10 @@ class Sides:
 
 
 def thresholds(q: QuantizedPopulation) -> FloatArray:
-    """Return the thresholds in units of the registers, (n,); a mantissa of 0 counts as 1."""
+    """Return the thresholds in units of the registers, (n,)."""
     in_registers: FloatArray = q.population.thresholds * q.scale
     if q.population.on_grid:
+        # Errors are divided by thresholds, so a threshold mantissa of 0 counts as 1.
         return np.maximum(in_registers, loihi.in_registers(1.0))
     return in_registers
 
@@ -115,9 +131,9 @@ def _with_real_numbers(phase: Phase) -> Phase:
 
 
 def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
-    """Lower a case by its strategy; ``steps`` if its recordings are longer or shorter than those for rounding.
+    """Lower a case by its strategy, for programs of ``steps`` steps if given.
 
-    Weights are rounded for random recordings other than those of the case.
+    Weights are rounded for random recordings other than those of the case, of the case's own steps.
     """
     network = case.network
     check_network(network)
@@ -126,6 +142,7 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
     calibration = None
     if not network.populations[0].on_grid:
         calibration = calibrate(network, recordings, chip.registers)
+    # A network without neurons that need a strategy is lowered equally by all.
     strategy = "dendrite" if case.strategy == NATIVE else case.strategy
     if steps is not None:
         network = replace(network, steps=steps)
@@ -133,25 +150,34 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
 
 
 def measure(case: Case, chip: hw.Chip) -> Measured:
-    """Measure a case; errors of the compiler are raised."""
+    """Measure a case; errors of the compiler are raised.
+
+    Apart from spikes, wraps and clips, both sides send the spikes of the float network.
+    """
     levels = lowered(case, chip)
     recordings = case.network.fit(case.recordings, "stress")
     sides = Sides(levels, recordings)
     simulated = hw.simulate(levels.program, recordings, probe=("spikes", "potential"))
+
     float_potential = sides.float.potential
     threshold = sides.threshold
     chip_potential = sides.forced(*STAGES)
-    unlimited = sides.forced(*WITHOUT_LIMITS)
+
+    # The bound is derived for registers that never overflow, so it is compared with those.
+    unlimited_potential = sides.forced(*WITHOUT_LIMITS)
     model_error = sides.model_error()
     bound_by_source = sides.bound()
     bound = model_error + sum(bound_by_source.values())
+    # float64 rounds sums relative to the largest number that went into them.
     largest_so_far = np.maximum.accumulate(np.abs(float_potential), axis=1)
     slack = FLOAT_ROUNDING * (largest_so_far + threshold)
-    # A difference that is not a number is outside as well.
-    is_outside = ~(np.abs(unlimited - float_potential) <= bound + slack)
+    # "Not within", because a difference that is not a number is outside as well.
+    is_outside = ~(np.abs(unlimited_potential - float_potential) <= bound + slack)
+
+    # Would the chip decide to spike where the float network did?
     mantissa = levels.quantized.population(POPULATION).neuron.threshold
-    chip_spikes = chip_potential > loihi.threshold_of(mantissa)
-    differs = chip_spikes != sides.float.spikes.astype(np.bool_)
+    chip_decides_to_spike = chip_potential > loihi.threshold_of(mantissa)
+    differs = chip_decides_to_spike != sides.float.spikes.astype(np.bool_)
     is_tied = np.abs(float_potential - threshold) <= FLOAT_ROUNDING * threshold
     return Measured(
         spikes=PopulationMatch.of(sides.float.spikes, simulated.spikes[POPULATION]),
@@ -168,7 +194,7 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
         clips=simulated.counts.clips,
         weights=_lost_weights(levels, sides),
         biases=_lost_biases(levels),
-        overflowed=int((chip_potential != unlimited).sum()),
+        overflowed=int((chip_potential != unlimited_potential).sum()),
         outside=int(is_outside.sum()),
         coarse_decays=_coarse_decays(sides),
         odd_engine=_differing_engine(levels, sides, recordings, simulated),
@@ -176,24 +202,39 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
 
 
 def _lost_weights(levels: Levels, sides: Sides) -> Lost:
-    """Count the weights other than 0 that are 0 on the chip, over all synapses that stand for one."""
-    of = sum(int((values_of(p.held) != 0).sum()) for p in levels.network.projections)
-    inputs = [
-        pair for pair in sides.phase.program_neurons.synapses if pair.exact.source in sides.lines
-    ]
-    return Lost(of - sum(int((values_of(pair.chip) != 0).sum()) for pair in inputs), of)
+    """Count the weights other than 0 that are 0 on the chip.
+
+    A weight may be several synapses on the chip, which together stand for it: it counts once.
+    """
+    weights = 0
+    for projection in levels.network.projections:
+        weights += int((values_of(projection.held) != 0).sum())
+    weights_on_chip = 0
+    for pair in sides.phase.program_neurons.synapses:
+        if pair.exact.source in sides.lines:  # others are synapses of a neuron onto itself
+            weights_on_chip += int((values_of(pair.chip) != 0).sum())
+    return Lost(lost=weights - weights_on_chip, of=weights)
 
 
 def _lost_biases(levels: Levels) -> Lost:
-    rounded = [q for q in levels.quantized.populations if not q.population.on_grid]
+    """Count the biases other than 0 that are 0 on the chip."""
+    rounded = [
+        population
+        for population in levels.quantized.populations
+        if not population.population.on_grid
+    ]
     return Lost(
-        sum(q.biases_lost for q in rounded),
-        sum(int(q.population.neuron.biased.sum()) for q in rounded),
+        lost=sum(population.biases_lost for population in rounded),
+        of=sum(int(population.population.neuron.biased.sum()) for population in rounded),
     )
 
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
-    """Name the decays that their grid changes by more than ``COARSE``; of two that stand for one, the mean."""
+    """Return a sentence for each decay that its grid changes by more than ``COARSE``.
+
+    An alpha kernel has one time constant in the model and two decays on the chip, which together fit it best: the mean
+    of both is compared.
+    """
     sentences = []
     for pair in sides.phase.program_neurons.groups:
         exact_u = _decay_of(pair.exact.keep_u)
@@ -205,26 +246,29 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
             decays = [(exact_u, (chip_u + chip_v) / 2)]
         for exact, on_chip in decays:
             if abs(on_chip - exact) > COARSE * exact:
-                way = "faster" if on_chip > exact else "slower"
+                direction = "faster" if on_chip > exact else "slower"
                 percent = 100 * abs(on_chip - exact) / exact
                 sentences.append(
-                    f"a decay of {exact:.4g} in 4096 is {on_chip:g}: it fades {percent:.2g} % {way}"
+                    f"a decay of {exact:.4g} in 4096 is {on_chip:g}: it fades {percent:.2g} % {direction}"
                 )
     return tuple(dict.fromkeys(sentences))
 
 
 def _decay_of(keep: FloatArray) -> float:
-    """Return the decay, in 4096ths, of the first neuron of a group, of what a step keeps."""
+    """Return the decay, in 4096ths, of a group of which a step keeps the share ``keep``.
+
+    The first neuron stands for the group: all neurons of a case have equal decays.
+    """
     return float(loihi_inverse.decay_of_share(1.0 - keep.flat[0]))
 
 
 def _differing_engine(
     levels: Levels, sides: Sides, recordings: ByteArray, simulated: hw.SimulationResult
 ) -> str | None:
-    """Name the first of four computations that differs from what the fast engine gives; None if none does.
+    """Return the name of the first of four computations that differs from the fast engine; None if none does.
 
-    The population's own integer arithmetic and the float64 twin play all recordings; the reference engine and the fast
-    engine without skipping play the first.
+    The population's own integer arithmetic and the float64 twin play all recordings. The reference engine, which is
+    slow, and the fast engine without skipping (idle steps are computed as well) play only the first.
     """
     integers = evaluate(
         levels.quantized.on_grid(),
@@ -254,7 +298,7 @@ def _differing_engine(
 
 
 def _are_equal(left: hw.SimulationResult, right: hw.SimulationResult) -> bool:
-    """Compare spikes, registers, wraps and clips by population, and all counts but skipped steps."""
+    """Return whether spikes, registers, wraps and clips by population, and all counts but skipped steps are equal."""
     left_counts = {**dict(left.counts), "skipped_steps": 0}
     right_counts = {**dict(right.counts), "skipped_steps": 0}
     if left_counts != right_counts or left.events != right.events:

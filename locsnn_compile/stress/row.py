@@ -1,4 +1,8 @@
-"""A row of the table: the measured figures of a case, its verdict and its causes, also as plain numbers for scripts."""
+"""A row of the table: the measured figures of a case, its verdict and its causes, also as plain numbers for JSON.
+
+A case is one population of neurons with extreme numbers or inputs. :func:`judge` turns what was measured into a
+verdict and names what caused it.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,17 +26,19 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 - ``unexplained``: a crash, engines that differ, or an error beyond its bound: a defect of this project
 """
 SCHEMA = 1
+"""The version of the JSON document."""
 TENTH = 0.1
-"""In thresholds: the cause of an error above it is named."""
-_ROUNDED: dict[Source, str] = {
+"""In thresholds: the cause of an error above it is named. Chosen by hand."""
+_SOURCE_WORDS: dict[Source, str] = {
     "weights": "weights",
     "decays": "decays",
     "states": "truncation of states",
 }
-_MODELS = {
+_MODEL_ERRORS = {
     "reset": "its reset is another neuron model",
     "delay-line": "its taps are too few for what they leave in the input's filter",
 }
+"""Why the neuron model of a strategy differs from the network's; those of all others are equal."""
 
 
 class Lost(Frozen):
@@ -50,12 +56,20 @@ class Lost(Frozen):
 class Measured(Frozen):
     """How the chip compares with float64 over all samples, steps and neurons; potentials are in thresholds.
 
-    ``spikes``, ``wraps`` and ``clips`` are those of each side by itself. For all other figures the float network's
-    spikes drive both sides: ``error_thresholds`` is the largest difference of potentials, ``bound_thresholds`` the
-    largest bound derived for it, and ``bound_parts_thresholds`` the parts of that; ``model_error_thresholds`` is the
-    part of another neuron model. ``decisions_otherwise`` of ``decisions`` to spike differ, ``of_these_ties`` with the
-    float potential exactly at the threshold. ``overflowed`` potentials differ because a register wrapped or clipped;
-    ``outside`` counts potentials beyond the bound for no known reason.
+    For ``spikes``, ``wraps`` and ``clips``, each side sends its own spikes. For all other figures both sides send the
+    spikes of the float network:
+
+    - ``error_thresholds``: the largest difference of potentials
+    - ``bound_thresholds``: the largest bound that is derived for it
+    - ``bound_parts_thresholds``: the parts of that bound by source of error
+    - ``model_error_thresholds``: its part if the strategy has another neuron model
+    - ``decisions``: potentials that were compared with the threshold; ``decisions_otherwise`` of them with another
+      result, ``of_these_ties`` with the float potential exactly at the threshold
+    - ``weights``, ``biases``: numbers that round to 0
+    - ``overflowed``: potentials that differ because a register wrapped or clipped
+    - ``outside``: potentials beyond the bound for no known reason
+    - ``coarse_decays``: a sentence for each decay that the chip's grid changes much
+    - ``odd_engine``: a way to compute the program that gives other integers; None if there is none
     """
 
     spikes: PopulationMatch
@@ -81,14 +95,15 @@ class Measured(Frozen):
         return self.wraps + self.clips
 
 
-_FOR_THE_JUDGE = ("spikes", "overflowed", "outside", "coarse_decays", "odd_engine")
-"""What the document has in the causes, or as figures of the spikes."""
+_NOT_IN_DOCUMENT = ("spikes", "overflowed", "outside", "coarse_decays", "odd_engine")
+"""Fields of ``Measured`` that the document has in another form: in the causes, or as figures of the spikes."""
 
 
 class Drift(Frozen):
     """Figures of a long run for each tenth of it: spikes of both sides, and the largest error in thresholds.
 
-    Errors are None if all neurons spike: if spikes differ, the potentials cannot be compared.
+    The error is that of neurons that never spike, because potentials cannot be compared once spikes differ; it is None
+    if all neurons spike. ``bound`` is derived for it, in thresholds.
     """
 
     steps: int
@@ -108,18 +123,22 @@ class Row(Frozen):
 
 
 def by_verdict(rows: Iterable[Row]) -> dict[Verdict, int]:
-    """Return how many rows have each verdict."""
-    counted = Counter(row.verdict for row in rows)
-    return {verdict: counted[verdict] for verdict in VERDICTS}
+    """Return how many rows have each verdict, in the order of :data:`VERDICTS`."""
+    counts = Counter(row.verdict for row in rows)
+    return {verdict: counts[verdict] for verdict in VERDICTS}
 
 
 def stress_document(rows: Sequence[Row], chip: hw.Chip) -> dict[str, Any]:
     """Return what ``locsnn stress --json`` prints; errors and bounds are in thresholds."""
-    found = [_row(row, chip) for row in rows]
-    return {"schema": SCHEMA, "target": chip.name, "verdicts": by_verdict(rows), "rows": found}
+    return {
+        "schema": SCHEMA,
+        "target": chip.name,
+        "verdicts": by_verdict(rows),
+        "rows": [_row_document(row, chip) for row in rows],
+    }
 
 
-def _row(row: Row, chip: hw.Chip) -> dict[str, Any]:
+def _row_document(row: Row, chip: hw.Chip) -> dict[str, Any]:
     case = row.case
     return {
         "group": case.group,
@@ -128,70 +147,99 @@ def _row(row: Row, chip: hw.Chip) -> dict[str, Any]:
         "weight_bits": case.weight_bits or chip.registers.weight_bits_max,
         "verdict": row.verdict,
         "causes": list(row.causes),
-        "measured": None if row.measured is None else _measured(row.measured),
-        "long_run": None if row.drift is None else _drift(row.drift),
+        "measured": None if row.measured is None else _measured_document(row.measured),
+        "long_run": None if row.drift is None else _drift_document(row.drift),
     }
 
 
-def _measured(m: Measured) -> dict[str, Any]:
-    return _spikes(m.spikes) | {
-        key: value for key, value in asdict(m).items() if key not in _FOR_THE_JUDGE
-    }
+def _measured_document(measured: Measured) -> dict[str, Any]:
+    document = _spikes_document(measured.spikes)
+    for key, value in asdict(measured).items():
+        if key not in _NOT_IN_DOCUMENT:
+            document[key] = value
+    return document
 
 
-def _drift(drift: Drift) -> dict[str, Any]:
+def _drift_document(drift: Drift) -> dict[str, Any]:
     return {
         "steps": drift.steps,
-        "by_tenth": [_spikes(match) for match in drift.spikes],
+        "by_tenth": [_spikes_document(match) for match in drift.spikes],
         "error_thresholds_by_tenth": None if drift.error is None else list(drift.error),
         "bound_thresholds": drift.bound,
     }
 
 
-def _spikes(match: PopulationMatch) -> dict[str, Any]:
+def _spikes_document(match: PopulationMatch) -> dict[str, Any]:
     return picked(match, "reference_spikes", "chip_spikes") | {"spike_agreement": match.agreement}
 
 
 def judge(case: Case, measured: Measured) -> Row:
     """Return the row of a case that the chip holds."""
-    defects, causes = tuple(_defects(measured)), tuple(_causes(case, measured))
+    defects = tuple(_defects(measured))
     if defects:
         return Row(case, "unexplained", defects, measured)
+    causes = tuple(_causes(case, measured))
     return Row(case, "limited" if causes else "ok", causes, measured)
 
 
-def _defects(m: Measured) -> Iterator[str]:
-    if m.odd_engine:
-        yield f"{m.odd_engine} differs from the fast engine"
-    if m.outside:
-        yield f"{plural(m.outside, 'potential')} lie beyond the bound of {short(m.bound_thresholds)} thresholds"
+def _defects(measured: Measured) -> Iterator[str]:
+    """Yield a sentence for each thing that must not happen, whatever the case."""
+    if measured.odd_engine:
+        yield f"{measured.odd_engine} differs from the fast engine"
+    if measured.outside:
+        potentials = plural(measured.outside, "potential")
+        yield f"{potentials} lie beyond the bound of {short(measured.bound_thresholds)} thresholds"
 
 
-def _causes(case: Case, m: Measured) -> Iterator[str]:
-    """Say what overflows, what is lost, and what else moves a potential by more than a tenth of a threshold."""
-    if m.wraps:
-        yield f"{plural(m.wraps, 'wrap')}: a charge or current leaves its register"
-    if m.clips:
-        yield f"{plural(m.clips, 'clip')}: the potential leaves its register"
-    if m.overflowed and not (m.wraps or m.clips):
-        yield f"{plural(m.overflowed, 'potential')} would leave the register with the float network's spikes"
-    for these, one, many in ((m.weights, "weight", "weights"), (m.biases, "bias", "biases")):
-        if these.lost:
-            some = f"{count(these.lost)} of {plural(these.of, one, many)} round to 0"
-            yield some if these.of > 1 else f"the only {one} rounds to 0"
-    yield from m.coarse_decays
-    if m.model_error_thresholds > TENTH:
-        yield f"{_MODELS[case.strategy]}: {short(m.model_error_thresholds)} thresholds at most"
-    elif m.error_thresholds > TENTH and not m.overflowed:
-        # The sources of at least a tenth of the bound.
-        large = [
+def _causes(case: Case, measured: Measured) -> Iterator[str]:
+    """Yield a sentence for each limit of the chip that the case meets."""
+    yield from _overflows(measured)
+    yield from _lost_numbers(measured)
+    yield from measured.coarse_decays
+    yield from _moved_potentials(case, measured)
+
+
+def _overflows(measured: Measured) -> Iterator[str]:
+    """Yield a sentence on each kind of overflow."""
+    if measured.wraps:
+        yield f"{plural(measured.wraps, 'wrap')}: a charge or current leaves its register"
+    if measured.clips:
+        yield f"{plural(measured.clips, 'clip')}: the potential leaves its register"
+    if measured.overflowed and not measured.overflows:
+        # With its own spikes, the chip did not overflow.
+        potentials = plural(measured.overflowed, "potential")
+        yield f"{potentials} would leave the register with the float network's spikes"
+
+
+def _lost_numbers(measured: Measured) -> Iterator[str]:
+    """Yield a sentence if weights, and one if biases, round to 0."""
+    kinds = ((measured.weights, "weight", "weights"), (measured.biases, "bias", "biases"))
+    for numbers, singular, plural_noun in kinds:
+        if numbers.lost and numbers.of == 1:
+            yield f"the only {singular} rounds to 0"
+        elif numbers.lost:
+            all_numbers = plural(numbers.of, singular, plural_noun)
+            yield f"{count(numbers.lost)} of {all_numbers} round to 0"
+
+
+def _moved_potentials(case: Case, measured: Measured) -> Iterator[str]:
+    """Yield what else moves a potential by more than a tenth of a threshold, and how many ties that decides."""
+    if measured.model_error_thresholds > TENTH:
+        model_error = short(measured.model_error_thresholds)
+        yield f"{_MODEL_ERRORS[case.strategy]}: {model_error} thresholds at most"
+    elif measured.error_thresholds > TENTH and not measured.overflowed:
+        parts_of_bound = measured.bound_parts_thresholds
+        # Sources of less than a tenth of the bound are not named.
+        large_sources = [
             source
             for source in SOURCES
-            if m.bound_parts_thresholds[source] >= TENTH * m.bound_thresholds
+            if parts_of_bound[source] >= TENTH * measured.bound_thresholds
         ]
         parts = " and ".join(
-            f"{short(m.bound_parts_thresholds[source])} by {_ROUNDED[source]}" for source in large
+            f"{short(parts_of_bound[source])} by {_SOURCE_WORDS[source]}"
+            for source in large_sources
         )
-        yield f"rounding: {short(m.error_thresholds)} thresholds found, at most {parts}"
-    if m.of_these_ties:
-        yield f"{plural(m.of_these_ties, 'potential')} exactly at the threshold: the least rounding decides"
+        yield f"rounding: {short(measured.error_thresholds)} thresholds found, at most {parts}"
+    if measured.of_these_ties:
+        potentials = plural(measured.of_these_ties, "potential")
+        yield f"{potentials} exactly at the threshold: the least rounding decides"

@@ -1,7 +1,8 @@
-"""Run all cases row by row, and the long runs, which show whether the difference of both sides grows.
+"""Run all cases row by row, and then the long runs, which show whether the difference of both sides grows with time.
 
-A long run keeps spikes and the potentials of one population. A session, which holds only a block, must count the same
-spikes.
+A long run plays a block of input again and again, for up to a million steps. It is simulated at once, which keeps the
+spikes and potentials of all steps, and pushed block by block to a session (``hw.Session``), which keeps only its state:
+both must count the same spikes.
 """
 
 import warnings
@@ -25,14 +26,15 @@ from locsnn_compile.stress.row import TENTH, Drift, Row, judge
 from locsnn_compile.verification.matching import PopulationMatch, Progress
 
 TENTHS = 10
+"""Parts of a long run for which figures are given."""
 AGREEMENT_SLACK = 0.05
-"""How far the spike agreement in the last tenth of a run may fall below the beginning unnoticed."""
+"""How far the spike agreement in the last tenth may fall below the beginning without being a cause. Chosen by hand."""
 ROUNDING_SLACK = 1e-6
-"""Share by which an error may exceed its bound, as both are computed in float64."""
+"""Share by which an error may exceed its bound, because both are computed in float64."""
 LONG_STEPS = 1_000_000
 """Steps of a long run."""
 QUICK_STEPS = 10 * BLOCK
-"""Steps of a long run, where the rows are to be quick."""
+"""Steps of a long run with ``--quick``: one block for each tenth."""
 
 
 def run_stress(
@@ -53,7 +55,10 @@ def run_stress(
 
 
 def _long_rows(runs: Sequence[LongRun], chip: hw.Chip, steps: int) -> Iterator[Row]:
-    """Yield the rows of long runs; those that follow each other with one network share its float run."""
+    """Yield the rows of long runs.
+
+    Runs of one network, lowered by different strategies, follow each other: they share its float run, which takes long.
+    """
     for network, runs_of_network in groupby(runs, key=lambda run: run.case.network):
         float_run: FloatRun | None = None
         for run in runs_of_network:
@@ -63,14 +68,15 @@ def _long_rows(runs: Sequence[LongRun], chip: hw.Chip, steps: int) -> Iterator[R
 
 
 def run_case(case: Case, chip: hw.Chip) -> Row:
-    """Return the row of a case, whatever happens."""
+    """Return the row of a case; an error gives a row as well."""
     return _row_or_error(case, lambda: judge(case, measure(case, chip)))
 
 
 def _row_or_error(case: Case, judged_row: Callable[[], Row]) -> Row:
     """Return the row of a case; if computing it ends in an error, the row of the error.
 
-    Warnings of numpy count as crashes: an infinity that nobody meant to compute leads to nonsense.
+    An error of ours is a refusal, if it names a way out. Warnings of numpy count as crashes: an infinity that nobody
+    meant to compute leads to nonsense.
     """
     with warnings.catch_warnings(), np.errstate(over="raise", divide="raise", invalid="raise"):
         warnings.simplefilter("error", RuntimeWarning)
@@ -85,10 +91,10 @@ def _row_or_error(case: Case, judged_row: Callable[[], Row]) -> Row:
 
 
 def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
-    """Return the row of a long run, from its beginning and from how it went on."""
+    """Return the row of a long run: of its case, which plays the first blocks, and of what follows."""
     row = judge(run.case, measure(run.case, chip))
-    drift, session_differs = measure_drift(run, chip, float_run)
-    defects = tuple(defect for defect in (session_differs, _beyond_bound(drift)) if defect)
+    drift, session_defect = measure_drift(run, chip, float_run)
+    defects = tuple(defect for defect in (session_defect, _beyond_bound(drift)) if defect)
     if row.verdict == "unexplained":
         return replace(row, causes=row.causes + defects, drift=drift)
     if defects:
@@ -98,7 +104,7 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
 
 
 def measure_drift(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> tuple[Drift, str | None]:
-    """Return figures by tenth of the run, and how a session differs from the simulation, if it does."""
+    """Return figures by tenth of the run, and how a session differs from the simulation; None if it does not."""
     steps = len(float_run.spikes)
     levels = lowered(run.case, chip, steps)
     played = _repeated(run.block, steps)
@@ -108,6 +114,8 @@ def measure_drift(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> tuple[Dri
     potential = result.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
     theta = run.case.network.populations[0].thresholds
+    # Errors are taken over the neurons that spike on neither side: the potentials of others cannot be compared after
+    # the first spike that differs.
     has_spikes = np.asarray(float_run.spikes.any(axis=0) | spikes.any(axis=0))
     quiet: BoolArray = ~has_spikes
     matches = []
@@ -139,22 +147,30 @@ def _repeated(block: ByteArray, steps: int) -> ByteArray:
 
 
 def drift_bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
-    """Bound the error of neurons that never spike, in thresholds; without fading, it grows as in the beginning."""
+    """Bound the error of the ``quiet`` neurons in the whole run, in thresholds.
+
+    The bound is computed for the beginning, which the case plays. If errors fade, it has settled there and holds for
+    all time. Otherwise it grows in proportion to the steps.
+    """
     if not quiet.any():
         return 0.0
     sides = Sides(lowered(run.case, chip), run.case.recordings)
     bounds_in_thresholds = (sides.model_error() + sum(sides.bound().values())) / sides.threshold
     last_block = bounds_in_thresholds[:, -len(run.block) :]
-    settled = float(last_block[..., quiet].max())
+    settled_bound = float(last_block[..., quiet].max())
     if run.fades:
-        return settled
-    return settled * (steps / run.case.network.steps)
+        return settled_bound
+    return settled_bound * (steps / run.case.network.steps)
 
 
 def session_difference(
     program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int
 ) -> str | None:
-    """Push the run to a session, ``rows`` rows at a time; say where it first counts different spikes."""
+    """Push the run to a session, ``rows`` rows at a time.
+
+    Returns a sentence on where its counts of spikes first differ from those of the simulated ``spikes``; None if they
+    never do.
+    """
     session = hw.Session(program)
     simulated_counts = spikes.cumsum(axis=0, dtype=np.int64)
     for start in range(0, len(played), rows):
@@ -166,7 +182,7 @@ def session_difference(
 
 
 def _beyond_bound(drift: Drift) -> str | None:
-    """Say by how much the largest error exceeds its bound, if it does."""
+    """Return a sentence if the largest error exceeds its bound; otherwise None."""
     largest = max(drift.error or (0.0,))
     if largest <= drift.bound * (1 + ROUNDING_SLACK):
         return None
@@ -174,8 +190,8 @@ def _beyond_bound(drift: Drift) -> str | None:
 
 
 def growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
-    """Say what is worse in the last tenth of the run than in its beginning."""
-    assert row.measured is not None
+    """Yield a sentence for each thing that is worse in the last tenth of the run than in its beginning."""
+    assert row.measured is not None  # rows that were judged have figures
     last_error = 0.0 if drift.error is None else drift.error[-1]
     if not fades and last_error > TENTH:
         error = f"{short(last_error)} thresholds in {drift.steps:,} steps"

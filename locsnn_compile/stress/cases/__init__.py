@@ -1,4 +1,7 @@
-"""The cases: a group for each function, whose docstring is the text about the group on the page."""
+"""The cases of ``locsnn stress``, in groups: each group is a function that yields its cases.
+
+The docstring of the function is the text about the group on the page that is written from the results.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -25,17 +28,19 @@ GROUPS: dict[str, Callable[[], Iterable[Case]]] = {
     "delays": synapses.delays,
 }
 LEADS = {
-    name: " ".join((made.__doc__ or "").split())
-    for name, made in {**GROUPS, GROUP: long_runs}.items()
+    name: " ".join((group.__doc__ or "").split())
+    for name, group in {**GROUPS, GROUP: long_runs}.items()
 }
-"""The text about each group of rows."""
+"""The text about each group of rows, in one line; long runs are a group as well."""
 
 
 def cases(*, quick: bool = False) -> tuple[Case, ...]:
     """Return all cases in the order of the page; if ``quick``, only those of a quick run."""
-    every = (
-        replace(case, group=group)
-        for group, cases_of_group in GROUPS.items()
-        for case in cases_of_group()
-    )
-    return tuple(case for case in every if case.quick or not quick)
+    selected: list[Case] = []
+    for group, cases_of_group in GROUPS.items():
+        for case_without_group in cases_of_group():
+            # Whether a case is quick depends on its group.
+            case = replace(case_without_group, group=group)
+            if case.quick or not quick:
+                selected.append(case)
+    return tuple(selected)

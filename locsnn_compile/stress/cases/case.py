@@ -1,4 +1,8 @@
-"""What is put under stress: one population behind inputs, and what is played to it, for up to a million steps."""
+"""What is put under stress: one population of neurons behind inputs, and the recordings that are played to it.
+
+A case is a network that is lowered and compared with its float self (``stress/measure.py``). The modules next to this
+one make groups of cases from the functions here, and :func:`long_runs` yields those of up to a million steps.
+"""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +26,7 @@ POPULATION = "n"
 """The name of the one population of a case."""
 TOUCH = "touch"
 """The name of its input."""
+# The sizes of a case are chosen by hand: small enough for hundreds of cases in minutes.
 NEURONS = 4
 CHANNELS = 6
 STEPS = 200
@@ -31,17 +36,19 @@ RATE = 0.3
 THETA = 10.0
 """The published threshold: Kang et al., IJCNN 2022."""
 SEED = 0
-"""Of random weights; random input has the next one."""
+"""The seed of random weights; random input has the next one."""
 QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml_table(__package__, "quick.yaml")
 """Names of the cases of a quick run, by group and strategy."""
 
 
 class Case(Frozen, eq=False):
-    """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
+    """A network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
-    It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise; ``weight_bits`` are by default the
-    chip's most. ``x`` is the number that the group
-    varies, if it is drawn on an axis. The table of groups sets ``group``.
+    - ``strategy``: how spike response neurons become compartments; ``native`` for neurons that the chip has
+    - ``weight_bits``: None for the chip's widest weights
+    - ``rounding``: by default that of ``locsnn-compile``
+    - ``x``: the number that the group varies, if it is drawn on an axis
+    - ``group``: set by the table of groups
     """
 
     name: str
@@ -55,14 +62,14 @@ class Case(Frozen, eq=False):
 
     @property
     def quick(self) -> bool:
-        """Whether it is part of a quick run."""
+        """Whether it is part of a run with ``--quick``."""
         return self.name in QUICK.get(self.group, {}).get(self.strategy, ())
 
 
 def srm_cases(
     name: str, neuron: SrmAlpha | None = None, weights: ArrayLike | None = None, **options: Any
 ) -> Iterator[Case]:
-    """Yield a network of spike response neurons for every strategy.
+    """Yield a case of spike response neurons for every strategy but those of last resort.
 
     Defaults are the published neuron, random weights and random input; ``options`` as in :func:`case_of`.
     """
@@ -76,7 +83,7 @@ def srm_cases(
 def lif_case(
     name: str, neuron: Cuba | None = None, weights: ArrayLike | None = None, **options: Any
 ) -> Case:
-    """Return a network of integrate-and-fire neurons, by default with random weights and random input.
+    """Return a case of integrate-and-fire neurons, by default with random weights and random input.
 
     They are ``NATIVE``: the chip has such neurons, so no strategy has to lay them out.
     """
@@ -93,14 +100,16 @@ def case_of(
     recordings: ByteArray | None = None,
     **options: Any,
 ) -> Case:
-    """Return neurons with weights, by default with random input.
+    """Return a case of neurons with weights (neurons, channels), by default with random input.
 
-    ``options`` are fields of the case, and ``delay``, ``exponent`` and ``signs`` of the network's weights.
+    ``options`` are further fields of the case, and ``delay``, ``exponent`` and ``signs`` of :func:`network_of`.
     """
     if recordings is None:
         recordings = random_input()
-    of_weights = {key: options.pop(key) for key in ("delay", "exponent", "signs") if key in options}
-    network = network_of(neuron, weights, steps=recordings.shape[1], **of_weights)
+    network_options = {
+        key: options.pop(key) for key in ("delay", "exponent", "signs") if key in options
+    }
+    network = network_of(neuron, weights, steps=recordings.shape[1], **network_options)
     return Case(name, strategy, network, recordings, **options)
 
 
@@ -113,9 +122,10 @@ def network_of(
     exponent: int = 0,
     signs: Signs = "apart",
 ) -> Network:
-    """Return one population behind inputs, one for each column of its weights.
+    """Return a network of one population behind inputs, one for each column of its weights.
 
-    For neurons on the chip's grid, weights are mantissas with this ``exponent`` and these ``signs``.
+    For neurons on the chip's grid, weights are mantissas with this ``exponent`` and these ``signs``: ``apart`` if
+    positive and negative weights have formats of their own, ``mixed`` if one format has a sign bit.
     """
     projection: Projection | ChipProjection
     if isinstance(neuron, ChipNeuron):
@@ -144,7 +154,7 @@ def srm(**changes: float) -> SrmAlpha:
 
 def lif(tau: float = 10.0, size: int = NEURONS, **changes: ArrayLike) -> Cuba:
     """Return leaky integrate-and-fire neurons without a current, with a time constant in steps and other changes."""
-    lost_per_step = -np.expm1(-1.0 / tau)
+    lost_per_step = -np.expm1(-1.0 / tau)  # 1 - exp(-1 / tau), exact for a long tau as well
     return Cuba.of(size, **{"decay_v": lost_per_step, "threshold": THETA, **changes})
 
 
@@ -167,7 +177,7 @@ def random_weights(
         sum_of_response = tau
         sum_of_squares = tau / 2
     deviation = np.random.default_rng(SEED).normal(0.0, 1.0, (size, CHANNELS))
-    deviation -= deviation.mean(axis=1, keepdims=True)
+    deviation -= deviation.mean(axis=1, keepdims=True)  # so that they do not move the mean weight
     mean = 1.0 / (CHANNELS * RATE * (1.0 + sum_of_response))
     weights: FloatArray = THETA * (deviation / np.sqrt(1.0 + sum_of_squares) + mean)
     return weights
@@ -182,16 +192,18 @@ def random_input(
 
 
 GROUP = "a million steps"
+"""The group of the long runs."""
 BLOCK = 1000
 """Steps after which the input repeats, and with it a neuron whose state fades."""
 SETTLED = 5
-"""Time constants after which a neuron has practically forgotten its start."""
+"""Time constants after which a neuron has practically forgotten its start: exp(-5) is 0.7 %."""
 
 
 class LongRun(Frozen, eq=False):
-    """``case`` plays the first blocks, until errors that fade have settled; then ``block`` repeats.
+    """A run of up to a million steps, in which the input ``block``, (steps, channels), repeats.
 
-    ``block`` is (steps, channels). ``fades`` is False if some error never fades.
+    ``case`` plays its first blocks, until errors that fade have settled. ``fades`` is False if some error never fades,
+    because the neuron has no leak.
     """
 
     case: Case
@@ -233,10 +245,10 @@ def long_runs() -> Iterator[LongRun]:
 
 
 def _mostly_quiet(weights: FloatArray) -> FloatArray:
-    """Return weights with which two neurons stay below the threshold."""
-    quiet = weights.copy()
-    quiet[:2] *= 0.1
-    return quiet
+    """Return weights with which two neurons stay below the threshold: a tenth of theirs."""
+    quiet_weights = weights.copy()
+    quiet_weights[:2] *= 0.1
+    return quiet_weights
 
 
 def _balanced() -> tuple[FloatArray, ByteArray]:
@@ -245,13 +257,18 @@ def _balanced() -> tuple[FloatArray, ByteArray]:
     61 spikes up, and 77 down with 61/77 of the weight. If the first weight is the largest mantissa, 255, the second
     is 255 * 61 / 77 = 202.013, so rounding it to 202 leaves a little of every spike.
     """
-    up, down = 61, 77
-    weights = np.tile([THETA / 32, -THETA / 32 * up / down], (NEURONS, 1))
+    spikes_up = 61
+    spikes_down = 77
+    weight_up = (
+        THETA / 32
+    )  # a few more spikes up than down stay far below the threshold
+    weight_down = -THETA / 32 * spikes_up / spikes_down
+    weights = np.tile([weight_up, weight_down], (NEURONS, 1))
     pattern_steps = 200
     pattern = np.zeros((pattern_steps, 2), dtype=np.uint8)
     rng = np.random.default_rng(SEED)
-    pattern[rng.permutation(pattern_steps)[:up], 0] = 1
-    pattern[rng.permutation(pattern_steps)[:down], 1] = 1
+    pattern[rng.permutation(pattern_steps)[:spikes_up], 0] = 1
+    pattern[rng.permutation(pattern_steps)[:spikes_down], 1] = 1
     return weights, np.tile(pattern, (BLOCK // pattern_steps, 1))
 
 
@@ -265,7 +282,7 @@ def _run(  # noqa: PLR0913 - what earlier steps made, each used once
     blocks: int = 2,
     fades: bool = True,
 ) -> LongRun:
-    """Return a long run whose case plays the first ``blocks``."""
+    """Return a long run whose case plays the first ``blocks`` blocks."""
     recordings = np.tile(block, (blocks, 1))[None]
     case = case_of(name, strategy, neuron, weights, recordings, group=GROUP)
     return LongRun(case, block, fades)

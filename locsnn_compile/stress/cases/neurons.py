@@ -32,6 +32,7 @@ from locsnn_compile.stress.cases.case import (
 )
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
+"""Time constants in steps; the longest exceed 8192, beyond which the nearest decay on the chip is 0."""
 SHORT_STEPS = 200
 """Steps of a recording for neurons of short time constants."""
 LONG_STEPS = 2000
@@ -45,12 +46,13 @@ THRESHOLD = 400
 SPIKES_TO_THRESHOLD = (1, 2, 3, 4, 7)
 """Spikes that add up to a threshold."""
 RULES: tuple[Rule, ...] = (">", ">=")
+"""When a neuron spikes: above its threshold, or also exactly at it."""
 LIMIT = 4090.0
 """In thresholds: about the largest bias, of 4,095 * 2^6, that leaves a threshold mantissa of 1."""
 MEMBRANE_OF_10_STEPS = 410
 """In 4096ths: 4096 / 10, the decay of a membrane that loses a tenth per step."""
 EXTREMES: dict[str, dict[str, dict[str, Any]]] = yaml_table(__package__, "extremes.yaml")
-"""What is changed, by neuron and by name of the case."""
+"""What is changed of the neuron or its weights, by kind of neuron and by name of the case."""
 
 
 def time_constants() -> Iterator[Case]:

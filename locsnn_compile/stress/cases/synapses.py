@@ -31,6 +31,7 @@ from locsnn_compile.stress.cases.case import (
 )
 
 DECADES = range(-6, 7)
+"""Powers of ten by which weights or thresholds are scaled."""
 DELAYS = (0, 1, 61, 62, 63, 10**9)
 """In steps, around 62, the longest of a synapse: 64 accumulator slots less two."""
 ROUNDINGS: dict[str, Rounding] = {
@@ -44,6 +45,7 @@ ROUNDINGS: dict[str, Rounding] = {
     "all split": replace(FINE, split=1.0),
 }
 TIME_CONSTANTS = (10.0, 100.0)
+"""In steps: that of the published neuron, and one ten times as long."""
 LARGEST_MANTISSA = 255
 """Of weights of 8 bits whose signs are apart."""
 MEMBRANE_OF_10_STEPS = 410
@@ -124,8 +126,8 @@ def weight_exponents() -> Iterator[Case]:
     ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
     for signs, mantissas in ends.items():
         mantissa = np.random.default_rng(SEED).choice(mantissas, (NEURONS, CHANNELS))
-        every = 1 if signs == "mixed" else 5
-        for exponent in WEIGHT_EXPONENTS[::every]:
+        stride = 1 if signs == "mixed" else 5  # every exponent, or only some, to save time
+        for exponent in WEIGHT_EXPONENTS[::stride]:
             neuron = ChipCuba.of(
                 NEURONS,
                 decay_u=FORGETS,
