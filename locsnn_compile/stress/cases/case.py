@@ -259,9 +259,8 @@ def _balanced() -> tuple[FloatArray, ByteArray]:
     """
     spikes_up = 61
     spikes_down = 77
-    weight_up = (
-        THETA / 32
-    )  # a few more spikes up than down stay far below the threshold
+    # A few more spikes up than down stay far below the threshold.
+    weight_up = THETA / 32
     weight_down = -THETA / 32 * spikes_up / spikes_down
     weights = np.tile([weight_up, weight_down], (NEURONS, 1))
     pattern_steps = 200
