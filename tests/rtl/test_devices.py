@@ -1,4 +1,8 @@
-"""Targets with the open core: what fits, exact cycles, activity, and no energy anywhere."""
+"""Devices with the open core as targets: which programs fit, exact cycles, memory accesses, and reports without energy.
+
+Cycles and accesses are compared with those of the SystemVerilog, as Icarus Verilog simulates it. Sizes in messages were
+taken from the compiler when the tests were written.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import json
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -30,48 +35,54 @@ from locsnn_compile.training.train import train
 from locsnn_compile.verification.error_bounds import Losses
 from tests.support import benches
 
-MODELS = Path(__file__).parents[2] / "examples/models"
+HERE = Path(__file__).parent
+MODELS = HERE.parents[1] / "examples/models"
+CONFIGS = HERE.parents[1] / "examples/configs"
 NEEDS_ICARUS = pytest.mark.skipif(
     shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
 )
-CONFIGS = Path(__file__).parents[2] / "examples/configs"
-SHORT = {"epochs": 1, "validation_fraction": 0.0, "refit": False}
+SHORT_TRAINING = {"epochs": 1, "validation_fraction": 0.0, "refit": False}
 DEVICES = ("ecp5-25f", "ecp5-85f", "ice40up5k", "locsnn-130nm")
+WEIGHT_BITS = 8
+CHANNELS = 78
+STEPS = 250
+"""Of the recordings that `objects-hybrid` was trained on: 39 taxels of two polarities, in 250 steps."""
 
 
-def device(sizes: Sizes, name: str = "ecp5-25f") -> hw.Chip:
-    return replace(hw.chip(name), open_core=sizes)
+def chip_with_core(sizes: Sizes) -> hw.Chip:
+    """Return the chip ecp5-25f with a core of other sizes."""
+    return replace(hw.chip("ecp5-25f"), open_core=sizes)
 
 
 @pytest.fixture(scope="module")
 def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
-    """A program of two phases on a device of just the right sizes, and a recording."""
+    """Return a program of two phases on a device of just the right sizes, a recording, and the program as a core holds it."""
     program, spikes = benches.hybrid(22)
     core = CoreProgram(program, spikes.shape[1], sizes=benches.SIZES)
-    return replace(program, chip=device(sizes_for(core.needs, benches.SIZES))), spikes, core
+    chip = chip_with_core(sizes_for(core.needs, benches.SIZES))
+    return replace(program, chip=chip), spikes, core
 
 
-NAMES = [
-    name
-    for name in Sizes.__dataclass_fields__
-    if name not in ("word", "step", "places", "sums", "one_port", "later", "groups")
-]
+NOT_FILLED = ("word", "step", "places", "sums", "one_port", "later", "groups")
+"""Sizes that say how the core is built, not how much of it a program fills."""
+FILLED = [name for name in Sizes.__dataclass_fields__ if name not in NOT_FILLED]
 
 
-@pytest.mark.parametrize("name", NAMES)
+def holds(chip: hw.Chip, needs: Sizes) -> bool:
+    """Return whether every size of a chip's core is at least what is needed."""
+    return all(need <= getattr(chip.open_core, name) for name, need in asdict(needs).items())
+
+
+@pytest.mark.parametrize("name", FILLED)
 def test_what_does_not_fit_is_refused_by_name(small, name):
     program, spikes, core = small
     rows = spikes.shape[1]
     needs = core.needs
-    assert on_core(program, rows, device(needs)).needs == needs
+    assert on_core(program, rows, chip_with_core(needs)).needs == needs
     need = getattr(needs, name)
     with pytest.raises(hw.TargetError) as caught:
-        on_core(program, rows, device(replace(needs, **{name: need - 1})))
-    holding = [
-        one
-        for one in DEVICES
-        if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())
-    ]
+        on_core(program, rows, chip_with_core(replace(needs, **{name: need - 1})))
+    holding = [device for device in DEVICES if holds(hw.chip(device), needs)]
     fix = f"Use the device {listed(holding, 'or')}." if holding else "Use a smaller network."
     expected = (
         f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
@@ -83,9 +94,10 @@ def test_a_phase_of_more_compartments_than_places_is_refused(small):
     program, spikes, core = small
     largest = max(core.ends[0], core.ends[1] - core.ends[0])
     shared = replace(core.needs, places=largest, step=3, synapses=4096)
-    assert on_core(program, spikes.shape[1], device(shared)).needs.places == largest < core.ends[1]
+    rows = spikes.shape[1]
+    assert on_core(program, rows, chip_with_core(shared)).needs.places == largest < core.ends[1]
     with pytest.raises(hw.TargetError) as caught:
-        on_core(program, spikes.shape[1], device(replace(shared, places=largest - 1)))
+        on_core(program, rows, chip_with_core(replace(shared, places=largest - 1)))
     expected = (
         f"the open core of ecp5-25f is too small in 'places' ({largest} against {largest - 1}). "
     )
@@ -105,19 +117,19 @@ FITS = [
 ]
 
 
-@pytest.mark.parametrize(("model", "strategy", "name"), FITS, ids=["-".join(row) for row in FITS])
-def test_networks_that_ship_fit(model, strategy, name):
+@pytest.mark.parametrize(("model", "strategy", "device"), FITS, ids=["-".join(row) for row in FITS])
+def test_networks_that_ship_fit(model, strategy, device):
     network = load(MODELS / f"{model}.pt")
-    program = lower(network, hw.chip(name), 8, strategy).program
-    assert (
-        on_core(program, network.steps, hw.chip(name)).needs.synapses
-        <= hw.chip(name).open_core.synapses
-    )
+    chip = hw.chip(device)
+    program = lower(network, chip, WEIGHT_BITS, strategy).program
+    assert on_core(program, network.steps, chip).needs.synapses <= chip.open_core.synapses
 
 
 def test_a_network_that_does_not_fit_is_told_what_holds_it():
     with pytest.raises(hw.TargetError) as caught:
-        lower(load(MODELS / "objects-hybrid.pt"), hw.chip("ecp5-25f"), 8, "paired-dendrite")
+        lower(
+            load(MODELS / "objects-hybrid.pt"), hw.chip("ecp5-25f"), WEIGHT_BITS, "paired-dendrite"
+        )
     assert str(caught.value) == (
         "program 'objects-hybrid': the open core of ecp5-25f is too small in 'synapses' (25610 against 16384). "
         "Use the device ecp5-85f."
@@ -128,23 +140,33 @@ def test_a_network_that_does_not_fit_is_told_what_holds_it():
 @pytest.mark.parametrize(("name", "axons"), [("ecp5-25f", 1024), ("locsnn-130nm", 768)])
 def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name, axons):
     with pytest.raises(hw.TargetError) as caught:
-        lower(load(MODELS / "containers-best.pt"), hw.chip(name), 8, "dendrite")
+        lower(load(MODELS / "containers-best.pt"), hw.chip(name), WEIGHT_BITS, "dendrite")
     assert str(caught.value) == (
         f"program 'containers-best': the open core of {name} is too small in 'axons' (33974 against {axons}). "
         "Use a smaller network."
     )
 
 
+class Advice(NamedTuple):
+    """A device on which `containers-hybrid` does not fit with a strategy, and the message that names one that does."""
+
+    target: str
+    strategy: str
+    message: str
+
+
 ADVICE = [
-    ("locsnn-130nm", "paired-dendrite", "program 'containers-hybrid': the open core of locsnn-130nm is too small in 'axons' (923 against 768). Use strategy dendrite."),
-    ("locsnn-130nm", "delay-line", "population 'time_hidden': 1 delayed synapse cannot hold a kernel of tau_ref 1 (an error of 13 against 0.1; locsnn-130nm has delay_max 0). Use strategy dendrite."),
-    ("ice40up5k", "dendrite", "program 'containers-hybrid': the open core of ice40up5k is too small in 'axons' (715 against 512). Use strategy reset."),
+    Advice("locsnn-130nm", "paired-dendrite", "program 'containers-hybrid': the open core of locsnn-130nm is too small in 'axons' (923 against 768). Use strategy dendrite."),
+    Advice("locsnn-130nm", "delay-line", "population 'time_hidden': 1 delayed synapse cannot hold a kernel of tau_ref 1 (an error of 13 against 0.1; locsnn-130nm has delay_max 0). Use strategy dendrite."),
+    Advice("ice40up5k", "dendrite", "program 'containers-hybrid': the open core of ice40up5k is too small in 'axons' (715 against 512). Use strategy reset."),
 ]  # fmt: skip
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("target", "strategy", "message"), ADVICE, ids=[f"{row[0]}-{row[1]}" for row in ADVICE]
+    ("target", "strategy", "message"),
+    ADVICE,
+    ids=[f"{row.target}-{row.strategy}" for row in ADVICE],
 )
 def test_the_strategy_that_fits_is_named(tmp_path, capsys, target, strategy, message):
     arguments = [
@@ -180,148 +202,120 @@ def test_cycles_of_a_target_are_those_of_the_core(small, cores_of_this_run):
     assert len(of_recordings) == len(spikes)
 
 
-COUNTING = """
-    integer reads[0:5], writes[0:3], file, i;
-    initial begin
-        for (i = 0; i < 6; i = i + 1) reads[i] = 0;
-        for (i = 0; i < 4; i = i + 1) writes[i] = 0;
-    end
-    wire settled = !core.clear && !load_valid;
-    always @(posedge clk) begin
-        if (settled) begin
-            reads[0] <= reads[0] + core.banks[0].in_turn.charges.charges.read + core.banks[1].in_turn.charges.charges.read;
-            reads[1] <= reads[1] + (core.compartments.valid2);
-            reads[2] <= reads[2] + (core.buffer.marking || core.buffer.next_word);
-            reads[3] <= reads[3] + (core.deliver.valid2 && core.deliver.banks[0].used)
-                + (core.deliver.valid2 && core.deliver.banks[1].used);
-            reads[4] <= reads[4] + core.deliver.axons.read;
-            writes[0] <= writes[0] + core.banks[0].in_turn.charges.charges.write + core.banks[1].in_turn.charges.charges.write;
-            writes[1] <= writes[1] + core.compartments.states.write;
-            writes[2] <= writes[2] + core.buffer.bitmap.write;
-            writes[3] <= writes[3] + core.spikes.places.write;
-        end
-        if (answer_valid) begin
-            file = $fopen("COUNTED", "w");
-            for (i = 0; i < 5; i = i + 1) $fwrite(file, "%0d ", reads[i]);
-            for (i = 0; i < 4; i = i + 1) $fwrite(file, "%0d ", writes[i]);
-            $fclose(file);
-        end
-    end
-endmodule
-"""
+READ = ("charges", "states", "transpose_buffer", "synapses", "axons")
+WRITTEN = ("charges", "states", "transpose_buffer", "queue")
+"""The memories whose accesses count_accesses.sv counts, in its order."""
 
 
 @NEEDS_ICARUS
 def test_activity_is_what_the_core_does(small, tmp_path, cores_of_this_run):
     program, spikes, core = small
     texts = dict(simulators.sources())
-    counting = COUNTING.replace("COUNTED", str(tmp_path / "counted"))
+    counts_file = tmp_path / "counts"
+    counting = (HERE / "count_accesses.sv").read_text().replace("COUNTS_FILE", str(counts_file))
     texts["bench.sv"] = texts["bench.sv"].replace("endmodule", "") + counting
     result, _ = play_on_core(program, spikes, None, ("spikes",), "icarus", texts, benches.SIZES)
-    counted = [int(word) for word in (tmp_path / "counted").read_text().split()]
+    reads, writes = (
+        [int(count) for count in line.split()] for line in counts_file.read_text().splitlines()
+    )
+    read = dict(zip(READ, reads, strict=True))
+    written = dict(zip(WRITTEN, writes, strict=True))
     expected = activity(core, result.counts, len(spikes))
-    names = ("charges", "states", "transpose_buffer", "synapses", "axons")
-    assert [expected["memory_reads"][name] for name in names] == counted[:5]
-    writes = [
-        expected["memory_writes"][name]
-        for name in ("charges", "states", "transpose_buffer", "queue")
-    ]
-    assert writes[2:] == counted[7:]
-    # What stays as it was is not written.
-    assert result.counts.synaptic_ops / len(spikes) < counted[5] <= writes[0]
-    assert 0 < counted[6] <= writes[1]
+    assert read == {name: expected["memory_reads"][name] for name in READ}
+    for name in ("transpose_buffer", "queue"):
+        assert written[name] == expected["memory_writes"][name]
+    # A charge or a state that stays as it was is not written, so these are upper bounds.
+    synaptic_ops = result.counts.synaptic_ops / len(spikes)
+    assert synaptic_ops < written["charges"] <= expected["memory_writes"]["charges"]
+    assert 0 < written["states"] <= expected["memory_writes"]["states"]
     assert expected["multiplications"] == {"of_24_and_13_bits": 2 * result.counts.neuron_updates}
 
 
+class Build(NamedTuple):
+    """A build of `objects-hybrid` for the ecp5-25f, its recordings, and the arguments that made it."""
+
+    output: Path
+    events: Path
+    arguments: list[str]
+
+    @property
+    def recordings(self) -> np.ndarray:
+        """The recordings, (batch, steps, channels)."""
+        return np.load(self.events).transpose(0, 2, 1)
+
+
 @pytest.fixture(scope="module")
-def build(tmp_path_factory):
+def build(tmp_path_factory) -> Build:
     folder = tmp_path_factory.mktemp("core")
-    spikes = (np.random.default_rng(0).random((2, 78, 250)) < 0.02).astype(np.uint8)
-    np.save(folder / "few.npy", spikes)
-    model = [str(MODELS / "objects-hybrid.pt"), "--events", str(folder / "few.npy")]
-    arguments = [
-        *model,
-        "--target",
-        "ecp5-25f",
-        "--strategy",
-        "reset",
-        "--quiet",
-        "-o",
-        str(folder / "out"),
-    ]
-    assert compile_main(arguments) == 0
-    return folder, arguments
+    output = folder / "out"
+    events = folder / "few.npy"
+    spikes = (np.random.default_rng(0).random((2, CHANNELS, STEPS)) < 0.02).astype(np.uint8)
+    np.save(events, spikes)
+    model = [str(MODELS / "objects-hybrid.pt"), "--events", str(events)]
+    options = ["--target", "ecp5-25f", "--strategy", "reset", "--quiet", "-o", str(output)]
+    assert compile_main([*model, *options]) == 0
+    return Build(output, events, [*model, *options])
+
+
+def read_report(folder: Path) -> dict:
+    return json.loads((folder / "report.json").read_text())
 
 
 def test_a_report_has_cycles_and_no_energy(build):
-    folder, _ = build
-    report = json.loads((folder / "out/report.json").read_text())
+    report = read_report(build.output)
     assert set(report["energy"].values()) == {None}
     latency = report["latency"]
-    program = hw.load_program(folder / "out")
-    spikes = np.load(folder / "few.npy").transpose(0, 2, 1)
-    cycles = [
-        one.total_ns / 10 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)
-    ]
+    program = hw.load_program(build.output)
+    spikes = build.recordings
+    ns_per_cycle = 10  # at 100 MHz
+    of_recordings = latencies(program, spikes, hw.simulate(program, spikes).spikes)
+    cycles = [of_recording.total_ns / ns_per_cycle for of_recording in of_recordings]
     assert latency["basis"] == "cycle-exact model of the RTL core at the placed clock"
     assert (latency["profile"], latency["clock_ghz"]) == (None, 0.1)
-    assert latency["per_sample_cycles"] == round(sum(cycles) / 2)
+    assert latency["per_sample_cycles"] == round(sum(cycles) / len(cycles))
     limits = report["resources"]["limits"]
     assert limits["synapses"] == {"used": 12786, "limit": 16384}
     assert "word" not in limits  # the chip chooses it, so no program fills it
-    assert report["activity"]["multiplications"]["of_24_and_13_bits"] == 2 * 68 * (250 + 78)
+    # Each branch has 32 hidden and 36 output compartments. One steps over time, the other over
+    # channels, and an update multiplies u and v.
+    multiplications = report["activity"]["multiplications"]["of_24_and_13_bits"]
+    assert multiplications == 2 * (32 + 36) * (STEPS + CHANNELS)
     for name in ("report.md", "report.html"):
-        said = (folder / "out" / name).read_text().replace("&nbsp;", " ")
-        assert "Cycles exact, energy not known" in said
+        page = (build.output / name).read_text().replace("&nbsp;", " ")
+        assert "Cycles exact, energy not known" in page
         assert (
-            f"{latency['per_sample_cycles']:,} cycles on the open core, {time(latency['per_sample_ns'])} at 100 MHz."
-            in said
-        )
-        assert "times fewer than CNN-3D" in said
-        assert "`locsnn" not in said
-        assert not [word for word in (" pJ", " nJ", " µJ", "profile None") if word in said]
+            f"{latency['per_sample_cycles']:,} cycles on the open core, "
+            f"{time(latency['per_sample_ns'])} at 100 MHz."
+        ) in page
+        assert "times fewer than CNN-3D" in page
+        assert "`locsnn" not in page
+        assert not [word for word in (" pJ", " nJ", " µJ", "profile None") if word in page]
 
 
 def test_a_core_in_cells_has_an_energy(build, tmp_path):
-    folder, _ = build
-    model = [
-        str(MODELS / "objects-hybrid-loihi.pt"),
-        "--events",
-        str(folder / "few.npy"),
-        "--quiet",
-    ]
-    assert (
-        compile_main(
-            [*model, "--target", "locsnn-130nm", "--max-energy-nj", "1e6", "-o", str(tmp_path)]
-        )
-        == 0
-    )
-    report = json.loads((tmp_path / "report.json").read_text())
+    model = [str(MODELS / "objects-hybrid-loihi.pt"), "--events", str(build.events), "--quiet"]
+    options = ["--target", "locsnn-130nm", "--max-energy-nj", "1e6", "-o", str(tmp_path)]
+    assert compile_main([*model, *options]) == 0
+    report = read_report(tmp_path)
     prices = hw.chip("locsnn-130nm").profile("ihp-sg13g2").energy_pj
-    counts = hw.simulate(
-        hw.load_program(tmp_path), np.load(folder / "few.npy").transpose(0, 2, 1), probe=()
-    ).counts
-    expected = sum(pj * counts[name] for name, pj in prices.items()) / 2
+    recordings = build.recordings
+    counts = hw.simulate(hw.load_program(tmp_path), recordings, probe=()).counts
+    expected = sum(pj * counts[name] for name, pj in prices.items()) / len(recordings)
     assert report["energy"]["profile"] == "ihp-sg13g2"
     assert report["energy"]["per_sample_pj"] == pytest.approx(expected, rel=1e-12)
     assert report["latency"]["basis"] == "cycle-exact model of the RTL core at the analysed clock"
-    said = (tmp_path / "report.md").read_text()
-    assert [
-        said.count(f"## {title}\n")
+    page = (tmp_path / "report.md").read_text()
+    sections = {
+        title: page.count(f"## {title}\n")
         for title in ("Energy", "Activity", "Latency", "Use of the cores")
-    ] == [
-        1,
-        1,
-        1,
-        0,
-    ]
-    assert "There are no joules" not in said
+    }
+    assert sections == {"Energy": 1, "Activity": 1, "Latency": 1, "Use of the cores": 0}
+    assert "There are no joules" not in page
 
 
 def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):
-    _, arguments = build
     gates = ["--max-energy-nj", "1e12", "--max-latency-us", "1e9", "-o", str(tmp_path / "gated")]
-    assert compile_main([*arguments, *gates]) == 3
+    assert compile_main([*build.arguments, *gates]) == 3
     assert (
         capsys.readouterr().err
         == "gate failed: --max-energy-nj: the energy of this target is not known.\n"
@@ -341,9 +335,8 @@ REFUSED = [
 def test_what_an_open_core_does_not_have_is_refused_before_it_is_played(
     build, capsys, tmp_path, monkeypatch, options, message
 ):
-    _, arguments = build
     monkeypatch.setattr(hw, "simulate", None)
-    assert compile_main([*arguments, *options, "-o", str(tmp_path / "refused")]) == 2
+    assert compile_main([*build.arguments, *options, "-o", str(tmp_path / "refused")]) == 2
     assert capsys.readouterr().err == f"{message}\n"
     assert not (tmp_path / "refused").exists()
 
@@ -359,48 +352,52 @@ def test_files_of_a_mesh_are_refused_before_anything_is_played(kind, name):
 
 
 def test_run_shows_no_energy(build, capsys):
-    folder, _ = build
-    played = ["run", str(folder / "out"), "--events", str(folder / "few.npy")]
-    assert locsnn([*played, "--stop", "proven"]) == 0
-    said = capsys.readouterr().out
-    assert "mean per recording: " in said
-    assert "J" not in said
-    assert locsnn([*played, "--json"]) == 0
+    run = ["run", str(build.output), "--events", str(build.events)]
+    assert locsnn([*run, "--stop", "proven"]) == 0
+    stdout = capsys.readouterr().out
+    assert "mean per recording: " in stdout
+    assert "J" not in stdout
+    assert locsnn([*run, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["energy_pj"] == {}
 
 
 def test_two_builds_are_compared_by_time(build, capsys):
-    folder, _ = build
-    assert locsnn(["diff", str(folder / "out"), str(folder / "out"), "--json"]) == 0
+    two_builds = [str(build.output), str(build.output)]
+    assert locsnn(["diff", *two_builds, "--json"]) == 0
     capsys.readouterr()
-    assert locsnn(["diff", str(folder / "out"), str(folder / "out")]) == 0
+    assert locsnn(["diff", *two_builds]) == 0
     assert "dynamic energy" not in capsys.readouterr().out
 
 
 def test_settings_are_ranked_by_cycles():
-    slow, fast = (Losses(1.0, 1.0, 0.0, None, ns) for ns in (20.0, 10.0))
+    """Where the energy is unknown; otherwise by energy."""
+    slow = Losses(1.0, 1.0, 0.0, None, 20.0)
+    fast = Losses(1.0, 1.0, 0.0, None, 10.0)
     priced = Losses(1.0, 1.0, 0.0, 5.0, 30.0)
-    assert min((slow, fast), key=lambda one: one.cost) is fast
-    assert [one.cost for one in (slow, fast, priced)] == [20.0, 10.0, 5.0]
+    assert min((slow, fast), key=lambda losses: losses.cost) is fast
+    assert [losses.cost for losses in (slow, fast, priced)] == [20.0, 10.0, 5.0]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("dataset", "steps", "classes", "needs"),
+    ("dataset", "steps", "classes", "axons"),
     [("containers", 325, 20, 3316), ("objects", 250, 36, 2568)],
 )
-def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, needs, tmp_path):
+def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, axons, tmp_path):
+    """As the steps of a window share a source of spikes; without that, every step of a channel is one."""
     recordings = synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3)
     checkpoint = tmp_path / "own.pt"
     config = config_from_mapping(
-        read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT
+        read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT_TRAINING
     )
     export_checkpoint(checkpoint, train(recordings, config), config, recordings, None, carried=0)
-    program = lower(load(checkpoint), hw.chip("ecp5-85f"), 8, "auto").program
-    assert on_core(program, steps, program.chip).needs.axons == needs
-    without = replace(program.chip, open_core=replace(program.chip.open_core, groups=0))
+    program = lower(load(checkpoint), hw.chip("ecp5-85f"), WEIGHT_BITS, "auto").program
+    assert on_core(program, steps, program.chip).needs.axons == axons
+    without_groups = replace(program.chip, open_core=replace(program.chip.open_core, groups=0))
+    windows = -(-steps // 16)
+    axons_without = axons + CHANNELS * (steps - windows)
     with pytest.raises(
         hw.TargetError,
-        match=rf"too small in 'axons' \({needs + 78 * (steps - -(-steps // 16))} against 4096\)",
+        match=rf"too small in 'axons' \({axons_without} against 4096\)",
     ):
-        on_core(program, steps, without)
+        on_core(program, steps, without_groups)
