@@ -1,8 +1,13 @@
-"""The plan of memories of a program: the cheapest by hand, every bit in one place, and what is refused."""
+"""Plans of the macros that the memories of a core are made of.
+
+The cheapest plans are computed by hand. That a plan holds every bit of every word once is checked by `plan_check.py` of the
+study of energy, which works out anew what each macro holds.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import pytest
 from plan_check import check
@@ -18,84 +23,92 @@ from hw_model.rtl.memory_plan import Array, Piece, plan
 from locsnn_compile.cli.compile import main as compile_main
 
 CHIP = hw.chip("locsnn-130nm")
+STEPS = 250
+"""Of the recordings of `objects-hybrid`."""
 MACROS = {
-    "small": Macro(16, 8, 100.0, 1.0, 2.0, 1),
-    "wide": Macro(16, 16, 150.0, 1.5, 3.0, 1),
-    "deep": Macro(64, 8, 250.0, 3.0, 6.0, 1),
-    "pair": Macro(16, 8, 300.0, 1.0, 2.0, 2),
+    "small": Macro(words=16, bits=8, ports=1, area=100.0, read_pj=1.0, write_pj=2.0),
+    "wide": Macro(words=16, bits=16, ports=1, area=150.0, read_pj=1.5, write_pj=3.0),
+    "deep": Macro(words=64, bits=8, ports=1, area=250.0, read_pj=3.0, write_pj=6.0),
+    "pair": Macro(words=16, bits=8, ports=2, area=300.0, read_pj=1.0, write_pj=2.0),
 }
+"""Invented macros, with figures that are easy to add up. `pair` has a pair of ports."""
+ENERGY_ONLY = 0.0
+AREA_FIRST = 9.0
+"""Prices of area, in picojoules per square micrometre: with the second, area decides in all cases here."""
+
+
+def array(words: int, bits: int, ports: int = 1, **more) -> Array:
+    """Return a memory `a` that is read 100 times in a recording, unless other figures are given."""
+    return Array("a", words, bits, ports, **{"rows": {1: 100.0}, **more})
+
+
+class Expected(NamedTuple):
+    """A plan, computed by hand; `area_um2` and `energy_pj` are of all copies."""
+
+    row: tuple[str, ...]
+    banks: int
+    area_um2: float
+    energy_pj: float
+    pack: int = 1
 
 
 @pytest.mark.parametrize(
-    ("array", "price", "row", "banks", "pack", "area", "energy"),
+    ("memory", "price", "expected"),
     [
         pytest.param(
-            Array("a", 64, 8, 1, {1: 100.0}),
-            0.0,
-            ("small",),
-            4,
-            1,
-            400,
-            100,
+            array(64, 8),
+            ENERGY_ONLY,
+            Expected(row=("small",), banks=4, area_um2=4 * 100, energy_pj=100 * 1.0),
             id="energy: shallow banks",
         ),
         pytest.param(
-            Array("a", 64, 8, 1, {1: 100.0}), 9.0, ("deep",), 1, 1, 250, 300, id="area: a deep one"
+            array(64, 8),
+            AREA_FIRST,
+            Expected(row=("deep",), banks=1, area_um2=250, energy_pj=100 * 3.0),
+            id="area: a deep one",
         ),
         pytest.param(
-            Array("a", 32, 8, 1, {1: 100.0, 2: 50.0}),
-            0.0,
-            ("wide",),
-            1,
-            2,
-            150,
-            75,
+            array(32, 8, rows={1: 100.0, 2: 50.0}),
+            ENERGY_ONLY,
+            Expected(row=("wide",), banks=1, pack=2, area_um2=150, energy_pj=50 * 1.5),
             id="words in order: two in a row",
         ),
         pytest.param(
-            Array("a", 16, 20, 1, {1: 10.0}),
-            0.0,
-            ("wide", "small"),
-            1,
-            1,
-            250,
-            25,
+            array(16, 20, rows={1: 10.0}),
+            ENERGY_ONLY,
+            Expected(row=("wide", "small"), banks=1, area_um2=250, energy_pj=10 * (1.5 + 1.0)),
             id="side by side",
         ),
         pytest.param(
-            Array("a", 16, 8, 2, {1: 10.0}, 10.0),
-            9.0,
-            ("pair",),
-            1,
-            1,
-            300,
-            30,
+            array(16, 8, ports=2, rows={1: 10.0}, writes=10.0),
+            AREA_FIRST,
+            Expected(row=("pair",), banks=1, area_um2=300, energy_pj=10 * 1.0 + 10 * 2.0),
             id="read and written",
         ),
         pytest.param(
-            Array("a", 32, 8, 2, {1: 10.0}, 10.0, halves=2),
-            9.0,
-            ("small",),
-            2,
-            1,
-            200,
-            30,
+            array(32, 8, ports=2, rows={1: 10.0}, writes=10.0, halves=2),
+            AREA_FIRST,
+            Expected(row=("small",), banks=2, area_um2=2 * 100, energy_pj=10 * 1.0 + 10 * 2.0),
             id="even and odd banks",
         ),
         pytest.param(
-            Array("a", 16, 8, 1, {1: 10.0}, copies=3), 0.0, ("small",), 1, 1, 300, 10, id="copies"
+            array(16, 8, rows={1: 10.0}, copies=3),
+            ENERGY_ONLY,
+            Expected(row=("small",), banks=1, area_um2=3 * 100, energy_pj=10 * 1.0),
+            id="copies",
         ),
     ],
 )
-def test_the_cheapest_plan(array, price, row, banks, pack, area, energy):
-    (planned,) = plan([array], MACROS, price)
-    assert (planned.row, planned.banks, planned.pack) == (row, banks, pack)
-    assert (planned.area_um2, planned.energy_pj) == (area, energy)
-    check(list(planned.pieces()), [array], MACROS)
+def test_the_cheapest_plan(memory, price, expected):
+    (planned,) = plan([memory], MACROS, price)
+    found = Expected(planned.row, planned.banks, planned.area_um2, planned.energy_pj, planned.pack)
+    assert found == expected
+    check(list(planned.pieces()), [memory], MACROS)
 
 
 def test_words_of_even_and_odd_banks_alternate():
-    (planned,) = plan([Array("a", 40, 8, 2, {1: 10.0}, 10.0, halves=2)], MACROS, 9.0)
+    memory = array(40, 8, ports=2, rows={1: 10.0}, writes=10.0, halves=2)
+    (planned,) = plan([memory], MACROS, AREA_FIRST)
     assert [(piece.first, piece.every, piece.rows) for piece in planned.pieces()] == [
         (0, 2, 16),
         (1, 2, 16),
@@ -106,48 +119,52 @@ def test_words_of_even_and_odd_banks_alternate():
 
 def test_an_array_that_no_macros_hold_is_refused():
     with pytest.raises(InputError) as caught:
-        plan([Array("a", 64, 100, 1, {1: 1.0})], MACROS)
+        plan([array(64, 100)], MACROS)  # wider than four of the widest macros
     assert str(caught.value) == "memory 'a': no macros hold it. Give wider macros or more ports."
 
 
-PIECE = Piece("a", 1, "small", 0, 1, 16, 1, 0, 8)
+MEMORY = array(32, 8)
+"""Two banks of the macro `small` hold it."""
+FIRST_BANK = Piece(
+    memory="a", copies=1, macro="small", first=0, every=1, rows=16, pack=1, bit=0, bits=8
+)
 
 
 @pytest.mark.parametrize(
     ("pieces", "message"),
     [
         pytest.param(
-            [PIECE],
+            [FIRST_BANK],
             "memory 'a': the plan is too small (0 hold bit 0 of word 16). Add macros.",
             id="words are left out",
         ),
         pytest.param(
-            [replace(PIECE, bits=7), replace(PIECE, first=16)],
+            [replace(FIRST_BANK, bits=7), replace(FIRST_BANK, first=16)],
             "memory 'a': the plan is too small (0 hold bit 7 of word 0). Add macros.",
             id="a bit is left out",
         ),
         pytest.param(
-            [PIECE, replace(PIECE, first=15)],
+            [FIRST_BANK, replace(FIRST_BANK, first=15)],
             "memory 'a': the plan is too small (0 hold bit 0 of word 31). Add macros.",
             id="banks are shifted",
         ),
         pytest.param(
-            [PIECE, replace(PIECE, first=15), replace(PIECE, first=16)],
+            [FIRST_BANK, replace(FIRST_BANK, first=15), replace(FIRST_BANK, first=16)],
             "memory 'a': macros of the plan overlap (2 hold bit 0 of word 15). Give every bit one place.",
             id="banks overlap",
         ),
         pytest.param(
-            [PIECE, replace(PIECE, macro="huge", first=16)],
+            [FIRST_BANK, replace(FIRST_BANK, macro="huge", first=16)],
             "memory 'a': no macro 'huge' holds its part (16 rows of 8 bits). Name another.",
             id="no such macro",
         ),
         pytest.param(
-            [replace(PIECE, rows=32)],
+            [replace(FIRST_BANK, rows=32)],
             "memory 'a': no macro 'small' holds its part (32 rows of 8 bits). Name another.",
             id="a macro that is too shallow",
         ),
         pytest.param(
-            [replace(PIECE, memory="b")],
+            [replace(FIRST_BANK, memory="b")],
             "memory 'b': the core has no such memory. Leave it out.",
             id="no such memory",
         ),
@@ -155,7 +172,7 @@ PIECE = Piece("a", 1, "small", 0, 1, 16, 1, 0, 8)
 )  # fmt: skip
 def test_a_wrong_plan_is_refused_by_name(pieces, message):
     with pytest.raises(InputError) as caught:
-        check(pieces, [Array("a", 32, 8, 1, {1: 1.0})], MACROS)
+        check(pieces, [MEMORY], MACROS)
     assert str(caught.value) == message
 
 
@@ -165,7 +182,8 @@ def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
     assert compile_main([model, "--target", "loihi-sim", "-o", str(tmp_path), "--quiet"]) == 0
     program = hw.load_program(tmp_path)
     assert CHIP.open_core is not None
-    core = on_core(program, 250, CHIP)
+    core = on_core(program, STEPS, CHIP)
+    # Any counts will do: what macros hold does not depend on them.
     arrays = arrays_of(core, CHIP.open_core, hw.Counts(synaptic_ops=1000, neuron_updates=1000))
     pieces = [piece for made in plan(arrays, CHIP.macros) for piece in made.pieces()]
     check(pieces, arrays, CHIP.macros)
@@ -178,18 +196,9 @@ def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
 def test_the_folder_of_a_chip_has_the_plan(tmp_path):
     model = str(model_file("objects-hybrid-loihi"))
     events = str(example_files("objects-hybrid")[0])
-    given = [
-        "--target",
-        "locsnn-130nm",
-        "--events",
-        events,
-        "--emit",
-        "rtl",
-        "--quiet",
-        "-o",
-        str(tmp_path),
-    ]
-    assert compile_main([model, *given]) == 0
+    target = ["--target", "locsnn-130nm", "--events", events]
+    output = ["--emit", "rtl", "--quiet", "-o", str(tmp_path)]
+    assert compile_main([model, *target, *output]) == 0
     head, *rows = (tmp_path / "rtl" / "memories.csv").read_text().splitlines()
     assert (
         head
@@ -209,20 +218,20 @@ def test_the_folder_of_a_chip_has_the_plan(tmp_path):
 
 
 def test_shared_words_that_repeat_are_not_read_again():
-    core = program_on_core(8)
-    # Every other compartment is of a kind; a phase without compartments reads nothing.
+    core = two_kinds_in_turn(compartments=8, steps=10)
+    # Each of the two kinds is read once in each step; a phase without compartments reads nothing.
     assert reads_without_repeats(core, CHIP.open_core, "leaks", 0) == 2 * 10
     assert reads_without_repeats(core, CHIP.open_core, "leaks", 1) == 0
 
 
-def program_on_core(compartments: int) -> CoreProgram:
-    """Return compartments of two kinds in turn, which take ten steps."""
+def two_kinds_in_turn(compartments: int, steps: int) -> CoreProgram:
+    """Return a program whose compartments are of two kinds in turn, and a second phase that is made up to be empty."""
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="turns")
     x = b.add_input("x", 1)
     y = b.add_compartments("y", compartments, decay_u=[100, 200] * (compartments // 2), threshold=4)
     b.connect(x, y, [[2]] * compartments)
     b.read_out(y)
-    core = CoreProgram(b.build(), 10)
+    core = CoreProgram(b.build(), steps)
     core.ends.append(core.ends[-1])
     core.phases = (*core.phases, core.phases[0])
     return core

@@ -1,4 +1,8 @@
-"""The core as the smallest device has it: no joins, few phases, and events in a memory of one port."""
+"""The core as the smallest device has it: no joined compartments, few phases, events in a memory of one port.
+
+It plays every bench as the simulator does, and planted faults are found. Simulated cores must have the sizes of the device
+where cycles or numbers depend on them, and programs that a device cannot hold are refused by name.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import shutil
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -16,7 +21,7 @@ from hw_model.mapping.graph import Readout
 from hw_model.rtl.bitstream import fit
 from hw_model.rtl.board import Board
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.cosimulation import ANSWER
+from hw_model.rtl.cosimulation import ANSWER_COUNTS
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import sizes_for
 from hw_model.rtl.ports import SimulatedBoard
@@ -27,9 +32,11 @@ from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 from tests.support import benches, hybrids
 from tests.support.benches import differ
+from tests.support.faults import Fault
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = replace(benches.SIZES, join=0, one_port=1, phase_words=8)
+"""A core with the peculiarities of the smallest device. Other sizes grow where a bench needs more."""
 DEVICE = hw.chip("ice40up5k")
 PLAYED = {"objects-hybrid": "touches.npz", "containers-hybrid": "touches-long.npz"}
 """Networks that ship and fit, and a file of recordings for each."""
@@ -41,20 +48,20 @@ NEEDS_VERILATOR = pytest.mark.skipif(
     shutil.which("verilator") is None, reason="Verilator is not installed"
 )
 FAULTS = [
-    ("a mark is written a cycle late", "transpose.sv", "ONE_PORT != 0 ? marked || sweep : write_back", "write_back"),
-    ("marks are not written", "transpose.sv", "ONE_PORT != 0 ? marked || sweep :", "ONE_PORT != 0 ? sweep :"),
-    ("the buffer is not swept", "transpose.sv", "ONE_PORT != 0 ? marked || sweep :", "ONE_PORT != 0 ? marked :"),
-    ("the word of the mark before", "transpose.sv", "ONE_PORT != 0 ? written : write_word", "write_word"),
-    ("a mark takes two cycles", "transpose.sv", "!(ONE_PORT != 0 && write) && (marking", "!write_back && (marking"),
-    ("entries are where families would be", "update.sv", "JOIN_FIELDS = JOIN != 0 ? 2 + PARENT : 0;", "JOIN_FIELDS = 2 + PARENT;"),
-    ("all phases are the first", "locsnn_core.sv", "PHASE_WORD'({phase, field[2:0]})", "PHASE_WORD'(field[2:0])"),
-    ("phases have half their words", "locsnn_core.sv", "$clog2(PHASE_WORDS);", "$clog2(PHASE_WORDS) - 1;"),
+    Fault("a mark is written a cycle late", "transpose.sv", "ONE_PORT != 0 ? marked || sweep : write_back", "write_back"),
+    Fault("marks are not written", "transpose.sv", "ONE_PORT != 0 ? marked || sweep :", "ONE_PORT != 0 ? sweep :"),
+    Fault("the buffer is not swept", "transpose.sv", "ONE_PORT != 0 ? marked || sweep :", "ONE_PORT != 0 ? marked :"),
+    Fault("the word of the mark before", "transpose.sv", "ONE_PORT != 0 ? written : write_word", "write_word"),
+    Fault("a mark takes two cycles", "transpose.sv", "!(ONE_PORT != 0 && write) && (marking", "!write_back && (marking"),
+    Fault("entries are where families would be", "update.sv", "JOIN_FIELDS = JOIN != 0 ? 2 + PARENT : 0;", "JOIN_FIELDS = 2 + PARENT;"),
+    Fault("all phases are the first", "locsnn_core.sv", "PHASE_WORD'({phase, field[2:0]})", "PHASE_WORD'(field[2:0])"),
+    Fault("phases have half their words", "locsnn_core.sv", "$clog2(PHASE_WORDS);", "$clog2(PHASE_WORDS) - 1;"),
 ]  # fmt: skip
 
 
 def test_every_fault_fits():
-    for name, file, old, new in FAULTS:
-        assert (sources()[file].count(old), old != new) == (1, True), name
+    for fault in FAULTS:
+        assert fault.fits(sources()), fault.name
 
 
 @pytest.mark.minutes
@@ -65,7 +72,7 @@ def test_a_small_core_passes_every_bench():
 
 @NEEDS_ICARUS
 def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
-    """A program of few compartments was simulated on a core of few places, whose cycles are fewer."""
+    """A core of few places sweeps them in fewer cycles, so a small program must not be simulated on one."""
     chip = hw.chip("locsnn-130nm")
 
     def branch(name: str, lines: int) -> hw.ProgramBuilder:
@@ -90,7 +97,7 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
 @NEEDS_ICARUS
 @pytest.mark.parametrize("somas", [1, 3, 20])
 def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
-    """Parents were numbered for the device's sums, and the simulated core had fewer: a false refusal."""
+    """Parents are numbered for the device's sums, so a simulated core with fewer would be refused."""
     b = hw.ProgramBuilder(hw.chip("locsnn-130nm"))
     x = b.add_input("x", 4)
     y = b.add_compartments("y", somas, decay_v=400, threshold=20)
@@ -103,7 +110,7 @@ def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
 
 
 def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
-    """The report said that it fits, with exact cycles; the words of the core were made later, and refused."""
+    """A report must not say that a program fits whose words turn out to be too wide when they are made."""
     b = hw.ProgramBuilder(hw.chip("ecp5-25f"), name="slow")
     x = b.add_input("x", 2)
     y = b.add_compartments("y", 2, threshold=1, decay_v=400)
@@ -111,6 +118,7 @@ def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
     b.read_out(y)
     program = b.build()
     assert on_core(program, 10, program.chip)
+    # A weight of the readout has 32 bits.
     heavy = replace(program, readout=replace(program.readout, weights=(float(1 << 33),)))
     with pytest.raises(
         hw.TargetError, match="the open core has no weight of a readout of more than 32 bits"
@@ -123,6 +131,7 @@ def test_what_does_not_fit_the_device_is_not_simulated():
     b = hw.ProgramBuilder(chip)
     x = b.add_input("location/x", 900)
     y = b.add_compartments("location/y", 3, decay_v=400, threshold=20)
+    # 900 rows of 40 channels take more words than the buffer of the device has.
     b.connect(x, y, np.full((3, 900), 20) * (np.arange(900) % 3 == 0))
     program = hybrids.program_of_graphs(
         chip,
@@ -142,48 +151,57 @@ def test_what_does_not_fit_the_device_is_not_simulated():
 
 @pytest.mark.minutes
 @NEEDS_ICARUS
-@pytest.mark.parametrize(
-    ("file", "old", "new"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS]
-)
-def test_faults_of_a_small_core_are_found(file, old, new):
-    assert differ({**sources(), file: sources()[file].replace(old, new)}, SMALL)
+@pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
+def test_faults_of_a_small_core_are_found(fault):
+    assert differ(fault.planted_in(sources()), SMALL)
 
 
 def program_of(model: str, strategy: str = "reset", chip: hw.Chip = DEVICE) -> hw.ChipProgram:
+    """Return the program of a network that ships, with weights of 8 bits."""
     return lower(load(EXAMPLES / f"models/{model}.pt"), chip, 8, strategy).program
 
 
-HELD = "Use the device ecp5-25f, ecp5-85f or locsnn-130nm."
-SMALL_IN = "the open core of ice40up5k is too small in"
+LARGER_DEVICES = "Use the device ecp5-25f, ecp5-85f or locsnn-130nm."
+TOO_SMALL = "the open core of ice40up5k is too small in"
+
+
+class Refused(NamedTuple):
+    """A network that does not fit the smallest device with a strategy, and the whole message."""
+
+    model: str
+    strategy: str
+    message: str
+
+
 REFUSED = [
-    (
+    Refused(
         "objects-hybrid",
         "dendrite",
-        f"program 'objects-hybrid': {SMALL_IN} 'axons' (736 against 512). {HELD}",
+        f"program 'objects-hybrid': {TOO_SMALL} 'axons' (736 against 512). {LARGER_DEVICES}",
     ),
-    (
+    Refused(
         "objects-hybrid-loihi",
         "native",
-        f"program 'objects-hybrid-loihi': {SMALL_IN} 'axons' (736 against 512). {HELD}",
+        f"program 'objects-hybrid-loihi': {TOO_SMALL} 'axons' (736 against 512). {LARGER_DEVICES}",
     ),
-    (
+    Refused(
         "containers-hybrid",
         "dendrite",
-        f"program 'containers-hybrid': {SMALL_IN} 'axons' (715 against 512). {HELD}",
+        f"program 'containers-hybrid': {TOO_SMALL} 'axons' (715 against 512). {LARGER_DEVICES}",
     ),
-    (
+    Refused(
         "two-fingertips",
         "reset",
         "synapses 'touch_transposed' -> 'location_hidden': a delay is out of range (4 against 0..0 steps; 1136 of 1136 delays outside). "
         "Relay the spike through 4 compartments, or shorten the delay.",
     ),
-    (
+    Refused(
         "objects-hybrid",
         "delay-line",
         "population 'time_hidden': 1 delayed synapse cannot hold a kernel of tau_ref 1 "
         "(an error of 13 against 0.1; ice40up5k has delay_max 0). Use strategy reset.",
     ),
-    (
+    Refused(
         "containers-best",
         "reset",
         "population 'location_output_1': 615 input axons of neuron 0 do not fit one core (ice40up5k holds 512). "
@@ -193,7 +211,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(
-    ("model", "strategy", "message"), REFUSED, ids=[f"{row[0]}-{row[1]}" for row in REFUSED]
+    ("model", "strategy", "message"),
+    REFUSED,
+    ids=[f"{row.model}-{row.strategy}" for row in REFUSED],
 )
 def test_what_the_smallest_device_does_not_hold_is_refused_by_name(model, strategy, message):
     with pytest.raises(hw.TargetError) as caught:
@@ -202,7 +222,7 @@ def test_what_the_smallest_device_does_not_hold_is_refused_by_name(model, strate
 
 
 def joined() -> hw.ChipProgram:
-    """A parent with a child."""
+    """Return a program of a compartment that another one is joined to."""
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="joined")
     x = b.add_input("x", 2)
     parent = b.add_compartments("parent", 1, threshold=100)
@@ -218,7 +238,10 @@ def test_joins_are_refused_before_anything_is_synthesised(monkeypatch):
     )
     with pytest.raises(hw.TargetError) as caught:
         fit(program, board("icebreaker"), 1)
-    assert str(caught.value) == f"program 'joined': {SMALL_IN} 'join' (25 against 0). {HELD}"
+    assert (
+        str(caught.value)
+        == f"program 'joined': {TOO_SMALL} 'join' (25 against 0). {LARGER_DEVICES}"
+    )
 
 
 @pytest.mark.parametrize("model", PLAYED)
@@ -240,9 +263,9 @@ def test_its_exact_configuration_plays_what_ships(model):
         0,
         0,
     )
+    # Enough to know that all registers of all steps were compared.
     assert comparison["compared_values"] > 50_000 * len(recordings)
-    _, file, old, new = FAULTS[0]
-    faulty = {**sources(), file: sources()[file].replace(old, new)}
+    faulty = FAULTS[0].planted_in(sources())
     assert compare(program, recordings[:1], faulty, sizes=DEVICE.open_core)["mismatches"] > 0
 
 
@@ -255,12 +278,10 @@ def test_its_board_says_its_sizes_and_plays_a_recording():
     expected = hw.simulate(program, recordings[:1], probe=())
     with closing(SimulatedBoard("verilator", DEVICE.open_core)) as port:
         board = Board(port)
+        # A board does not say how its memories are built.
         assert asdict(board.sizes) == asdict(DEVICE.open_core) | {"one_port": 0}
         board.load(core)
         answer = board.play(core, recordings[0])
-    wanted = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
-    assert (answer.error, answer.winner, answer.counts) == (
-        0,
-        int(np.ravel(expected.prediction)[0]),
-        wanted,
-    )
+    assert answer.error == 0
+    assert answer.winner == int(np.ravel(expected.prediction)[0])
+    assert answer.counts == tuple(expected.per_recording[0][name] for name in ANSWER_COUNTS)
