@@ -1,4 +1,7 @@
-"""The AXI-Stream wrapper: answers and spikes equal the simulator's, however its neighbours wait, and faults are answered."""
+"""The AXI-Stream wrapper (locsnn_axis.sv), played by axis_bench.sv, whose streams stall at random.
+
+Answers and spikes equal the simulator's, however long its neighbours wait, and faults in the stream are answered.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import pytest
 
 import hw_model as hw
 from hw_model.rtl.board import spike_numbers
-from hw_model.rtl.cosimulation import ANSWER, END, TICK
+from hw_model.rtl.cosimulation import ANSWER_COUNTS, END, TICK
 from hw_model.rtl.simulators import sources
 from tests.support.benches import LATER, SIZES
 from tests.support.desk import LAST, STOP, Desk
@@ -27,37 +30,42 @@ def desk(request):
 
 @pytest.fixture(scope="module")
 def play(desk, tmp_path_factory):
-    """Return a function that plays beats and gives the answers and the spikes."""
+    """Return a function that plays beats, and returns the words of the answers and the spikes."""
     folder = tmp_path_factory.mktemp("axis")
     return lambda beats, **more: desk.play_axis(folder, beats, sources(), **more)
 
 
 @pytest.fixture(scope="module")
 def expected(desk) -> tuple[list[str], list[str]]:
+    """Return the words of the answer and the spikes that the simulator expects for the recording."""
     result = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
     times = spike_numbers(
         desk.core,
         desk.spikes[0],
         {name: spikes_of_group[0] for name, spikes_of_group in result.spikes.items()},
     )
-    counts = [result.per_recording[0][name] for name in ANSWER[3:]]
-    return list(map(str, [result.prediction[0], *counts, 0])), list(map(str, times))
+    counts = [result.per_recording[0][name] for name in ANSWER_COUNTS]
+    lost_spikes = 0
+    answer = [result.prediction[0], *counts, lost_spikes]
+    return list(map(str, answer)), list(map(str, times))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("waits", [0, 3])
+@pytest.mark.parametrize("waits", [0, 3], ids=["never stalls", "stalls in 3 of 4 cycles"])
 def test_answers_and_spikes_equal_the_simulators(desk, play, expected, waits):
     answer, spikes = expected
     assert play(desk.beats() * 2, waits=waits) == ([answer] * 2, spikes * 2)
 
 
+NO_CHANNEL, NO_TICK, NO_WORD = 1, 4, 6
+"""Numbers of errors, as event_input.sv and locsnn_axis.sv have them."""
 FAULTS = {
-    "no such channel": (1, lambda core: [core.channels, LAST | TICK]),
-    "a last word that is an event": (4, lambda core: [TICK, LAST]),
-    "an end in the middle": (6, lambda core: [TICK, END, TICK, LAST | TICK]),
-    "a stop in the middle": (6, lambda core: [TICK, STOP, TICK, LAST | TICK]),
-    "bits above a word": (6, lambda core: [TICK, 1 << 18, LAST | TICK]),
-    "bits above the last word": (6, lambda core: [TICK, LAST | 1 << 31 | TICK]),
+    "no such channel": (NO_CHANNEL, lambda core: [core.channels, LAST | TICK]),
+    "a last word that is an event": (NO_TICK, lambda core: [TICK, LAST]),
+    "an end in the middle": (NO_WORD, lambda core: [TICK, END, TICK, LAST | TICK]),
+    "a stop in the middle": (NO_WORD, lambda core: [TICK, STOP, TICK, LAST | TICK]),
+    "bits above a word": (NO_WORD, lambda core: [TICK, 1 << 18, LAST | TICK]),
+    "bits above the last word": (NO_WORD, lambda core: [TICK, LAST | 1 << 31 | TICK]),
 }
 
 
@@ -66,12 +74,13 @@ FAULTS = {
 def test_a_fault_is_answered_and_forgotten(desk, play, expected, name):
     number, beats = FAULTS[name]
     wrong, *after = play([*beats(desk.core), *desk.beats()])[0]
-    assert int(wrong[0]) == number << 16
+    assert int(wrong[0]) == number << 16  # above the class, which is 0
     assert after == [expected[0]]
 
 
 def test_a_recording_that_is_dropped_is_not_answered(desk, play, expected):
     beats = desk.beats()
+    # At once, after ten words, and after a word with a bit above its kind.
     dropped = [LAST | STOP, *beats[:10], LAST | STOP, 1 << 20, LAST | STOP]
     assert play([*dropped, *beats])[0] == [expected[0]]
 

@@ -1,4 +1,9 @@
-"""Faults planted in the SystemVerilog of the core and of what surrounds it: the benches must find each."""
+"""The benches play the core as the simulator does, and they find faults that are planted in the SystemVerilog.
+
+A mutant is a source file with one planted fault (`mutants.yaml`). A fault of the core must give another result than the
+simulator's on one of the benches (`tests/support/benches.py`). A fault of the files around the core must change something
+that a host receives in a session with it.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +37,7 @@ from tests.support.benches import (
     windows,
 )
 from tests.support.desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
+from tests.support.faults import Fault
 from tests.support.hybrids import graph_in_phase, program_of_graphs
 from tests.support.marks import first_quick, sampled
 
@@ -40,9 +46,12 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
 ]
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
+PATIENCE = 20_000
+"""Cycles of silence after which a faulty core is given up."""
 
 
 def one_compartment(axis):
+    """Return the graph of one compartment that hears two channels or, over channels, eight rows."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input(f"{axis}/x", 2 if axis == "time" else 8)
     y = builder.add_compartments(f"{axis}/y", 1, decay_u=1024, decay_v=128, threshold=300)
@@ -51,11 +60,10 @@ def one_compartment(axis):
 
 
 def test_the_benches_wrap_and_clip():
-    met = sum(
-        (hw.simulate(program, spikes, probe=()).counts for program, spikes in benches()),
-        hw.Counts(),
-    )
-    assert min(met.charge_wraps, met.current_wraps, met.voltage_clips) > 10
+    counts = hw.Counts()
+    for program, spikes in benches():
+        counts += hw.simulate(program, spikes, probe=()).counts
+    assert min(counts.charge_wraps, counts.current_wraps, counts.voltage_clips) > 10
 
 
 @pytest.mark.slow
@@ -71,67 +79,75 @@ def test_hybrids_hear_events_when_they_arrive():
     assert later.count(True) == 4
 
 
+ROWS = 22
+"""Rows of the bench `windows`: its three channels have as many lines each. Its windows have 4 and 8 rows."""
+
+
 @pytest.mark.parametrize(
     ("changed", "shared"),
     [
         (slice(0), [0, 2, 3]),
-        (slice(22 + 4, 22 + 8), [0, 2, 2]),
-        (slice(22 + 6, 22 + 8), [0, 1, 1]),
+        (slice(ROWS + 4, ROWS + 8), [0, 2, 2]),
+        (slice(ROWS + 6, ROWS + 8), [0, 1, 1]),
         (slice(5, 6), [0, 0, 0]),
     ],
     ids=["none", "half a window", "two rows", "one row"],
 )
 def test_rows_of_a_window_share_a_source_where_all_weights_are_equal(changed, shared):
+    """Lines `changed` of the input have other weights; 2^shared rows then share a source, by phase."""
     program, spikes = windows(changed)
-    core, apart = (CoreProgram(program, spikes.shape[1], None, sizes) for sizes in (LATER, SIZES))
+    core = CoreProgram(program, spikes.shape[1], None, LATER)
+    apart = CoreProgram(program, spikes.shape[1], None, SIZES)
     assert [phase.shared for phase in core.phases] == shared
     assert [phase.shared for phase in apart.phases] == [0, 0, 0]
-    lines = sum(3 * (22 - -(-22 >> k)) for k in shared[1:])
-    assert apart.needs.axons - core.needs.axons == lines
+    channels = 3
+    saved = sum(channels * (ROWS - -(-ROWS >> k)) for k in shared[1:])
+    assert apart.needs.axons - core.needs.axons == saved
     assert core.needs.groups == any(shared)
 
 
-SLICES = (
-    ("slices take the lowest bits", "write_data[low+:BITS]", "write_data[0+:BITS]"),
-    ("slices show the lowest bits", "read_data[low+:BITS]", "read_data[0+:BITS]"),
-    ("the last slice is missing", "low < WIDTH; low", "low + SLICE < WIDTH; low"),
-)
+FAULTS_OF_SLICES = (
+    Fault("slices take the lowest bits", "memory.sv", "write_data[low+:BITS]", "write_data[0+:BITS]"),
+    Fault("slices show the lowest bits", "memory.sv", "read_data[low+:BITS]", "read_data[0+:BITS]"),
+    Fault("the last slice is missing", "memory.sv", "low < WIDTH; low", "low + SLICE < WIDTH; low"),
+)  # fmt: skip
 
 
-def in_slices(old: str = "", new: str = "") -> dict[str, str]:
-    """Return the SystemVerilog by file, with memories in slices of a few bits, as large devices have them."""
-    return {
-        **sources(),
-        "memory.sv": "`define MEMORY_BLOCK 256\n" + sources()["memory.sv"].replace(old, new),
-    }
+def in_slices(texts: Mapping[str, str]) -> dict[str, str]:
+    """Return the SystemVerilog by file, with memories in slices of a few bits, as large devices have them.
+
+    Blocks of 256 bits are so small that the memories of these cores are cut.
+    """
+    return {**texts, "memory.sv": "`define MEMORY_BLOCK 256\n" + texts["memory.sv"]}
 
 
 @pytest.mark.minutes
 @pytest.mark.parametrize("sizes", [SIZES, LATER], ids=["plain", "later"])
 def test_slices_of_memories_change_nothing(sizes):
-    assert not differ(in_slices(), sizes)
+    assert not differ(in_slices(sources()), sizes)
 
 
 @pytest.mark.parametrize(
-    ("old", "new"), first_quick(row[1:] for row in SLICES), ids=[row[0] for row in SLICES]
+    "fault",
+    first_quick(FAULTS_OF_SLICES),
+    ids=[fault.name for fault in FAULTS_OF_SLICES],
 )
-def test_faults_of_slices_are_found(old, new):
-    assert sources()["memory.sv"].count(old) == 1
-    assert differ(in_slices(old, new))
+def test_faults_of_slices_are_found(fault):
+    assert differ(in_slices(fault.planted_in(sources())))
 
 
 @pytest.mark.parametrize(("places", "later"), [(1, False), (2, True)])
 def test_events_wait_where_a_phase_has_one_place(places, later):
-    """The lowest bit of a place chooses a bank, so slots cannot take it."""
-    single = [
-        graph_in_phase(one_compartment(axis), axis, 8, at)
-        for axis, at in (("time", None), ("location", np.arange(2)))
-    ]
-    program = program_of_graphs(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
-    spikes = np.ones((1, 8, 2), dtype=np.uint8)
+    """The lowest bit of a place chooses a bank, so more slots cannot take it: a phase needs two places to hear events early."""
+    rows, channels = 8, 2
+    time = graph_in_phase(one_compartment("time"), "time", rows, None)
+    location = graph_in_phase(one_compartment("location"), "location", rows, np.arange(channels))
+    readout = Readout(("time/y", "location/y"), (1.0, 1.0))
+    program = program_of_graphs(CHIP, readout, time, location)
+    spikes = np.ones((1, rows, channels), dtype=np.uint8)
     sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
-    comparison = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)
-    assert CoreProgram(program, 8, None, sizes).later is later
+    comparison = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=PATIENCE)
+    assert CoreProgram(program, rows, None, sizes).later is later
     assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
 
 
@@ -140,65 +156,62 @@ def test_clocks_that_stop_change_nothing():
     assert not differ({**sources(), "clock_gate.sv": STOPPING_CLOCK_GATE})
 
 
-desk = cache(Desk)
+shared_desk = cache(Desk)
 
 
 def axis_streams(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     """Yield answers and spikes of recordings with and without faults, however the neighbours wait."""
-    beats = desk().beats()
-    core = desk().core
-    faults = [
-        *beats[:9],
-        LAST | STOP,
-        *beats[:5],
-        LAST,
-        *beats[:5],
-        END,
-        LAST | TICK,
-        STOP,
-        LAST | TICK,
-        1 << 20,
-        LAST | STOP,
+    desk = shared_desk()
+    beats = desk.beats()
+    cut_off = [*beats[:9], LAST | STOP, *beats[:5], LAST]
+    wrong_kinds = [*beats[:5], END, LAST | TICK, STOP, LAST | TICK]
+    bit_above_kind = 1 << 18
+    dropped_with_fault = [1 << 20, LAST | STOP]
+    wrong_bits = [bit_above_kind, LAST | TICK, LAST | bit_above_kind | TICK]
+    wrong_channel = [desk.core.channels, LAST | TICK]
+    end_of_its_own = [TICK, LAST | END]
+    # Recordings without faults in between, which must not be disturbed.
+    played = [
+        *beats,
+        *cut_off,
+        *wrong_kinds,
+        *dropped_with_fault,
+        *beats,
+        *wrong_bits,
+        *wrong_channel,
+        *end_of_its_own,
+        *beats,
     ]
-    last = [
-        1 << 18,
-        LAST | TICK,
-        LAST | 1 << 18 | TICK,
-        core.channels,
-        LAST | TICK,
-        TICK,
-        LAST | END,
-    ]
-    played = [*beats, *faults, *beats, *last, *beats]
     for waits in (0, 2):
-        yield desk().play_axis(folder, played, texts, waits)
-    yield desk().play_axis(folder, beats, texts, 3, spikes=2)
+        yield desk.play_axis(folder, played, texts, waits)
+    yield desk.play_axis(folder, beats, texts, 3, spikes=2)
 
 
 def line_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
-    """Yield what a board on a line says to a greeting, a broken byte and a reset."""
-    with closing(desk().port(texts, bit=8, patience=400)) as port:
-        port.write([256 + 97])
+    """Yield the frames that a board on a line sends after a broken byte, before and after a reset."""
+    broken_byte = 256 + ord("a")
+    with closing(shared_desk().port(texts, bit=8, patience=400)) as port:
+        port.write([broken_byte])
         yield said(port)
-        port.write([PRESS, 256 + 97])
+        port.write([PRESS, broken_byte])
         yield said(port)
 
 
 def serial_bytes(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
-    """Yield what a receiver hears at several rates."""
-    for bits in ((100, 100), (100, 104), (100, 96), (8, 8), (100, 130)):
-        yield rates(folder, texts, *bits)
+    """Yield the bytes that a receiver hears at several rates: equal, 4 % apart, as fast as can be, and much too slow."""
+    for bit, host_bit in ((100, 100), (100, 104), (100, 96), (8, 8), (100, 130)):
+        yield rates(folder, texts, bit, host_bit)
 
 
 def session_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
-    """Yield what a board without a line says in a session with every fault."""
-    yield from transcript(desk(), texts)
+    """Yield the bytes that a board without a line sends in a session with every fault."""
+    yield from transcript(shared_desk(), texts)
 
 
 def session_with_spikes(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     """Yield that session, and an answer over a line on which its spikes still wait."""
     yield from session_of_a_board(folder, texts)
-    yield over_a_line(desk(), texts)
+    yield over_a_line(shared_desk(), texts)
 
 
 SESSIONS = {
@@ -216,26 +229,30 @@ SESSIONS = {
     "spike_report.sv": session_of_a_board,
     "replies.sv": session_with_spikes,
 }
-"""What tells a fault of the files around the core: something that is heard, and differs."""
+"""By file around the core, the session that reveals its faults: it yields what a host receives."""
 
 
 _NOTHING = object()
 
 
 @cache
-def heard_without_fault(
+def received_without_fault(
     session: Callable[[Path, Mapping[str, str]], Iterator[object]],
 ) -> list[object]:
     with tempfile.TemporaryDirectory() as folder:
         return list(session(Path(folder), sources()))
 
 
-def sounds_different(name: str, folder: Path, texts: Mapping[str, str]) -> bool:
-    """Whether the session of a file hears a difference, up to the first; nothing to hear is one as well."""
-    expected = heard_without_fault(SESSIONS[name])
+def session_differs(name: str, folder: Path, texts: Mapping[str, str]) -> bool:
+    """Return whether the session of a file receives anything else with these sources, up to the first difference.
+
+    A session that breaks, or receives less or more, differs as well.
+    """
+    expected = received_without_fault(SESSIONS[name])
     try:
-        heard = SESSIONS[name](folder, texts)
-        return any(one != other for one, other in zip_longest(heard, expected, fillvalue=_NOTHING))
+        received = SESSIONS[name](folder, texts)
+        pairs = zip_longest(received, expected, fillvalue=_NOTHING)
+        return any(item != expected_item for item, expected_item in pairs)
     except (hw.InputError, ValueError, OSError, subprocess.SubprocessError):
         return True
 
@@ -243,25 +260,26 @@ def sounds_different(name: str, folder: Path, texts: Mapping[str, str]) -> bool:
 @pytest.mark.parametrize(
     "name", first_quick(["top_uart.sv", "locsnn_axis.sv", "uart_rx.sv", "commands.sv"])
 )
-def test_a_session_hears_the_same_twice(name, tmp_path):
-    assert not sounds_different(
-        name, tmp_path, {**sources(), "crc16.sv": sources()["crc16.sv"] + "\n"}
-    )
+def test_a_session_receives_the_same_twice(name, tmp_path):
+    # Another text, which is built anew, of the same logic.
+    texts = {**sources(), "crc16.sv": sources()["crc16.sv"] + "\n"}
+    assert not session_differs(name, tmp_path, texts)
 
 
-def test_there_are_enough_mutants():
+def test_every_mutant_fits_its_file():
     assert len(MUTANTS) >= 20
     for mutant in MUTANTS:
-        assert sources()[mutant["file"]].count(mutant["old"]) == 1, mutant["id"]
+        assert Fault.of_row(mutant).fits(sources()), mutant["id"]
 
 
 @pytest.mark.parametrize("mutant", sampled({mutant["id"]: (mutant,) for mutant in MUTANTS}))
 def test_every_mutant_is_found(mutant, tmp_path):
-    name = mutant["file"]
-    texts = {**sources(), name: sources()[name].replace(mutant["old"], mutant["new"])}
-    if name in SESSIONS:
-        assert sounds_different(name, tmp_path, texts)
+    fault = Fault.of_row(mutant)
+    texts = fault.planted_in(sources())
+    if fault.file in SESSIONS:
+        assert session_differs(fault.file, tmp_path, texts)
     else:
-        assert differ(
-            {**texts, "clock_gate.sv": STOPPING_CLOCK_GATE}, LATER if mutant.get("later") else SIZES
-        )
+        # With clocks that stop, faults of the gating are found too.
+        texts = {**texts, "clock_gate.sv": STOPPING_CLOCK_GATE}
+        sizes = LATER if mutant.get("later") else SIZES
+        assert differ(texts, sizes)

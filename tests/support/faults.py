@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 
-class Fault(NamedTuple):
+@dataclass(frozen=True)
+class Fault:
     """A fault by its name: in a file, what to write in place of a text that occurs there once."""
 
     name: str
