@@ -1,4 +1,8 @@
-"""The board's protocol: answers equal the simulator's, each fault is answered, and none harms what follows."""
+"""The protocol of a board, on a simulated board without a line: frames from a host, and the board's replies.
+
+Answers to recordings equal the simulator's. Every fault of a frame, of a command and of the stream is answered with its number,
+and none disturbs what follows.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import pytest
 
 import hw_model as hw
 from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
-from hw_model.rtl.cosimulation import ANSWER, END, TICK
+from hw_model.rtl.cosimulation import ANSWER_COUNTS, END, TICK
 from hw_model.rtl.frames import ANSWER as ANSWERED
 from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
 from tests.support import benches
@@ -36,6 +40,9 @@ pytestmark = [
 LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY, NO_PROGRAM = (
     range(1, 12)
 )
+"""Numbers of problems, in the order of docs/reference/hardware/serial-line-and-axi.md."""
+SPIKE_COUNT = ANSWER_COUNTS.index("spikes")
+NO_ANSWER = "board: it does not answer. Check the port, the baud rate and the bitstream."
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +52,7 @@ def desk(cores_of_this_run):
 
 @pytest.fixture(scope="module")
 def loaded(desk):
-    """Return a port of a loaded board, and what it answers to the recording."""
+    """Return the port of a board with a program, and the board's answer to the recording."""
     port = desk.port()
     board = Board(port)
     board.load(desk.core)
@@ -53,16 +60,27 @@ def loaded(desk):
     port.close()
 
 
-def greeted(port) -> None:
-    """Begin anew: the next number is 1."""
+def greet(port) -> None:
+    """Start a session anew, so that the next frame has the number 1."""
     assert say(port, HELLO, 0)[-1][:2] == (WELCOME, 0)
 
 
-def test_it_says_what_it_is(desk):
+def test_a_board_reports_its_sizes(desk):
     port = desk.port(buffer=512)
     board = Board(port)
     port.close()
     assert (board.sizes, board.buffer, board.cut_off) == (desk.sizes, 512, False)
+
+
+def expected_counts(simulated: hw.SimulationResult) -> tuple[int, ...]:
+    """Return the counts of the first recording, in the order of an answer."""
+    return tuple(simulated.per_recording[0][name] for name in ANSWER_COUNTS)
+
+
+def expected_spikes(desk: Desk, simulated: hw.SimulationResult) -> list[int]:
+    """Return the spikes of the first recording, as a board numbers them."""
+    spikes = {name: of_population[0] for name, of_population in simulated.spikes.items()}
+    return spike_numbers(desk.core, desk.spikes[0], spikes)
 
 
 @pytest.mark.slow
@@ -72,20 +90,14 @@ def test_answers_equal_the_simulators(desk, loaded):
     board = Board(port)
     board.report(True)
     with_spikes = board.play(desk.core, desk.spikes[0])
-    of_simulation = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
     for answer in (first, with_spikes):
-        assert (answer.error, answer.winner, answer.counts) == (
-            0,
-            expected.prediction[0],
-            of_simulation,
-        )
-    times = spike_numbers(
-        desk.core,
-        desk.spikes[0],
-        {name: spikes_of_group[0] for name, spikes_of_group in expected.spikes.items()},
-    )
-    assert len(times) > 10
-    assert (first.spikes, list(with_spikes.spikes), with_spikes.lost) == ((), times, 0)
+        assert answer.error == 0
+        assert answer.winner == expected.prediction[0]
+        assert answer.counts == expected_counts(expected)
+    spikes = expected_spikes(desk, expected)
+    assert len(spikes) > 10
+    assert first.spikes == ()  # the host had not asked for them
+    assert (list(with_spikes.spikes), with_spikes.lost) == (spikes, 0)
 
 
 SPOILED = {
@@ -112,10 +124,10 @@ SPOILED = {
 def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded, name):
     port, plain = loaded
     problem, spoil = SPOILED[name]
-    greeted(port)
+    greet(port)
     spoil(port)
     assert said(port) == [(ERROR, 1, bytes((problem,)))]
-    # The number that is told still works, and nothing of the frame is left.
+    # The number that the error names is still expected, and nothing of the spoiled frame is left.
     assert say(port, WORDS, 1, stream_words(desk.words))[0] == (DONE, 1, b"")
     board = Board(port)
     assert not board.cut_off
@@ -137,7 +149,7 @@ REFUSED = {
 def test_a_frame_that_is_refused_is_answered(loaded, name):
     port, _ = loaded
     problem, kind, payload = REFUSED[name]
-    greeted(port)
+    greet(port)
     assert say(port, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
     assert say(port, REPORT, 2, b"\0") == [(DONE, 2, b"")]
 
@@ -153,12 +165,9 @@ def empty(desk):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(REFUSED_LOADS, 3))
 def test_a_load_that_is_refused_is_answered(empty, name):
-    problem = (
-        NO_PLACE
-        if name in ("an address outside its memory", "a word that runs over the end")
-        else FORM
-    )
-    greeted(empty)
+    outside = ("an address outside its memory", "a word that runs over the end")
+    problem = NO_PLACE if name in outside else FORM
+    greet(empty)
     assert say(empty, LOAD, 1, REFUSED_LOADS[name]) == [(ERROR, 1, bytes((problem,)))]
     assert say(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
 
@@ -166,26 +175,27 @@ def test_a_load_that_is_refused_is_answered(empty, name):
 @pytest.mark.slow
 def test_a_hello_has_no_payload(loaded):
     port, _ = loaded
-    greeted(port)
+    greet(port)
     assert say(port, HELLO, 1, b"a") == [(ERROR, 1, bytes((FORM,)))]
 
 
 def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, loaded):
     port, plain = loaded
     words = desk.words
-    greeted(port)
+    greet(port)
     assert say(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
     assert say(port, LOAD, 2, b"\x01\0\0\0\x04abcd") == [(ERROR, 2, bytes((BUSY,)))]
     done, answer = say(port, WORDS, 3, stream_words(words[5:]))
     assert done == (DONE, 3, b"")
-    assert answer[2][:3] == bytes((plain.error, 0, plain.winner))
+    _, _, payload = answer
+    assert payload[:3] == bytes((plain.error, 0, plain.winner))  # the class has two bytes
 
 
 @pytest.mark.parametrize("share", first_quick([0.5, 0.1, 0.9]))
 def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     port, plain = loaded
     words = desk.words
-    greeted(port)
+    greet(port)
     say(port, REPORT, 1, b"\1")
     say(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
     assert [kind for kind, _, _ in say(port, HELLO, 0) if kind != SPIKES] == [ERROR, WELCOME]
@@ -194,7 +204,7 @@ def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
 
 @pytest.mark.minutes
 def test_a_board_that_hears_events_on_arrival(desk):
-    """It says so, answers as the simulator does, and forgets a recording that is cut off."""
+    """The board reports this size, answers as the simulator does, and forgets a recording that is cut off."""
     later = Desk(benches.LATER)
     port = later.port(patience=2 * PATIENCE)
     board = Board(port)
@@ -202,26 +212,21 @@ def test_a_board_that_hears_events_on_arrival(desk):
     board.load(later.core)
     board.report(True)
     first = board.play(later.core, later.spikes[0])
-    greeted(port)
+    greet(port)
     say(port, WORDS, 1, stream_words(later.words[: len(later.words) // 2]))
     board = Board(port)
     again = board.play(later.core, later.spikes[0])
     port.close()
     expected = hw.simulate(later.program, later.spikes, probe=("spikes",))
-    times = spike_numbers(
-        later.core,
-        later.spikes[0],
-        {name: spikes_of_group[0] for name, spikes_of_group in expected.spikes.items()},
-    )
-    counts = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
-    assert (first.error, first.winner, first.counts) == (0, expected.prediction[0], counts)
-    assert list(first.spikes) == times
+    assert (first.error, first.winner) == (0, expected.prediction[0])
+    assert first.counts == expected_counts(expected)
+    assert list(first.spikes) == expected_spikes(later, expected)
     assert (board.cut_off, again.winner, again.counts) == (True, first.winner, first.counts)
 
 
 def test_the_host_says_that_a_recording_was_cut_off(loaded):
     port, _ = loaded
-    greeted(port)
+    greet(port)
     say(port, WORDS, 1, WORD)
     assert Board(port).cut_off
     assert not Board(port).cut_off
@@ -229,7 +234,7 @@ def test_the_host_says_that_a_recording_was_cut_off(loaded):
 
 def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     port, _ = loaded
-    greeted(port)
+    greet(port)
     port.write(framed(WORDS, 1, stream_words(desk.words)) + framed(HELLO, 7, b""))
     assert [(kind, number) for kind, number, _ in said(port)] == [
         (DONE, 1),
@@ -238,7 +243,7 @@ def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     ]
 
 
-STREAM = {
+STREAM_ERRORS = {
     "no such channel": (1, lambda core: [core.channels, TICK, END]),
     "channels that do not ascend": (2, lambda core: [1, 0, TICK, END]),
     "more steps than the program has": (3, lambda core: [TICK] * (core.heard + 1) + [END]),
@@ -247,24 +252,32 @@ STREAM = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", first_quick(STREAM, 2))
+@pytest.mark.parametrize("name", first_quick(STREAM_ERRORS, 2))
 def test_an_error_of_the_stream_is_answered(desk, loaded, name):
     port, plain = loaded
-    number, words = STREAM[name]
-    greeted(port)
+    number, words = STREAM_ERRORS[name]
+    greet(port)
     done, answer = say(port, WORDS, 1, stream_words(words(desk.core)))
-    assert (done, answer[0], answer[2][0]) == ((DONE, 1, b""), ANSWERED, number)
+    kind, _, payload = answer
+    assert done == (DONE, 1, b"")
+    assert (kind, payload[0]) == (ANSWERED, number)
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
+
+
+def says_loaded(port) -> bool:
+    """Greet the board; return whether it reports a program, in the second byte of its welcome."""
+    ((_, _, payload),) = say(port, HELLO, 0)
+    return payload[1] == 1
 
 
 @pytest.mark.minutes
 def test_words_before_a_program_are_refused(desk):
     port = desk.port()
-    assert say(port, HELLO, 0)[0][2][1] == 0
+    assert not says_loaded(port)
     assert say(port, WORDS, 1, WORD) == [(ERROR, 1, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
-    assert say(port, HELLO, 0)[0][2][1] == 1
-    # Half a program is none, and a reset forgets that there is one.
+    assert says_loaded(port)
+    # After part of a load the board has no program, nor after a reset.
     assert say(port, LOAD, 1, b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
     assert say(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
@@ -282,14 +295,15 @@ def test_steps_wait_for_spikes_that_wait(desk, loaded):
         board.report(True)
         answer = board.play(desk.core, desk.spikes[0])
     assert (answer.lost, answer.counts, answer.winner) == (0, plain.counts, plain.winner)
-    assert len(answer.spikes) == plain.counts[3]
+    assert len(answer.spikes) == plain.counts[SPIKE_COUNT]
 
 
 @pytest.mark.minutes
 def test_an_answer_comes_after_its_spikes(desk, loaded):
     _, plain = loaded
     answer = over_a_line(desk)
-    assert (answer.counts, answer.lost, len(answer.spikes)) == (plain.counts, 0, plain.counts[3])
+    assert (answer.counts, answer.lost) == (plain.counts, 0)
+    assert len(answer.spikes) == plain.counts[SPIKE_COUNT]
 
 
 @pytest.mark.slow
@@ -300,31 +314,27 @@ def test_spikes_without_room_are_counted(desk):
     board.report(True)
     answer = board.play(desk.core, desk.spikes[0])
     port.close()
-    every = spike_numbers(
-        desk.core,
-        desk.spikes[0],
-        {n: s[0] for n, s in hw.simulate(desk.program, desk.spikes).spikes.items()},
-    )
+    spikes = expected_spikes(desk, hw.simulate(desk.program, desk.spikes))
     assert answer.lost > 0
-    assert answer.lost + len(answer.spikes) == len(every)
-    assert set(answer.spikes) < set(every)
+    assert answer.lost + len(answer.spikes) == len(spikes)
+    assert set(answer.spikes) < set(spikes)
 
 
-class Noisy:
-    """A line that damages a byte of every so many, to the board and from it."""
+class NoisyLine:
+    """A port whose line damages one byte of ``bytes_per_error`` at random, to the board and from it."""
 
-    def __init__(self, port, every: int, seed: int) -> None:
+    def __init__(self, port, bytes_per_error: int, seed: int) -> None:
         self.port = port
-        self.every = every
+        self.bytes_per_error = bytes_per_error
         self.random = np.random.default_rng(seed)
         self.damaged = 0
 
     def spoil(self, data: bytes) -> bytes:
-        bits = self.random.integers(1, 256, len(data)) * (
-            self.random.random(len(data)) < 1 / self.every
-        )
-        self.damaged += np.count_nonzero(bits)
-        return bytes(np.frombuffer(data, dtype=np.uint8) ^ bits.astype(np.uint8))
+        flipped_bits = self.random.integers(1, 256, len(data))
+        is_damaged = self.random.random(len(data)) < 1 / self.bytes_per_error
+        self.damaged += np.count_nonzero(is_damaged)
+        flips = (flipped_bits * is_damaged).astype(np.uint8)
+        return bytes(np.frombuffer(data, dtype=np.uint8) ^ flips)
 
     def write(self, data: bytes) -> None:
         self.port.write(self.spoil(data))
@@ -333,41 +343,38 @@ class Noisy:
         return self.spoil(self.port.read())
 
 
-def damaged_session(desk, every, seed):
-    """Load over a line that damages a byte of so many, and play without; return the line and the answer."""
+def load_over_a_noisy_line(desk, bytes_per_error, seed):
+    """Load a program over a noisy line, and play the recording over a clean one; return the line and the answer."""
     with closing(desk.port(buffer=64, patience=2000)) as port:
-        line = Noisy(port, every, seed)
+        line = NoisyLine(port, bytes_per_error, seed)
         board = Board(line)
         board.load(desk.core)
-        line.every = 1 << 30
+        line.bytes_per_error = 1 << 30
         return line, board.play(desk.core, desk.spikes[0])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("every", "seed"), first_quick([(100, 1), (100, 2), (100, 3), (60, 1)]))
-def test_damaged_bytes_do_no_harm(desk, monkeypatch, every, seed):
-    # A frame of 64 bytes and what is said to it pass undamaged in half of the cases, at a byte of a hundred. Four tries
-    # fail for one frame of sixteen, and a load has forty: with so few, whether the host gives up is chance.
+@pytest.mark.parametrize(
+    ("bytes_per_error", "seed"), first_quick([(100, 1), (100, 2), (100, 3), (60, 1)])
+)
+def test_damaged_bytes_do_no_harm(desk, monkeypatch, bytes_per_error, seed):
+    # With an error in a hundred bytes, a frame of 64 bytes and its reply pass undamaged in half of the cases. Four tries
+    # fail for one frame of sixteen, and a load has forty: with so few tries, it is chance whether the host gives up.
     monkeypatch.setattr("hw_model.rtl.board.TRIES", 16)
-    line, answer = damaged_session(desk, every, seed)
+    line, answer = load_over_a_noisy_line(desk, bytes_per_error, seed)
     assert line.damaged >= 20
-    assert (answer.error, answer.winner) == (
-        0,
-        hw.simulate(desk.program, desk.spikes).prediction[0],
-    )
+    expected = hw.simulate(desk.program, desk.spikes)
+    assert (answer.error, answer.winner) == (0, expected.prediction[0])
 
 
 @pytest.mark.slow
 def test_a_host_gives_up_on_a_line_that_damages_too_much(desk):
     with pytest.raises(hw.InputError) as caught:
-        damaged_session(desk, 20, 1)
-    assert (
-        str(caught.value)
-        == "board: it does not answer. Check the port, the baud rate and the bitstream."
-    )
+        load_over_a_noisy_line(desk, bytes_per_error=20, seed=1)
+    assert str(caught.value) == NO_ANSWER
 
 
-def test_a_board_that_is_silent(desk):
+def test_a_host_gives_up_on_a_board_that_is_silent():
     class Silent:
         def write(self, data):
             pass
@@ -377,14 +384,11 @@ def test_a_board_that_is_silent(desk):
 
     with pytest.raises(hw.InputError) as caught:
         Board(Silent())
-    assert (
-        str(caught.value)
-        == "board: it does not answer. Check the port, the baud rate and the bitstream."
-    )
+    assert str(caught.value) == NO_ANSWER
 
 
-def test_a_program_that_has_no_room(desk):
-    board = object.__new__(Board)
+def test_a_program_that_has_no_room_is_refused(desk):
+    board = object.__new__(Board)  # without a port, which is not reached
     board.sizes = replace(desk.sizes, synapses=16)
     with pytest.raises(hw.TargetError) as caught:
         board.load(desk.core)
@@ -400,21 +404,21 @@ def test_each_problem_has_a_text():
 
 
 @pytest.mark.parametrize(
-    ("welcome", "got"),
+    ("welcome", "version"),
     [(b"\1\0" + bytes(30), "1"), (b"\4\0" + bytes(40), "4"), (b"", "none")],
     ids=["old", "new", "empty"],
 )
-def test_a_board_of_another_version(welcome, got):
-    class Other:
+def test_a_board_with_another_version_of_the_protocol_is_refused(welcome, version):
+    class OtherVersion:
         def write(self, data):
-            self.said = framed(WELCOME, 0, welcome)
+            self.reply = framed(WELCOME, 0, welcome)
 
         def read(self):
-            return self.said
+            return self.reply
 
     with pytest.raises(hw.InputError) as caught:
-        Board(Other())
+        Board(OtherVersion())
     assert str(caught.value) == (
-        f"board: it speaks another version of the protocol (got {got} against 3). "
+        f"board: it speaks another version of the protocol (got {version} against 3). "
         "Build the bitstream again, with this version."
     )

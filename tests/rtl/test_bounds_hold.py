@@ -23,9 +23,10 @@ def test_recordings_of_every_kind_keep_the_bounds_of_a_shipped_program(tmp_path:
     expected = bounds.TOGETHER * len(bounds.KINDS)
     bounds.play(f"{MODEL} on loihi-sim", expected, done, state)
     assert json.loads(state.read_text()) == done
-    (found,) = done.values()
-    assert found["recordings"] == expected
-    assert 0.9 < found["nearest"]["recording"][0] <= 1
+    (result,) = done.values()
+    assert result["recordings"] == expected
+    # The share of the bound that the slowest recording reached: a bound far from it would be no use.
+    assert 0.9 < result["nearest"]["recording"][0] <= 1
     # An interrupted run goes on where it was.
     before = state.read_bytes()
     bounds.play(f"{MODEL} on loihi-sim", expected, json.loads(before), state)
@@ -33,10 +34,10 @@ def test_recordings_of_every_kind_keep_the_bounds_of_a_shipped_program(tmp_path:
 
 
 def test_a_bound_that_does_not_hold_ends_the_run(tmp_path: Path, monkeypatch) -> None:
-    held = hw.worst_case
+    right_bound = hw.worst_case
 
     def too_low(program: hw.ChipProgram, rows: int, events: int) -> hw.WorstCase:
-        return held(program, rows, 0)
+        return right_bound(program, rows, 0)
 
     monkeypatch.setattr(bounds.hw, "worst_case", too_low)
     with pytest.raises(SystemExit, match=f"{MODEL} on loihi-sim: any rate, recordings from 0 on: "):
@@ -56,7 +57,7 @@ def test_the_core_itself_keeps_the_bounds(model: str, target: str) -> None:
     each_kind = len(bounds.KINDS)
     *_, recordings, values, least, most, _ = bounds.play_on_core(model, target, each_kind)
     assert recordings == each_kind
-    assert values > 0
+    assert values > 0  # were compared with the simulator
     assert 0 < float(least) <= float(most) <= 1
 
 

@@ -1,4 +1,7 @@
-"""The open core against the simulator: every spike, u, v, potential, count, score and class, and every cycle."""
+"""The open core against the simulator: networks that ship, random programs and benches, played by both.
+
+Every spike, u, v, potential, count, score and class must be the same, and the cycles of the core as many as predicted.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ MANY_PROFILES = {"compartment_profiles_per_core": 1024, "threshold_profiles_per_
 LOIHI = st.just(
     replace(PLAIN, limits=replace(PLAIN.limits, **MANY_PROFILES, synapse_formats_per_core=256))
 )
-"""Its registers, and room for compartments that all differ."""
+"""The registers of loihi-sim, and room for compartments that all differ."""
 
 
 def verilator(test):
@@ -50,6 +53,7 @@ def verilator(test):
 
 
 def check(program: hw.ChipProgram, spikes: np.ndarray, simulator: str = "verilator") -> dict:
+    """Play recordings on the core and in the simulator; return what was compared, in which nothing differs."""
     comparison = compare(program, spikes, sources(), simulator)
     assert comparison["mismatches"] == 0, comparison
     assert comparison["cycles"] == comparison["predicted_cycles"]
@@ -61,6 +65,7 @@ def shipped(model: str, strategy: str) -> hw.ChipProgram:
 
 
 def recordings(model: str, count: int | None) -> np.ndarray:
+    """Return the first recordings of the example for a model, or all of them, (batch, steps, channels)."""
     return np.load(example_files(model)[0])["spikes"][:count].transpose(0, 2, 1)
 
 
@@ -68,7 +73,7 @@ def recordings(model: str, count: int | None) -> np.ndarray:
 def test_a_shipped_model():
     comparison = check(shipped("objects-hybrid", "dendrite"), recordings("objects-hybrid", 1))
     assert comparison["compared_values"] > 220_000
-    assert comparison["cycles"] == [200_082]
+    assert comparison["cycles"] == [200_082]  # which must not change by accident
 
 
 @verilator
@@ -83,12 +88,13 @@ def test_every_shipped_model(model, strategy):
     check(shipped(model, strategy), recordings(model, None))
 
 
-def check_random(drawn: any_program.Drawn, met: Counter[str]) -> None:
-    met.update(drawn.drawn)
-    met["values"] += check(drawn.program, drawn.spikes)["compared_values"]
+def check_random(drawn: any_program.Drawn, features: Counter[str]) -> None:
+    """Check a random program, and count what it had and did in ``features``."""
+    features.update(drawn.drawn)
+    features["values"] += check(drawn.program, drawn.spikes)["compared_values"]
     counts = hw.simulate(drawn.program, drawn.spikes, probe=()).counts
     for name in ("charge_wraps", "current_wraps", "voltage_clips", "spikes"):
-        met[name] += counts[name]
+        features[name] += counts[name]
 
 
 @verilator
@@ -100,18 +106,18 @@ def check_random(drawn: any_program.Drawn, met: Counter[str]) -> None:
     ],
 )
 def test_random_programs(strategy, many):
-    met: Counter[str] = Counter()
+    features: Counter[str] = Counter()
 
     @settings(SETTINGS, max_examples=many)
     @given(drawn=strategy)
     def play(drawn):
-        check_random(drawn, met)
+        check_random(drawn, features)
 
     play()
-    assert met["programs"] >= many // 2
+    assert features["programs"] >= many // 2
     # Wraps are rare in random programs; the benches have them.
     names = ["spikes", "voltage_clips", "joined compartments", "recurrent links"]
-    assert all(met[name] for name in names), met
+    assert all(features[name] for name in names), features
 
 
 @verilator
@@ -131,20 +137,19 @@ def test_icarus_does_the_same():
 
 @icarus
 def test_a_run_ends_with_its_last_answer(tmp_path, monkeypatch):
-    """Not when the core has been silent for long: a million cycles took a minute."""
+    """And not only after the long silence in which a core is given up: a million cycles take a minute."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    at_end = []
-    monkeypatch.setattr(
-        cosimulation,
-        "run",
-        lambda binary, folder, patience: at_end.append(
-            run_tool([*command_of(binary), "+patience=5000"], folder, "the open core")
-        ),
-    )
-    counted = sources()["bench.sv"].replace("$finish;", '$display("%0d", cycle); $finish;')
+    printed = []
+
+    def run_and_keep_output(binary, folder, patience):
+        command = [*command_of(binary), "+patience=5000"]
+        printed.append(run_tool(command, folder, "the open core"))
+
+    monkeypatch.setattr(cosimulation, "run", run_and_keep_output)
+    bench = sources()["bench.sv"].replace("$finish;", '$display("%0d", cycle); $finish;')
     program, spikes = benches.blocked()
-    compare(program, spikes, sources() | {"bench.sv": counted}, "icarus", benches.SIZES)
-    (cycles,) = map(int, at_end)
+    compare(program, spikes, sources() | {"bench.sv": bench}, "icarus", benches.SIZES)
+    (cycles,) = map(int, printed)
     assert 443 < cycles < 1000, "its recording takes 443"
 
 
@@ -153,21 +158,22 @@ def test_a_run_ends_with_its_last_answer(tmp_path, monkeypatch):
 def test_cosimulate_returns_what_simulate_does():
     program, spikes = hybrids.random_hybrid(3)
     probe = ("spikes", "u", "v", "potential", "activity")
-    ours = hw.simulate(program, spikes, probe=probe)
+    simulated = hw.simulate(program, spikes, probe=probe)
     core = hw.cosimulate(program, spikes, simulator="icarus", probe=probe)
     for kind in ("spikes", "u", "v", "potential"):
-        assert getattr(ours, kind).keys() == getattr(core, kind).keys()
-        assert all(
-            np.array_equal(array, getattr(core, kind)[name])
-            for name, array in getattr(ours, kind).items()
-        )
-    assert np.array_equal(ours.scores, core.scores)
-    assert ours.events == core.events
-    assert {name for name in ours.counts if ours.counts[name] != core.counts[name]} <= {
-        "skipped_steps",
-        "cycles",
-    }
-    assert (ours.counts["cycles"], core.counts["cycles"] > 0) == (0, True)
+        of_simulator = getattr(simulated, kind)
+        of_core = getattr(core, kind)
+        assert of_simulator.keys() == of_core.keys()
+        for name, array in of_simulator.items():
+            assert np.array_equal(array, of_core[name])
+    assert np.array_equal(simulated.scores, core.scores)
+    assert simulated.events == core.events
+    different = {name for name in simulated.counts if simulated.counts[name] != core.counts[name]}
+    assert different <= {"skipped_steps", "cycles"}
+    assert simulated.counts["cycles"] == 0
+    assert core.counts["cycles"] > 0
     for phase in ("time", "location"):
-        for a, b in zip(ours.activity[phase], core.activity[phase], strict=True):
-            assert all(np.array_equal(a.by_core[name], b.by_core[name]) for name in a.by_core)
+        steps = zip(simulated.activity[phase], core.activity[phase], strict=True)
+        for step_of_simulator, step_of_core in steps:
+            for name, by_core in step_of_simulator.by_core.items():
+                assert np.array_equal(by_core, step_of_core.by_core[name])

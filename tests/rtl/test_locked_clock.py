@@ -1,4 +1,7 @@
-"""Boards hold the core in reset until the PLL that makes its clock has locked."""
+"""The top module of a board holds the core in reset until the PLL that makes its clock has locked.
+
+Icarus Verilog plays the generated top with stand-ins for the PLL and the core.
+"""
 
 import shutil
 import subprocess

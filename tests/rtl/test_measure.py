@@ -1,4 +1,4 @@
-"""Rows of the table of resources in docs/research/hardware/resources-and-clock.md."""
+"""How `measure.py`, which writes the table of resources in docs/research/hardware/resources-and-clock.md, shows a failure."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 
 from hw_model.errors import InputError, TargetError
 
+# By case: what an error measured, and the reason that the row shows, in which a | would end the cell.
 REASONS = {
     "one line": ("no BELs remaining", "no BELs remaining"),
     "several lines": ("first\nsecond\n", "first"),
