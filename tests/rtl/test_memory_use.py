@@ -1,4 +1,4 @@
-"""What a program fills of each memory of the open core, next to the words that are loaded into it."""
+"""How full a program makes each memory of the open core, compared with the words that are loaded into it."""
 
 from collections import Counter
 from pathlib import Path
@@ -21,7 +21,7 @@ MEMORY_NUMBERS = {
     "channel_visits": ("05",),
     "phase_settings": ("07",),
 }
-"""How lines of a load name memories: their first two hexadecimal digits."""
+"""By memory, the first two hexadecimal digits of its lines in a load; constants lie in two memories."""
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,12 @@ def test_the_words_in_use_are_those_that_are_loaded(core: CoreProgram, memory: s
 
 
 def test_a_charge_waits_in_every_slot_of_a_compartment(core: CoreProgram) -> None:
-    # 32 and 36 neurons of each of two branches, three compartments each; no synapse has a delay,
-    # so two slots take turns.
+    # No synapse has a delay, so two slots take turns.
+    slots = 2
+    branches = 2
+    compartments_of_neuron = 3
+    neurons = 32 + 36  # hidden, and one per class
     use = memory_uses(core)["waiting_charges"]
-    assert (use.used_words, use.words, use.word_bits) == (2 * 2 * 3 * (32 + 36), 16 * 512, 18)
+    assert use.used_words == slots * branches * compartments_of_neuron * neurons
+    # The device has 16 slots for 512 compartments, and 18 bits for a charge.
+    assert (use.words, use.word_bits) == (16 * 512, 18)

@@ -1,4 +1,7 @@
-"""The stream's contract: errors are answered with their number, and leave no trace in the next recording."""
+"""The contract of the core's stream, as docs/reference/hardware/stream-and-memory-map.md has it.
+
+Errors are answered with their number, and leave no trace in the next recording; a stop drops a recording without an answer.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,12 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
 ]
 STOP = 3 << 16
+"""The word that drops a recording."""
 
 
 @pytest.fixture(scope="module")
 def play(cores_of_this_run, tmp_path_factory):
-    """Return the words of a recording, and a function that plays words and gives the answers."""
+    """Return a program on the core, the words of its recording, and a function that plays words and returns the answers."""
     program, spikes = benches.hybrid(22)
     core = CoreProgram(program, spikes.shape[1])
     sizes = sizes_for(core.needs, benches.SIZES)
@@ -38,6 +42,7 @@ def play(cores_of_this_run, tmp_path_factory):
     return core, words_of(core, spikes[0]), played
 
 
+# By case: the number of the error, and the words of a recording that has it.
 ERRORS = {
     "no such channel": (1, lambda core: [core.channels, TICK, END]),
     "the same event twice": (2, lambda core: [0, 0, TICK, END]),
@@ -53,31 +58,37 @@ ERRORS = {
 def answers(play):
     """Return the answer to the recording, then to each error and to the recording after it, all played in a row."""
     core, words, played = play
-    return played(
-        [*words, *(word for _, wrong in ERRORS.values() for word in (*wrong(core), *words))]
-    )
+    stream = [*words]
+    for _, words_with_error in ERRORS.values():
+        stream += [*words_with_error(core), *words]
+    return played(stream)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ERRORS)
 def test_an_error_is_answered_and_forgotten(answers, name):
-    before, *rest = answers
-    at = 2 * list(ERRORS).index(name)
-    error, after = rest[at : at + 2]
-    assert int(error[0]) == ERRORS[name][0]
-    assert before[0] == "0"
-    assert after == before
+    before, *others = answers
+    assert len(others) == 2 * len(ERRORS)
     assert len(before) == len(ANSWER)
-    assert len(rest) == 2 * len(ERRORS)
+    assert before[0] == "0"  # no error
+    place = 2 * list(ERRORS).index(name)
+    error, after = others[place : place + 2]
+    number, _ = ERRORS[name]
+    assert int(error[0]) == number
+    assert after == before
 
 
 @pytest.mark.slow
 def test_a_stop_is_not_answered_and_forgotten(play, answers):
     """After no word, in the middle and near the end of a recording; recordings follow each other."""
     _, words, played = play
-    begun = [words[: int(share * (len(words) - 1))] for share in (0.0, 0.3, 0.9)]
-    stopped = [word for part in begun for word in (*part, STOP, *words)]
-    assert played([*stopped, *words, *begun[1], STOP]) == [answers[0]] * 4
+    beginnings = [words[: int(share * (len(words) - 1))] for share in (0.0, 0.3, 0.9)]
+    stream = []
+    for beginning in beginnings:
+        stream += [*beginning, STOP, *words]
+    stream += [*words, *beginnings[1], STOP]
+    whole_recordings = 4
+    assert played(stream) == [answers[0]] * whole_recordings
 
 
 def test_words_hold_events_ticks_and_an_end(play):

@@ -1,4 +1,4 @@
-"""What the core cannot run is refused in one line that names it."""
+"""Programs that the open core cannot run are refused with a message of one line, which names the reason."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from tests.support import benches, hybrids
 from tests.support.register_units import KEEPS_ALL
 
 CHANNELS = 3
+"""Of all recordings here. A function for each reason makes a program that the core cannot run."""
 
 
 def branch(name: str, phase: Phase, lines: int = CHANNELS, *visits: dict):
+    """Return the graph of a small random branch in a phase; ``visits`` are the fields of its inputs."""
     r = np.random.default_rng(1)
     return hybrids.moved(hybrids.random_branch(r, name, lines, 2, benches.CHIP), phase, *visits)
 
@@ -33,6 +35,7 @@ def other_widths() -> hw.ChipProgram:
 
 
 def heavy_weights() -> hw.ChipProgram:
+    """A readout with the weight 0.1, which as a binary fraction has 53 bits."""
     return hybrids.program_of_graphs(
         benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5))
     )
@@ -92,17 +95,19 @@ CASES = {
 }
 
 
-def loaded(program: hw.ChipProgram) -> np.ndarray:
+def load_words(program: hw.ChipProgram) -> np.ndarray:
+    """Return the words of a program for recordings of 8 steps, in a core of just the sizes that it needs."""
     core = CoreProgram(program, 8)
     return core.load_words(core.needs)
 
 
-@pytest.mark.parametrize("make", CASES, ids=lambda make: make.__name__)
-def test_it_is_named(make):
-    program = make()
+@pytest.mark.parametrize(
+    ("program_of", "reason"), CASES.items(), ids=[program_of.__name__ for program_of in CASES]
+)
+def test_what_the_core_does_not_have_is_named(program_of, reason):
+    program = program_of()
     with pytest.raises(hw.TargetError) as caught:
-        loaded(program)
-    assert (
-        str(caught.value)
-        == f"program {program.name!r}: the open core has no {CASES[make]}. Simulate it instead."
+        load_words(program)
+    assert str(caught.value) == (
+        f"program {program.name!r}: the open core has no {reason}. Simulate it instead."
     )

@@ -1,4 +1,4 @@
-"""``locsnn rtl sim``: what it prints, and exit code 3 on a planted fault."""
+"""``locsnn rtl sim``: what it prints, exit code 3 on a planted fault, and where built simulators are kept."""
 
 from __future__ import annotations
 
@@ -20,38 +20,33 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def arguments(tmp_path):
-    """Return the arguments for a program and a recording of it."""
-    program, spikes = benches.hybrid(22)
-    program.save(tmp_path / "program")
+    """Return the arguments of the command for a small program and its recording."""
+    small, spikes = benches.hybrid(22)
+    small.save(tmp_path / "program")
     np.save(tmp_path / "spikes.npy", spikes.transpose(0, 2, 1))
     events = str(tmp_path / "spikes.npy")
-    return [
-        "rtl",
-        "sim",
-        str(tmp_path / "program"),
-        "--events",
-        events,
-        "--simulator",
-        "icarus",
-        "--json",
-    ]
+    program = str(tmp_path / "program")
+    return ["rtl", "sim", program, "--events", events, "--simulator", "icarus", "--json"]
+
+
+KEYS = [
+    "recordings",
+    "compared_values",
+    "mismatches",
+    "cycles",
+    "predicted_cycles",
+    "cycle_mismatches",
+    "assumptions",
+]
 
 
 @pytest.mark.slow
-def test_equal(cores_of_this_run, arguments, capsys):
-    """The core and the reference engine agree in every value and every cycle."""
+def test_the_core_and_the_simulator_agree_in_every_value_and_every_cycle(
+    cores_of_this_run, arguments, capsys
+):
     assert locsnn.main(arguments) == 0
     printed = json.loads(capsys.readouterr().out)
-    keys = [
-        "recordings",
-        "compared_values",
-        "mismatches",
-        "cycles",
-        "predicted_cycles",
-        "cycle_mismatches",
-        "assumptions",
-    ]
-    assert list(printed) == keys
+    assert list(printed) == KEYS
     assert printed["recordings"] == 1
     assert printed["mismatches"] == 0
     assert printed["cycle_mismatches"] == 0
@@ -59,7 +54,9 @@ def test_equal(cores_of_this_run, arguments, capsys):
 
 
 @pytest.mark.slow
-def test_a_fault(cores_of_this_run, arguments, capsys, monkeypatch):
+def test_a_fault_is_counted_and_ends_with_exit_code_3(
+    cores_of_this_run, arguments, capsys, monkeypatch
+):
     texts = benches.with_fault(simulators.sources())
     monkeypatch.setattr(simulators, "sources", lambda: texts)
     assert locsnn.main(arguments) == 3
@@ -74,7 +71,7 @@ def test_what_the_logic_leaves_undefined_equals_nothing(tmp_path):
 
 
 def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
-    """Who has no cache folder, or none to write to, or no home at all, gets one that goes with the process."""
+    """A user without a cache folder that can be written, or without a home, gets a folder that the process removes."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert simulators.cache_path("a") == tmp_path / "locsnn/a"
     monkeypatch.setattr("os.access", lambda *_: False)
@@ -98,14 +95,16 @@ def no_core(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def test_a_missing_simulator(no_core, arguments, capsys, monkeypatch):
+def test_a_simulator_that_is_not_installed_is_named(no_core, arguments, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert locsnn.main(arguments) == 2
     expected = "simulator 'icarus': iverilog is not installed. Install it with: apt-get install iverilog (Debian).\n"
     assert capsys.readouterr().err == expected
 
 
-def test_what_plays_a_built_core_is_missing(cores_of_this_run, arguments, capsys, monkeypatch):
+def test_a_missing_interpreter_of_a_built_core_is_named(
+    cores_of_this_run, arguments, capsys, monkeypatch
+):
     assert locsnn.main(arguments) == 0
     capsys.readouterr()
     monkeypatch.setenv("PATH", "")
