@@ -222,12 +222,19 @@ def _place(build: _Build) -> None:
         try:
             build.make(build.placement(seed))
         except InputError as error:
-            no_such_pin = _NO_SUCH_PIN.search(error.measured)
-            if no_such_pin is not None:
-                site = no_such_pin["ecp5"] or no_such_pin["ice40"]
-                raise _no_pin(build, site) from error
+            pin = pin_that_the_package_lacks(error.measured)
+            if pin is not None:
+                raise _no_pin(build, pin) from error
             # Any other failure of a placement is reported as a lack of room.
             raise _no_room(build, seed, error) from error
+
+
+def pin_that_the_package_lacks(printed: str) -> str | None:
+    """Return the pin that nextpnr names in its error, or None if it failed for another reason."""
+    no_such_pin = _NO_SUCH_PIN.search(printed)
+    if no_such_pin is None:
+        return None
+    return no_such_pin["ecp5"] or no_such_pin["ice40"]
 
 
 def _pack(build: _Build) -> None:
@@ -277,12 +284,12 @@ def _by_kind(cells: Mapping[str, int]) -> dict[str, int]:
     return by_kind
 
 
-def _no_pin(build: _Build, site: str) -> InputError:
+def _no_pin(build: _Build, missing_pin: str) -> InputError:
     """Return the error to raise if the package of a board lacks a pin, which a key of its
     description names."""
-    keys = [key for key, pin in build.described.pins() if pin.pin == site]
+    keys = [key for key, pin in build.described.pins() if pin.pin == missing_pin]
     where = ", ".join([build.where, *keys])
-    what = f"package {build.described.device.package} has no pin {site}"
+    what = f"package {build.described.device.package} has no pin {missing_pin}"
     return InputError(where, what, fix="Give a pin that the package has.")
 
 

