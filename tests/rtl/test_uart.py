@@ -1,4 +1,7 @@
-"""The serial line: bytes pass at rates that differ a little, and a board on a line does what it does without one."""
+"""The serial line of a board (uart_rx.sv, uart_tx.sv): bytes pass at rates that differ a little, and not at others.
+
+A board on a line does what it does without one. The SystemVerilog has no warning of Verilator.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +32,7 @@ verilator = pytest.mark.skipif(
 @icarus
 @pytest.mark.parametrize(
     ("bit", "host_bit"),
+    # Clock cycles of a bit, for board and host: at most 4 % apart, and the fewest that a bit may have.
     first_quick([(100, 104), (8, 8), (100, 100), (100, 98), (100, 102), (100, 96), (217, 213)], 2),
 )
 def test_every_byte_passes_at_a_rate_within_the_tolerance(tmp_path, bit, host_bit):
@@ -52,14 +56,15 @@ def desk(cores_of_this_run):
 def test_a_greeting_over_the_line(desk):
     port = desk.port(bit=8, patience=200)
     board = Board(port)
-    # A stop bit that lacks is told at once, and the next frame is heard.
-    port.write([256 + ord("a")])
-    broken = said(port)
+    # A missing stop bit is reported at once, and the next frame is understood.
+    byte_without_stop_bit = 256 + ord("a")
+    port.write([byte_without_stop_bit])
+    replies = said(port)
     welcome = say(port, HELLO, 3)
     port.close()
     assert board.sizes == desk.sizes
-    assert broken == [(ERROR, 1, b"\1")]
-    assert [found[:2] for found in welcome] == [(WELCOME, 3)]
+    assert replies == [(ERROR, 1, b"\1")]
+    assert [frame[:2] for frame in welcome] == [(WELCOME, 3)]
 
 
 @verilator

@@ -1,4 +1,7 @@
-"""Bounds on the cycles of the open core: on programs of any phases with hostile recordings, and by hand."""
+"""Bounds on the cycles of the open core hold for programs of any phases and recordings made to take long.
+
+The cycles of a recording are those that `predicted_cycles` gives, which simulations of the core confirm.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,15 @@ SIZES = (
     replace(SIMULATED, groups=1),
     replace(SIMULATED, places=1024),
 )
-"""As the simulated core is; the second phase hears events on arrival; rows of the buffer together; places of
-compartments that phases share."""
+"""Sizes as the simulated core has them; with room for a second phase that hears events on arrival; with rows that share
+sources; with places that phases share."""
 
 
 def check_cores(seed: int) -> int:
-    """Check the bounds of a case at the rate of each of its recordings, on cores of all sizes; return how many."""
+    """Check the bounds for the program of a seed, on cores of all sizes; return how many recordings were checked.
+
+    The bound for a recording is that for its largest number of events in a step.
+    """
     case = any_phases.case(seed, plain=True)
     program = case.program
     if not case.rows or case.steps is not None:
@@ -40,7 +46,7 @@ def check_cores(seed: int) -> int:
         try:
             core = CoreProgram(program, case.rows, None, sizes)
         except hw.TargetError:
-            continue
+            continue  # the core cannot run the program
         costs = core_costs(core)
         cycles = predicted_cycles(core, all_streams, spikes)
         for cycles_taken, events_per_step in zip(cycles, largest_rates.tolist(), strict=True):
@@ -60,13 +66,13 @@ def test_bounds_hold_on_many_programs_of_any_phases() -> None:
 
 
 @pytest.mark.slow
-def test_the_buffer_holds_no_more_than_the_rate_brings() -> None:
+def test_the_buffer_holds_no_more_events_than_the_bound() -> None:
     for seed in range(60):
         case = any_phases.case(seed)
         if not case.rows:
             continue
         transposed = [item for item in case.program.inputs if item.positions is not None]
-        buffered_rows = {}
+        buffered_rows: dict[str, int] = {}  # of each stream, what its longest visits read
         for item in transposed:
             buffered_rows[item.stream] = max(item.rows, buffered_rows.get(item.stream, 0))
         events = 0
