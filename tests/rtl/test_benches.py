@@ -37,9 +37,9 @@ from tests.support.benches import (
     windows,
 )
 from tests.support.desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
-from tests.support.faults import Fault
 from tests.support.hybrids import graph_in_phase, program_of_graphs
 from tests.support.marks import first_quick, sampled
+from tests.support.planted_faults import Fault
 
 pytestmark = [
     pytest.mark.usefixtures("cores_of_this_run"),

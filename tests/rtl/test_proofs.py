@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 from hw_model.rtl.simulators import sources
-from tests.support.faults import Fault
 from tests.support.marks import sampled, slow
+from tests.support.planted_faults import Fault
 
 HERE = Path(__file__).parent
 BOARDS = HERE.parents[1] / "hw_model/rtl/boards"

@@ -15,8 +15,8 @@ import pytest
 from hw_model.rtl.simulators import sources
 from tests.support import benches
 from tests.support.benches import STOPPING_CLOCK_GATE, differ
-from tests.support.faults import Fault
 from tests.support.marks import sampled
+from tests.support.planted_faults import Fault
 
 pytestmark = [
     pytest.mark.minutes,

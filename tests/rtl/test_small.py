@@ -32,7 +32,7 @@ from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 from tests.support import benches, hybrids
 from tests.support.benches import differ
-from tests.support.faults import Fault
+from tests.support.planted_faults import Fault
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = replace(benches.SIZES, join=0, one_port=1, phase_words=8)
