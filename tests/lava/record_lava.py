@@ -1,6 +1,7 @@
-"""Write what Lava does with emitted folders, and with faulty ones: ``python -m tests.lava.record_lava PYTHON``.
+"""Record what Lava, Intel's framework, does with emitted folders and with faulty ones: the witness of the tests.
 
-PYTHON is one that has lava-nc 0.10.0.
+Run ``python -m tests.lava.record_lava PYTHON``, where PYTHON is an interpreter that has lava-nc 0.10.0. The result is a
+file next to this one, so that the tests need no Lava.
 """
 
 from __future__ import annotations
@@ -26,28 +27,31 @@ from tests.support.lava_folders import (
 
 DRIVER = Path(__file__).parents[1] / "peers" / "drive_lava.py"
 RECORDED = Path(__file__).parent / "recorded-by-lava.npz"
-"""By ``name/network/key`` what Lava was given, and by ``name/played/key`` what it did.
+"""The arrays ``name/network/key`` are Lava's input for a program, ``name/played/key`` its output.
 
-``fault-K/program`` is the program in which the fault K was planted.
+``fault-K/program`` is the name of the program in which fault K was planted.
 """
 SEEDS = range(6)
+"""Seeds of the random programs."""
+TIMEOUT_SECONDS = 7200
 
 
 def ask_lava(python: Path | str, folder: Path, driver: Path = DRIVER) -> dict[str, Arrays]:
-    """Return what Lava does with the folders below a folder, by their names."""
+    """Return what Lava does with each of the emitted folders in ``folder``, by their names."""
     results = folder.with_name(f"{folder.name}-results")
     results.mkdir(exist_ok=True)
     script = folder.with_name(f"{folder.name}-network.py")
     script.write_bytes(next(folder.glob("*/network.py")).read_bytes())
     call = [str(python), str(driver), str(script), str(folder), str(results)]
-    subprocess.run(call, check=True, timeout=7200)
+    subprocess.run(call, check=True, timeout=TIMEOUT_SECONDS)
     return {path.stem: arrays_of(path) for path in sorted(results.iterdir())}
 
 
 def write_faulty(folder: Path, sound: Mapping[str, Path], script: Any) -> dict[str, str]:
-    """Write one folder for each fault, and return the name of its program by that of the folder.
+    """Write a folder for each fault; return the name of the faulty program, by the name of the folder.
 
-    It is the first program that tells the fault in the stand-in, which must do what Lava does.
+    The fault is planted in the first program in which it makes a difference, as played by the stand-in for Lava. (A
+    test checks that the stand-in does what Lava does.)
     """
     programs = {}
     for number, fault in enumerate(FAULTS.values()):
@@ -63,7 +67,7 @@ def write_faulty(folder: Path, sound: Mapping[str, Path], script: Any) -> dict[s
 
 
 def main() -> None:
-    """Play all programs and all faults."""
+    """Play all programs and all faults with Lava, and write the record."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "folders"
         sound = {key: write_folder(folder / key, case) for key, case in cases(SEEDS).items()}

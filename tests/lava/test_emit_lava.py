@@ -1,4 +1,8 @@
-"""``--emit lava``: a script of Lava processes that compares itself, and what it refuses."""
+"""``--emit lava``: a script that plays the program with Lava and compares it, and programs that it refuses.
+
+Here the script runs with a stand-in for Lava. That the stand-in does what Lava 0.10.0 does is checked in
+``test_recorded_lava.py``. Planted faults of the emitter must be noticed.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +29,14 @@ from tests.support.lava_folders import (
 from tests.support.lava_programs import edge_cases, random_case, steered_case
 
 SEEDS = range(12)
+"""Seeds of the random programs."""
 OTHER = "or emit another kind."
+"""The end of most errors."""
 
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of packages with the stand-in for Lava."""
     return write_stand_in(tmp_path_factory.mktemp("packages"))
 
 
@@ -42,26 +49,28 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The emitted script, with the stand-in in the place of Lava."""
+    """The emitted script as a module, with the stand-in in the place of Lava."""
     return stand_in_script(tmp_path_factory.mktemp("script"))
 
 
 @pytest.mark.slow
 def test_every_spike_and_register_is_that_of_the_program(script, folders):
     for name, folder in folders.items():
-        found = play_file(script, folder / "network.npz")
-        assert differences(found, arrays_of(folder / "expected.npz")) == 0, name
+        played = play_file(script, folder / "network.npz")
+        assert differences(played, arrays_of(folder / "expected.npz")) == 0, name
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_the_emitter_is_told(fault, script, folders, tmp_path):
-    def is_told(folder: Path) -> bool:
+def test_a_fault_of_the_emitter_is_noticed(fault, script, folders, tmp_path):
+    """In at least one of the programs."""
+
+    def is_noticed(folder: Path) -> bool:
         arrays = FAULTS[fault](arrays_of(folder / "network.npz"))
         np.savez(tmp_path / "network.npz", **arrays)
-        found = play_file(script, tmp_path / "network.npz")
-        return differences(found, arrays_of(folder / "expected.npz")) > 0
+        played = play_file(script, tmp_path / "network.npz")
+        return differences(played, arrays_of(folder / "expected.npz")) > 0
 
-    assert any(map(is_told, folders.values()))
+    assert any(map(is_noticed, folders.values()))
 
 
 def test_the_script_says_how_many_values_are_equal(folders, packages):
@@ -93,6 +102,7 @@ def test_a_population_is_split_by_threshold_and_decays(tmp_path):
     builder.connect(line, neurons, np.full((4, 1), 20))
     folder = write_folder(tmp_path / "lava", (builder.build(), np.ones((5, 1), np.uint8)))
     arrays = arrays_of(folder / "network.npz")
+    # Lava's decay is one less: its neurons lose 1 part of 4096 more than `du` says.
     processes = [
         tuple(arrays[f"run0/neurons{k}/{name}"].tolist() for name in ("index", "du", "vth"))
         for k in range(3)
@@ -106,7 +116,7 @@ def test_equal_input_gives_equal_bytes():
 
 
 def program_with(exponent: int = 0, **settings: int) -> hw.ChipProgram:
-    """Return a program of one neuron that is usual but for some settings."""
+    """Return a program of one neuron with usual parameters, except those in ``settings``."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     line = builder.add_input("x", 1)
     usual = {"decay_u": 100, "decay_v": 50, "threshold": 900}
@@ -116,6 +126,7 @@ def program_with(exponent: int = 0, **settings: int) -> hw.ChipProgram:
 
 
 def joined_program() -> hw.ChipProgram:
+    """Return a program with a dendrite that is joined to a soma."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     line = builder.add_input("x", 1)
     soma = builder.add_compartments("soma", 1, decay_u=100, threshold=900)
@@ -125,6 +136,7 @@ def joined_program() -> hw.ChipProgram:
 
 
 def wrapping_program() -> hw.ChipProgram:
+    """Return a program whose current wraps after a few spikes, since it hardly decays."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     line = builder.add_input("x", 1)
     neuron = builder.add_compartments("h", 1, decay_u=1, threshold=900)
@@ -133,6 +145,8 @@ def wrapping_program() -> hw.ChipProgram:
 
 
 ONES = np.ones((8, 1), dtype=np.uint8)
+"""A recording with a spike in every step."""
+# By what is refused: a program, or a function that makes it, with a recording, and the error.
 REFUSED = {
     "joined compartments": (
         (joined_program, ONES),
@@ -190,6 +204,7 @@ def test_what_lava_plays_otherwise_is_refused_by_name(name):
     assert str(error.value) == f"--emit lava, {message}"
 
 
-def test_a_program_without_wraps_is_written_although_others_wrap():
+def test_a_program_that_wraps_is_written_for_a_recording_in_which_it_does_not():
+    # In 3 steps, the current does not wrap yet.
     files = bench_files(wrapping_program(), ["lava"], ONES[:3])
     assert sorted(files) == ["lava/expected.npz", "lava/network.npz", "lava/network.py"]

@@ -1,4 +1,8 @@
-"""What Lava 0.10.0 did with emitted programs, recorded: it says no without Lava."""
+"""Emitted programs against what Lava 0.10.0 was recorded to do with them (``record_lava.py``), so without Lava.
+
+Lava's input must be what is emitted today, and its output what our engine computes. Planted faults of the emitter made a
+difference in Lava, too. The stand-in for Lava, which other tests use, must do what Lava did.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,7 @@ from tests.support.lava_folders import (
 
 @pytest.fixture(scope="module")
 def recorded() -> Mapping[str, Arrays]:
-    """All that was recorded, by the name of the program or fault."""
+    """The recorded arrays of each program or fault, by its name."""
     parts: dict[str, Arrays] = {}
     for key, array in arrays_of(RECORDED).items():
         name, part = key.split("/", 1)
@@ -31,16 +35,16 @@ def recorded() -> Mapping[str, Arrays]:
 
 
 def below(arrays: Arrays, folder: str) -> Arrays:
-    """Return the arrays below a folder, by the rest of their keys."""
-    begin = f"{folder}/"
+    """Return the arrays whose keys begin with ``folder/``, by the rest of their keys."""
+    prefix = f"{folder}/"
     return {
-        key.removeprefix(begin): array for key, array in arrays.items() if key.startswith(begin)
+        key.removeprefix(prefix): array for key, array in arrays.items() if key.startswith(prefix)
     }
 
 
 @pytest.fixture(scope="module")
 def emitted(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[Arrays, Arrays]]:
-    """What is emitted today, with the spikes and registers that it expects."""
+    """What is emitted today: for each program, the arrays for Lava, and the expected spikes and registers."""
     top = tmp_path_factory.mktemp("emitted")
     folders = {name: write_folder(top / name, case) for name, case in cases(SEEDS).items()}
     return {
@@ -51,7 +55,7 @@ def emitted(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[Arra
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The emitted script, with the stand-in in the place of Lava."""
+    """The emitted script as a module, with the stand-in in the place of Lava."""
     return stand_in_script(tmp_path_factory.mktemp("script"))
 
 
@@ -66,7 +70,9 @@ def test_lava_did_what_our_engine_does(recorded, emitted):
 
 
 @pytest.mark.parametrize("number", range(len(FAULTS)), ids=list(FAULTS))
-def test_lava_tells_a_fault_of_the_emitter(number, recorded, emitted, script, tmp_path):
+def test_lava_shows_a_fault_of_the_emitter_as_the_stand_in_does(
+    number, recorded, emitted, script, tmp_path
+):
     played = below(recorded[f"fault-{number}"], "played")
     arrays, expected = emitted[str(recorded[f"fault-{number}"]["program"])]
     assert differences(played, expected) > 0
@@ -78,5 +84,5 @@ def test_lava_tells_a_fault_of_the_emitter(number, recorded, emitted, script, tm
 def test_the_stand_in_does_what_lava_did(recorded, emitted, script, tmp_path):
     for name in emitted:
         np.savez(tmp_path / "network.npz", **below(recorded[name], "network"))
-        found = play_file(script, tmp_path / "network.npz")
-        assert differences(found, below(recorded[name], "played")) == 0, name
+        played = play_file(script, tmp_path / "network.npz")
+        assert differences(played, below(recorded[name], "played")) == 0, name

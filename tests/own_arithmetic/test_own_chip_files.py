@@ -1,4 +1,4 @@
-"""Chip files of users: each is read as one of the family whose keys it has, and programs carry it."""
+"""Chip files of users: a file's keys decide its family, mistakes are named, and programs carry the chip with them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ from hw_model.targets.programs import load_any_program
 from hw_model.xylo.chips import XyloChip
 
 STEPS = 6
+"""The steps of recordings."""
 
 
 def chip_file(folder: Path, shipped: str, **changes: object) -> str:
-    """Write the file of a chip that ships, with changes, and return its path; None leaves a key out."""
+    """Write the file of a chip that ships, named ``own`` and with changes, and return its path.
+
+    A change to None leaves the key out.
+    """
     document = yaml.safe_load(family_of(shipped).document(shipped)) | {"name": "own"} | changes
     path = folder / "own.yaml"
-    known = {key: value for key, value in document.items() if value is not None}
-    path.write_text(yaml.safe_dump(known))
+    entries = {key: value for key, value in document.items() if value is not None}
+    path.write_text(yaml.safe_dump(entries))
     return str(path)
 
 
@@ -32,11 +36,12 @@ def chip_file(folder: Path, shipped: str, **changes: object) -> str:
     [("tiny-sim", hw.Chip), ("xylo-audio3", XyloChip), ("spinnaker1", SpinnakerChip)],
 )
 def test_a_chip_file_is_read_by_its_family(shipped, kind, tmp_path):
-    found = chip_named(chip_file(tmp_path, shipped))
-    assert isinstance(found, kind)
-    assert found.name == "own"
+    chip = chip_named(chip_file(tmp_path, shipped))
+    assert isinstance(chip, kind)
+    assert chip.name == "own"
 
 
+# By mistake: the chip whose file is changed, with the changes, and the error.
 REFUSED = {
     "a key that a Xylo lacks": (
         {"shipped": "xylo-audio3", "cores": 3},
@@ -69,9 +74,9 @@ REFUSED = {
 
 @pytest.mark.parametrize("mistake", REFUSED)
 def test_mistakes_are_named(mistake, tmp_path):
-    asked, message = REFUSED[mistake]
+    arguments, message = REFUSED[mistake]
     with pytest.raises(hw.InputError) as error:
-        chip_named(chip_file(tmp_path, **asked))
+        chip_named(chip_file(tmp_path, **arguments))
     assert str(error.value) == message
 
 
@@ -83,21 +88,27 @@ def test_a_file_that_is_no_mapping_is_refused(tmp_path):
 
 
 def network_for(shipped: str) -> lc.Network:
-    """Two neurons behind two lines, of a kind that a chip has."""
-    leak = {"decay_u": 0.5, "decay_v": 0.5, "threshold": 1.0}
-    is_xylo = shipped.startswith("xylo")
-    neurons = lc.SoftCuba.of(2, drop=0.5, **leak) if is_xylo else lc.Cuba.of(2, **leak)
+    """Return two layers of two neurons behind two lines, with neurons of a kind that the chip has."""
+    parameters = {"decay_u": 0.5, "decay_v": 0.5, "threshold": 1.0}
+    if shipped.startswith("xylo"):
+        # On a Xylo, a spike subtracts the threshold; the decayed threshold, in the next step.
+        neurons: lc.SoftCuba | lc.Cuba = lc.SoftCuba.of(2, drop=0.5, **parameters)
+    else:
+        neurons = lc.Cuba.of(2, **parameters)
     return lc.Network(
-        "pair",
-        2,
-        STEPS,
-        (lc.InputView("touch", "time", 2),),
-        (lc.Population("hidden", "time", 2, neurons), lc.Population("scores", "time", 2, neurons)),
-        (
+        name="pair",
+        channels=2,
+        steps=STEPS,
+        views=(lc.InputView("touch", "time", 2),),
+        populations=(
+            lc.Population("hidden", "time", 2, neurons),
+            lc.Population("scores", "time", 2, neurons),
+        ),
+        projections=(
             lc.Projection("touch", "hidden", np.diag([1.2, 0.25])),
             lc.Projection("hidden", "scores", np.diag([1.2, 1.2])),
         ),
-        lc.Readout(("scores",), (1.0,)),
+        readout=lc.Readout(("scores",), (1.0,)),
         step_seconds=1e-3,
     )
 
@@ -115,6 +126,7 @@ def test_a_program_carries_a_chip_that_does_not_ship(shipped, changes, tmp_path)
     events = np.ones((1, STEPS, 2), np.uint8)
     compiled = lc.compile(network_for(shipped), target=target, events=events)
     compiled.save(tmp_path / "build")
+    # The program can be played although the chip file is gone.
     Path(target).unlink()
     assert load_any_program(tmp_path / "build").chip == compiled.program.chip
     compiled.save(tmp_path / "again")

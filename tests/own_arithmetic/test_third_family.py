@@ -1,7 +1,7 @@
-"""A made-up family of chips, put together from what families share: check, report and refusals.
+"""A made-up family of chips, built only from what families share: the check, the report and refusals.
 
-Its chip computes as the float network does, but loses every spike of neuron 1 of the hidden ones in
-step 3, and counts as told.
+Its chip computes as the float network does, but loses every spike of hidden neuron 1 in step 3. Its counts are made up.
+So every figure of the check and the report is known by hand.
 """
 
 from __future__ import annotations
@@ -61,7 +61,12 @@ from locsnn_compile.settings import Setting
 
 STEPS = 8
 SAMPLES = BATCH + 2
-LOSES = "no table of this chip is known"
+"""Recordings of one full batch, and two of a second batch."""
+LOST_STEP = 3
+LOST_NEURON = 1
+"""The step and the hidden neuron whose spike the chip loses."""
+NO_TABLE = "no table of this chip is known"
+"""The reason for unknown figures in the report."""
 
 
 class Counts(Sums):
@@ -90,7 +95,7 @@ class Figures(LastEntries, _Own):
 
 
 def relay(size: int) -> lc.Cuba:
-    """Neurons that spike one step after each event, and forget everything else."""
+    """Return neurons that spike one step after each event, and forget everything else."""
     return lc.Cuba.of(size, decay_u=1.0, decay_v=1.0, threshold=0.5)
 
 
@@ -117,7 +122,7 @@ def network() -> lc.Network:
 
 @pytest.fixture(scope="module")
 def recordings() -> Recordings:
-    """Silence, but for the last two: channel 1 in steps 0 and 2, in the second batch."""
+    """Silent recordings, except the last two, which have an event on channel 1 in steps 0 and 2."""
     spikes = np.zeros((SAMPLES, STEPS, 2), np.uint8)
     spikes[-2:, [0, 2], 1] = 1
     labels = np.ones(SAMPLES, dtype=np.int64)
@@ -125,15 +130,25 @@ def recordings() -> Recordings:
 
 
 def compare_batch(network: lc.Network, batch: Batch) -> BatchMatch[Counts]:
+    """Play a batch on the made-up chip, and compare it with the network."""
     reference = evaluate(network, batch.spikes, potentials=True)
     spikes = {name: array.copy() for name, array in reference.spikes.items()}
-    spikes["hidden"][:, 3, 1] = 0
-    scores = 4 * network.readout.scores(spikes, {})
-    counts = [Counts(10, 20, int(each.sum()), 1) for each in spikes["hidden"]]
+    spikes["hidden"][:, LOST_STEP, LOST_NEURON] = 0
+    score_scale = 4.0
+    scores = score_scale * network.readout.scores(spikes, {})
+    counts = [
+        Counts(
+            synaptic_ops=10,
+            neuron_updates=20,
+            spikes=int(spikes_of_recording.sum()),
+            input_events=1,
+        )
+        for spikes_of_recording in spikes["hidden"]
+    ]
     run = ProgramRun(
         spikes=spikes,
         scores=scores,
-        score_scale=4.0,
+        score_scale=score_scale,
         counts=tuple(counts),
         counts_by_phase={"time": sum(counts, start=Counts())},
         potential_at=lambda place: 0.25,
@@ -143,16 +158,20 @@ def compare_batch(network: lc.Network, batch: Batch) -> BatchMatch[Counts]:
 
 @pytest.fixture(scope="module")
 def match(network, recordings) -> ProgramMatch[Counts]:
-    done = []
-    sums = sum_of_batches(
-        network, recordings, partial(compare_batch, network), lambda *each: done.append(each)
-    )
-    assert done == [(BATCH, SAMPLES), (SAMPLES, SAMPLES)]
+    """The comparison of all recordings. After each batch, progress is reported."""
+    progress = []
+
+    def report_progress(compared: int, samples: int) -> None:
+        progress.append((compared, samples))
+
+    sums = sum_of_batches(network, recordings, partial(compare_batch, network), report_progress)
+    assert progress == [(BATCH, SAMPLES), (SAMPLES, SAMPLES)]
     return match_of_all(network, recordings, sums)
 
 
 @pytest.fixture(scope="module")
 def figures(network, match) -> Figures:
+    """The content of the report."""
     grounds = Grounds(0.001, "given", ("It is made up.",))
     limits = {"neurons": LimitUse(4, 16), "inputs": LimitUse(2, 4)}
     return Figures(
@@ -160,9 +179,17 @@ def figures(network, match) -> Figures:
         target="made-up",
         strategy="native",
         weight_bits=8,
-        energy=EnergyNotKnown(not_included=(LOSES,)),
-        latency=TimeNotKnown(basis=LOSES, recording_ns=recording_ns(network, grounds)),
-        resources=ProgramUse(1, 4, 4, 32, 2, 2, limits),
+        energy=EnergyNotKnown(not_included=(NO_TABLE,)),
+        latency=TimeNotKnown(basis=NO_TABLE, recording_ns=recording_ns(network, grounds)),
+        resources=ProgramUse(
+            cores=1,
+            compartments=4,
+            synapses=4,
+            synapse_bits=32,
+            axons_in=2,
+            axons_out=2,
+            limits=limits,
+        ),
         skipped=skipped_entry(grounds, events_dropped=5),
         quantization={"hidden": Numbers(0.5)},
     )
@@ -184,9 +211,12 @@ def test_spikes_and_predictions_are_counted_over_all_batches(match):
 
 def test_the_first_spike_that_differs_is_of_the_second_batch(match):
     first = match.first_divergence
-    assert (first.recording, first.population, first.neuron, first.step) == (BATCH, "hidden", 1, 3)
-    potentials = (first.reference_potential, first.chip_potential, first.threshold)
-    assert potentials == (1.0, 0.25, 0.5)
+    assert first.recording == BATCH
+    assert first.population == "hidden"
+    assert (first.neuron, first.step) == (LOST_NEURON, LOST_STEP)
+    assert first.reference_potential == 1.0
+    assert first.chip_potential == 0.25
+    assert first.threshold == 0.5
 
 
 def test_the_report_has_the_entries_of_the_family_before_the_last_ones(figures):
@@ -205,7 +235,7 @@ def test_the_report_has_the_entries_of_the_family_before_the_last_ones(figures):
         "source": None,
         "per_sample_pj": None,
         "breakdown_pj": None,
-        "not_included": [LOSES],
+        "not_included": [NO_TABLE],
     }
     assert report["latency"]["recording_ns"] == STEPS * 1e6
     assert report["skipped"]["events_dropped"] == 5
@@ -215,10 +245,12 @@ def test_the_report_has_the_entries_of_the_family_before_the_last_ones(figures):
 def test_the_page_says_what_the_family_has(figures):
     page = FamilyPage(
         lowering="as they are",
-        costs=costs_verdict(figures, "Energy not known", f"Energy is not known, because {LOSES}."),
+        costs=costs_verdict(
+            figures, "Energy not known", f"Energy is not known, because {NO_TABLE}."
+        ),
         fits=fits_verdict(figures, "4 of 16 neurons", taker="The program"),
-        worst=worst_verdict("not known", "no times", f"It is not known, because {LOSES}."),
-        not_known={"energy": LOSES},
+        worst=worst_verdict("not known", "no times", f"It is not known, because {NO_TABLE}."),
+        not_known={"energy": NO_TABLE},
         notices=(),
         sections=(
             operations_section(figures.operations, "What is counted."),
@@ -239,7 +271,7 @@ def test_the_page_says_what_the_family_has(figures):
         "What is not known?",
     ]
     text = render_markdown(report)
-    assert f"**How fast at worst? Not known.** It is not known, because {LOSES}." in text
+    assert f"**How fast at worst? Not known.** It is not known, because {NO_TABLE}." in text
     assert "Not known: other recordings and energy." in text
     assert "relay on made-up" in text
     assert f"8-bit weights, as they are, {SAMPLES} recordings of by hand" in text

@@ -1,4 +1,7 @@
-"""A network that a chip cannot hold is refused for that, whatever else was asked that it lacks."""
+"""If both the network and an option do not suit the chip, the error is about the network.
+
+Otherwise a user would remove the option, only to learn that the network does not fit.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ RESETTING = lc.Cuba.of(1, decay_u=0.5, decay_v=0.25, threshold=2.0)
 
 
 def one_neuron(neuron: lc.Cuba | lc.SoftCuba) -> lc.Network:
-    """A neuron that hears two channels."""
+    """Return a network of one neuron behind two channels."""
     return lc.Network(
         name="small",
         channels=2,

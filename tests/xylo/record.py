@@ -1,6 +1,7 @@
-"""Write what xylosim says of random and of compiled networks: ``python -m tests.xylo.record PYTHON``.
+"""Record what xylosim, the vendor's simulator, does with random and with compiled networks: the witness of the tests.
 
-PYTHON is one that has xylosim.
+Run ``python -m tests.xylo.record PYTHON``, where PYTHON is an interpreter that has xylosim. The results are files next to
+this one, so that the tests need no xylosim.
 """
 
 from __future__ import annotations
@@ -22,19 +23,20 @@ from tests.support.witness_files import RECORDED, RECORDED_COMPILED, read, write
 
 DRIVER = Path(__file__).parents[1] / "peers" / "drive_xylosim.py"
 SEEDS = (2, 3, 5, 6, 8, 10, 16, 18, 20, 23, 33, 39)
-"""Small networks, in two of which charges wrap."""
-
+"""Seeds of small random networks, in two of which charges wrap."""
+TIMEOUT_SECONDS = 1800
 
 Case = tuple[XyloNetwork, np.ndarray]
+"""A network, and the rows of input events that are played to it."""
 
 
 def ask_witness(
     python: Path | str, cases: Iterable[Case], folder: Path
 ) -> list[dict[str, np.ndarray]]:
-    """Return what xylosim does with networks and rows of events, a mapping of registers for each."""
+    """Return what xylosim does with networks and rows of events: a mapping of registers per network."""
     write_networks(folder / "networks.npz", cases)
     call = [str(python), str(DRIVER), str(folder / "networks.npz"), str(folder / "result.npz")]
-    subprocess.run(call, check=True, timeout=1800)
+    subprocess.run(call, check=True, timeout=TIMEOUT_SECONDS)
     return read(folder / "result.npz")
 
 
@@ -49,7 +51,7 @@ def compiled_cases() -> list[Case]:
 
 
 def record(python: str, cases: Sequence[Case], path: Path) -> None:
-    """Write networks, events, and what the witness did."""
+    """Write networks, events, and what xylosim did, into one file."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         arrays = {}

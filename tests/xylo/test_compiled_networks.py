@@ -1,4 +1,8 @@
-"""Networks of leaky neurons compiled for a Xylo: their integers, their spikes, and the report."""
+"""Networks of leaky neurons compiled for a Xylo: their integers, their spikes, and the report.
+
+Independent answers: what xylosim, the vendor's simulator, was recorded to do with these very programs (the *witness*),
+integers worked out by hand, and the float equations written down once more.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +35,7 @@ WEIGHTS = ("weights_in", "weights_hidden", "weights_out", "shift_in", "shift_hid
 
 
 def compiled_for(network: lc.Network, target: str = "xylo-audio3", **options: object):
+    """Compile a network, checked on the usual recordings."""
     return lc.compile(network, target=target, events=touches(), **options)
 
 
@@ -49,8 +54,10 @@ def test_a_compiled_network_plays_as_in_xylosim(name):
 
 
 def test_the_recorded_compiled_networks_spike_often_and_saturate():
+    """Otherwise the comparison with them would show little."""
     spikes = {name: int(witness["spikes"].sum()) for name, witness in WITNESS.items()}
     assert min(spikes.values()) > 20
+    # In a row, some neuron spikes about half as often as it can, 31 times.
     assert max(int(witness["spikes"].max()) for witness in WITNESS.values()) > 15
     busiest = WITNESS["saturating"]
     events = play_xylo(network_of(busiest), busiest["events"]).events
@@ -106,7 +113,7 @@ def test_a_threshold_that_need_only_be_reached_gets_no_extra_unit():
         target="xylo-imu",
         events=np.zeros((1, STEPS, 1), np.uint8),
     ).program
-    # The chip's peak is half of the neuron's: 2 * 254 2^level / 2.
+    # The chip's peak is half of the neuron's, so the threshold is 2 * 254 2^level / 2; the shift is the level.
     shift = program.network.shift_in
     assert program.network.hidden.threshold.tolist() == [254 << shift]
     assert program.network.hidden.dash_mem.tolist() == [0]
@@ -116,7 +123,10 @@ def test_a_threshold_that_need_only_be_reached_gets_no_extra_unit():
     ("decay_u", "decay_v"), [(0.5, 0.25), (0.25, 0.25), (0.3, 0.02), (0.1, 1.0)], ids=str
 )
 def test_the_peak_of_a_float_response_is_that_of_the_recursion(decay_u, decay_v):
-    i, v, highest = 1.0, 0.0, 0.0
+    i = 1.0
+    v = 0.0
+    highest = 0.0
+    # Long enough for the slowest of these neurons to peak.
     for _ in range(2000):
         v = (1 - decay_v) * v + i
         i = (1 - decay_u) * i
@@ -129,9 +139,9 @@ def test_weights_are_within_half_a_unit_of_what_their_scale_asks_for():
     parts = {p.target: p for p in compiled.network.projections if p.source != p.target}
     program = compiled.program
     scale = compiled.quantized.hidden_scales.current[program.places["first"]]
-    wanted = parts["first"].weights.T * scale
-    held = program.network.weights_in[:, program.places["first"], 0] << program.network.shift_in
-    assert np.abs(held - wanted).max() <= 2**program.network.shift_in / 2
+    exact = parts["first"].weights.T * scale
+    stored = program.network.weights_in[:, program.places["first"], 0] << program.network.shift_in
+    assert np.abs(stored - exact).max() <= 2**program.network.shift_in / 2
     assert np.abs(program.network.weights_in).max() == xylo.WEIGHT_MAX
 
 
@@ -157,7 +167,7 @@ def test_the_small_group_of_synapses_gets_the_smaller_shift():
 
 @pytest.mark.parametrize("rate", [0.1, 0.5, 1.0], ids=str)
 def test_nothing_saturates_upwards_while_sources_send_once_in_a_step(rate):
-    """The level was chosen so: here hidden neurons are excited by as many events as there can be."""
+    """The compiler chose the level for that. At a rate of 1, as many events arrive as there can be."""
     populations = (
         lc.Population("hidden", TIME, 6, soft(6, 0.25, 0.125, 2.0)),
         lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),
@@ -191,11 +201,12 @@ def test_step_t_of_the_program_is_step_t_of_the_network():
 def test_the_last_row_of_a_recording_would_act_after_it_and_is_not_played():
     compiled = compiled_for(small_network())
     recording = touches(1)
-    other = recording.copy()
-    other[:, -1] = 1 - other[:, -1]
-    one, two = (play_program(compiled.program, each) for each in (recording, other))
-    assert np.array_equal(one.spikes["first"], two.spikes["first"])
-    assert one.counts == two.counts
+    inverted_end = recording.copy()
+    inverted_end[:, -1] = 1 - inverted_end[:, -1]
+    played = play_program(compiled.program, recording)
+    played_inverted = play_program(compiled.program, inverted_end)
+    assert np.array_equal(played.spikes["first"], played_inverted.spikes["first"])
+    assert played.counts == played_inverted.counts
 
 
 def test_counts_are_those_of_the_spikes_that_were_played():
@@ -205,15 +216,19 @@ def test_counts_are_those_of_the_spikes_that_were_played():
     (counts,) = played.counts
     hidden = np.concatenate([played.spikes["first"], played.spikes["second"]], axis=2)[0]
     outputs = played.spikes["classes"][0]
-    fan_in = (network.weights_in != 0).sum(axis=(1, 2))
-    fan_out = (network.weights_hidden != 0).sum(axis=(1, 2)) + (network.weights_out != 0).sum(1)
-    heard = touches(1)[0][:-1]
+    synapses_of_input = (network.weights_in != 0).sum(axis=(1, 2))
+    synapses_among_hidden = (network.weights_hidden != 0).sum(axis=(1, 2))
+    synapses_of_hidden = synapses_among_hidden + (network.weights_out != 0).sum(1)
+    # What happens in the last row would act after the end.
+    input_events = touches(1)[0][:-1]
+    acting_spikes = hidden[:-1].astype(int)
     assert counts.synaptic_ops == int(
-        (heard * fan_in).sum() + (hidden[:-1].astype(int) * fan_out).sum()
+        (input_events * synapses_of_input).sum() + (acting_spikes * synapses_of_hidden).sum()
     )
     assert counts.spikes == int(hidden.sum()) + int(outputs.sum())
-    assert counts.input_events == int(heard.sum())
-    assert counts.neuron_updates == STEPS * 24
+    assert counts.input_events == int(input_events.sum())
+    # Layers of 12 and 8 neurons, and 4 outputs.
+    assert counts.neuron_updates == STEPS * (12 + 8 + 4)
     assert counts.extra_spikes == int(np.maximum(hidden.astype(int) - 1, 0).sum())
 
 
@@ -230,10 +245,12 @@ def test_the_match_counts_the_spikes_of_both_sides():
 
 
 def _reference_spikes(network: lc.Network) -> dict[str, np.ndarray]:
-    """The equations of ``SoftCuba``, written out once more."""
+    """Return the spikes (batch, steps, n) of the float network: the equations of ``SoftCuba``, written down once more."""
     events = touches().astype(float)
-    spikes = {name: np.zeros((6, STEPS, p.size)) for name, p in _by_name(network).items()}
-    state = {name: np.zeros((2, 6, p.size)) for name, p in _by_name(network).items()}
+    batch = len(events)
+    spikes = {name: np.zeros((batch, STEPS, p.size)) for name, p in _by_name(network).items()}
+    # Currents and potentials.
+    state = {name: np.zeros((2, batch, p.size)) for name, p in _by_name(network).items()}
     for t in range(1, STEPS):
         for name, population in _by_name(network).items():
             neuron = population.neuron
@@ -247,7 +264,7 @@ def _reference_spikes(network: lc.Network) -> dict[str, np.ndarray]:
             v = (1 - neuron.decay_v) * v + i - neuron.drop * spikes[name][:, t - 1]
             state[name] = np.stack([i, v])
             spikes[name][:, t] = v > neuron.threshold
-    return {name: each.astype(int) for name, each in spikes.items()}
+    return {name: array.astype(int) for name, array in spikes.items()}
 
 
 def _by_name(network: lc.Network) -> dict[str, lc.Population]:
@@ -258,16 +275,21 @@ def test_a_bias_is_that_of_the_network_less_the_drift_of_rounded_decays():
     """Dashes 2 and 0: (4 - 1) / 2 units a step from the current, and nothing from the potential."""
     compiled = compiled_for(memoryless_network())
     scale = compiled.quantized.hidden_scales.potential
-    wanted = np.linspace(-0.2, 0.4, 10) * scale - 1.5
-    assert np.abs(compiled.program.network.hidden.bias - wanted).max() <= 0.5
+    # The network's biases are those of `memoryless_network`.
+    expected = np.linspace(-0.2, 0.4, 10) * scale - 1.5
+    assert np.abs(compiled.program.network.hidden.bias - expected).max() <= 0.5
 
 
 @pytest.mark.parametrize(("dash_syn", "dash_mem"), [(2, 3), (1, 4), (3, 0), (4, 5)], ids=str)
 def test_the_drift_is_what_rounded_decays_were_seen_to_add_to_potentials(dash_syn, dash_mem):
-    """Long runs on the integers, next to the same recursion in real numbers; no spikes."""
+    """A long run in integers is compared with the same recursion in real numbers; there are no spikes."""
     r = np.random.default_rng(8)
     charges = r.integers(0, 200, 20_000)
-    i, v, exact_i, exact_v, difference = 0, 0, 0.0, 0.0, 0.0
+    i = 0
+    v = 0
+    exact_i = 0.0
+    exact_v = 0.0
+    difference = 0.0
     for charge in charges.tolist():
         i = i + charge - ((i + charge) >> dash_syn)
         v = v - (v >> dash_mem) + i
@@ -291,8 +313,9 @@ def test_long_time_constants_do_not_move_the_potential_at_rest_far():
         lc.Projection("hidden", "classes", np.full((2, 2), 0.5)),
     )
     hidden = compiled_for(network(populations, projections)).program.network.hidden
-    rest = -hidden.bias * 4
-    assert (rest <= hidden.threshold / 16 + 4).all()
+    # With a decay of 1/4, the potential rests at 4 times the bias. Its rounding to a unit moves that by up to 4 units.
+    units_below_0 = -hidden.bias * 4
+    assert (units_below_0 <= hidden.threshold / 16 + 4).all()
     assert (hidden.bias < 0).all()
 
 
@@ -330,7 +353,7 @@ def test_saturations_are_counted_and_lead_the_report():
 
 
 def test_decays_that_no_dash_meets_are_reported_with_their_error():
-    """0.3 lies nearest to 1/4, in octaves: a sixth less."""
+    """In octaves, the nearest power of 1/2 to a decay of 0.3 is 1/4, which is a sixth less."""
     populations = (
         lc.Population("hidden", TIME, 2, soft(2, 0.3, 0.125, 2.0)),
         lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),

@@ -1,4 +1,7 @@
-"""The compiled engine of Xylo against the plain one and against what xylosim was seen to do."""
+"""The compiled engine of Xylo against the plain one on random networks, and against what xylosim was recorded to do.
+
+xylosim is the vendor's simulator; a record of what it did with a network is called a *witness*.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +18,13 @@ from tests.support.witness_files import RECORDED, RECORDED_COMPILED, REGISTERS, 
 WITNESSES = [*read(RECORDED), *read(RECORDED_COMPILED)]
 
 
+SEEDS_PER_TEST = 40
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("first_seed", range(2000, 2200, 40))
+@pytest.mark.parametrize("first_seed", range(2000, 2200, SEEDS_PER_TEST))
 def test_both_engines_give_the_same_registers_and_counts(first_seed):
-    for seed in range(first_seed, first_seed + 40):
+    for seed in range(first_seed, first_seed + SEEDS_PER_TEST):
         network, events = random_xylo(seed)
         plain = play_xylo(network, events)
         compiled = play_fast(network, events)

@@ -1,4 +1,7 @@
-"""What a Xylo lacks is refused by its name, with a way out."""
+"""Networks and options that a Xylo cannot handle are refused, with an error that names the reason and a way out.
+
+Most cases are a valid small network with one change; tables give the whole message.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ from tests.support.small_xylo_networks import (
 
 
 def one_layer(neuron: lc.SoftCuba | lc.Cuba | lc.SrmAlpha | lc.ChipCuba, **changes: object):
-    """Four of these neurons between the input and outputs."""
+    """Return a network with four neurons of this kind between the input and the outputs, and other changes."""
     populations = (
         lc.Population("hidden", TIME, 4, neuron),
         lc.Population("classes", TIME, 2, OUTPUT),
@@ -41,6 +44,7 @@ def reset_to_zero(**changes: object) -> lc.Cuba:
 
 
 def integers() -> lc.Network:
+    """Return a network in the integers of Loihi."""
     neuron = lc.ChipCuba.of(4, decay_u=1024, decay_v=512, threshold=100)
     into = lc.ChipProjection("touch", "hidden", np.full((4, INPUTS), 2), 0, 8, "mixed")
     return one_layer(neuron, projections=(into, OUT_OF_HIDDEN))
@@ -118,6 +122,7 @@ def with_classes(count: int) -> lc.Network:
     )
 
 
+# By what is refused: the network, and the error.
 REFUSED = {
     "spike response kernels": (
         one_layer(SRM),
@@ -262,12 +267,13 @@ def test_a_lowering_that_a_xylo_lacks_is_refused_by_name(feature):
 
 
 def test_the_smallest_layer_of_each_size_still_fits():
-    """One neuron, input or class fewer than what is refused above."""
+    """One input, neuron or class fewer than what is refused above; the chip has 992 hidden neurons, 4 of them here."""
     for fits in (with_inputs(16), with_hidden(988), with_classes(32)):
         recordings = np.zeros((1, STEPS, fits.channels), np.uint8)
         assert lc.compile(fits, target="xylo-audio3", events=recordings).program.chip.inputs == 16
 
 
+# By option: how Python asks for it, and the error.
 OPTIONS = {
     "strategy": (
         {"strategy": "reset"},
@@ -311,7 +317,7 @@ def test_options_of_other_chips_are_refused_by_name(option):
     assert str(error.value) == message
 
 
-def test_what_the_one_width_and_the_one_strategy_are_may_be_said():
-    said = {"strategy": "native", "weight_bits": 8}
-    compiled = lc.compile(small_network(), target="xylo-audio3", events=touches(2), **said)
+def test_the_only_width_and_the_only_strategy_are_accepted_as_options():
+    options = {"strategy": "native", "weight_bits": 8}
+    compiled = lc.compile(small_network(), target="xylo-audio3", events=touches(2), **options)
     assert compiled.report["strategy"] == "native"

@@ -1,4 +1,8 @@
-"""Networks that learn in the integers of a Xylo: their steps are the chip's, and nothing is rounded after them."""
+"""Networks that are trained in the integers of a Xylo: their steps are the chip's, and nothing is rounded afterwards.
+
+Independent answers: spikes and registers of a second implementation in plain Python (``xylo_oracle``), and gradients by
+PyTorch's automatic differentiation of the equations (``by_equations``).
+"""
 
 from __future__ import annotations
 
@@ -28,30 +32,36 @@ from tests.support.xylo_oracle import play
 CHANNELS = 7
 STEPS = 24
 CLASSES = 3
+HIDDEN = 9
 SEEDS = range(12)
+"""Seeds of random models. Among them are some in which neurons spike 31 times in a step, and some in which none does."""
 
 
-def description(neuron: XyloParameters, hidden: int = 9) -> NetworkDescription:
+def description(neuron: XyloParameters, hidden: int = HIDDEN) -> NetworkDescription:
+    """Return the description of a network of a hidden layer and outputs."""
     layout = InputLayout(SensorLayout("channels", CHANNELS, 1, 1), STEPS, 0.01)
     return NetworkDescription("xylo-snn", layout, CLASSES, hidden=hidden, neuron=neuron)
 
 
 def random_numbers(r: np.random.Generator) -> XyloNumbers:
-    """Thresholds and shifts from those at which hardly anything spikes to those at which registers saturate."""
-    hidden, output = (int(r.choice([60, 900, 20_000])) for _ in range(2))
+    """Return random thresholds and shifts: with some hardly anything spikes, with others registers saturate."""
+    hidden_threshold, output_threshold = (int(r.choice([60, 900, 20_000])) for _ in range(2))
     names = ("time_hidden", "time_recurrent", "time_output")
-    thresholds = (hidden, hidden, output)
+    thresholds = (hidden_threshold, hidden_threshold, output_threshold)
     synapses = {}
     for name, threshold in zip(names, thresholds, strict=True):
         shift = int(r.choice([0, 3, 7]))
         synapses[name] = XyloSynapses(shift, 2**shift / threshold)
-    return XyloNumbers("xylo-audio3", hidden, output, synapses)
+    return XyloNumbers("xylo-audio3", hidden_threshold, output_threshold, synapses)
 
 
 def random_model(seed: int) -> XyloSnn:
+    """Return a model with random dashes (decays), thresholds, shifts and integer weights."""
     r = np.random.default_rng(seed)
-    rising = [sorted(r.choice(np.arange(1, 9), 2, replace=False).tolist()) for _ in range(2)]
-    neuron = XyloParameters(tuple(rising[0]), tuple(rising[1]))
+    # Two different dashes for currents and for potentials, each pair ascending.
+    dashes_syn = sorted(r.choice(np.arange(1, 9), 2, replace=False).tolist())
+    dashes_mem = sorted(r.choice(np.arange(1, 9), 2, replace=False).tolist())
+    neuron = XyloParameters(tuple(dashes_syn), tuple(dashes_mem))
     model = build_network(description(neuron), seed=seed, chip=random_numbers(r))
     assert isinstance(model, XyloSnn)
     mantissas = {
@@ -63,6 +73,7 @@ def random_model(seed: int) -> XyloSnn:
 
 
 def touches(seed: int, samples: int = 4) -> np.ndarray:
+    """Return random recordings (samples, steps, channels)."""
     r = np.random.default_rng(seed + 100)
     return (r.random((samples, STEPS, CHANNELS)) < 0.3).astype(np.uint8)
 
@@ -82,58 +93,65 @@ def test_every_spike_and_register_of_the_forward_pass_is_that_of_the_arithmetic(
         expected, _ = play(network, rows_of(recording))
         assert (activity["time_hidden"][number].numpy() == expected["spikes"]).all()
         assert (activity["time_output"][number].numpy() == expected["output_spikes"]).all()
-        before = expected["v"] + expected["spikes"] * model.xylo.hidden_threshold
-        assert (
-            played.hidden_potential[number].numpy() == before / model.xylo.hidden_threshold
-        ).all()
+        # The model's potentials are those before the spikes, in thresholds.
+        threshold = model.xylo.hidden_threshold
+        before_spikes = expected["v"] + expected["spikes"] * threshold
+        assert (played.hidden_potential[number].numpy() == before_spikes / threshold).all()
 
 
 def test_hidden_neurons_spike_several_times_in_a_step():
-    """Of the random networks above, some must do what distinguishes a Xylo, or they would show little."""
+    """Some of the random models must do this, which distinguishes a Xylo, or the comparison would show little."""
+    most_spikes = []
     with torch.no_grad():
-        most = [
-            float(random_model(seed)(torch.from_numpy(touches(seed)).float())["time_hidden"].max())
-            for seed in SEEDS
-        ]
-    assert max(most) == 31
-    assert min(most) < 31
+        for seed in SEEDS:
+            activity = random_model(seed)(torch.from_numpy(touches(seed)).float())
+            most_spikes.append(float(activity["time_hidden"].max()))
+    assert max(most_spikes) == 31
+    assert min(most_spikes) < 31
 
 
 def by_equations(
     model: XyloSnn, x: torch.Tensor, of_hidden: torch.Tensor, of_outputs: torch.Tensor
 ):
-    """The gradients of the equations by automatic differentiation, at the potentials and spikes of the chip."""
+    """Return the gradients of all weights by automatic differentiation of the equations.
+
+    ``of_hidden`` and ``of_outputs`` are the gradients of the loss by the spikes. Surrogate slopes are taken at the
+    potentials of the chip, and spikes have the chip's values.
+    """
     played = model.play(x, model.mantissas())
     floats = model.xylo.floats(model.mantissas())
-    into, among, onto = (torch.from_numpy(floats[name]).requires_grad_() for name in model.names)
+    weights_in, weights_among, weights_out = (
+        torch.from_numpy(floats[name]).requires_grad_() for name in model.names
+    )
     dashes = model.neuron.hidden_dashes(model.description.hidden)
-    kept_i, kept_v = (
-        torch.from_numpy(1 - 0.5 ** d.astype(float)) for d in (dashes.syn, dashes.mem)
-    )
-    out_i, out_v = (
-        1 - 0.5**d for d in (model.neuron.output_dash_syn, model.neuron.output_dash_mem)
-    )
+    # The shares that a step keeps of currents and potentials.
+    kept_i = torch.from_numpy(1 - 0.5 ** dashes.syn.astype(float))
+    kept_v = torch.from_numpy(1 - 0.5 ** dashes.mem.astype(float))
+    kept_i_out = 1 - 0.5**model.neuron.output_dash_syn
+    kept_v_out = 1 - 0.5**model.neuron.output_dash_mem
     shape = (len(x), model.description.hidden)
-    i, v, s = (torch.zeros(shape, dtype=torch.float64) for _ in range(3))
-    oi, ov = (torch.zeros((len(x), CLASSES), dtype=torch.float64) for _ in range(2))
+    i, v, spikes = (torch.zeros(shape, dtype=torch.float64) for _ in range(3))
+    i_out, v_out = (torch.zeros((len(x), CLASSES), dtype=torch.float64) for _ in range(2))
     loss = torch.zeros((), dtype=torch.float64)
     for t in range(STEPS):
-        oi = out_i * (oi + s @ onto.T)
-        ov = out_v * ov + oi
-        output = ov * slope_at(played.output_potential[:, t], model.neuron.window)
-        ov = ov - output
-        i = kept_i * (i + played.rows[:, t] @ into.T + s @ among.T)
+        # Outputs first, since they get the hidden spikes of the step before.
+        i_out = kept_i_out * (i_out + spikes @ weights_out.T)
+        v_out = kept_v_out * v_out + i_out
+        output = v_out * slope_at(played.output_potential[:, t], model.neuron.window)
+        v_out = v_out - output
+        i = kept_i * (i + played.rows[:, t] @ weights_in.T + spikes @ weights_among.T)
         v = kept_v * v + i
         drive = v * slope_at(played.hidden_potential[:, t], model.neuron.window)
         v = v - drive
         # The value is the chip's, and the gradient that of the drive.
-        s = played.hidden[:, t] + drive - drive.detach()
-        loss = loss + (s * of_hidden[:, t]).sum() + (output * of_outputs[:, t]).sum()
+        spikes = played.hidden[:, t] + drive - drive.detach()
+        loss = loss + (spikes * of_hidden[:, t]).sum() + (output * of_outputs[:, t]).sum()
     loss.backward()
-    return into.grad, among.grad, onto.grad
+    return weights_in.grad, weights_among.grad, weights_out.grad
 
 
 def slope_at(potential: torch.Tensor, window: float) -> torch.Tensor:
+    """Return the surrogate slope: 1 from the threshold on, and an exponential of this ``window`` below."""
     return torch.where(potential < 1, torch.exp((potential - 1) / window), torch.ones(()).double())
 
 
@@ -142,7 +160,7 @@ def test_the_gradient_is_that_of_leaky_neurons_at_the_chips_potentials(seed):
     model = random_model(seed).double()
     x = torch.from_numpy(touches(seed)).double()
     r = torch.Generator().manual_seed(seed)
-    of_hidden = torch.randn((len(x), STEPS, 9), generator=r, dtype=torch.float64)
+    of_hidden = torch.randn((len(x), STEPS, HIDDEN), generator=r, dtype=torch.float64)
     of_outputs = torch.randn((len(x), STEPS, CLASSES), generator=r, dtype=torch.float64)
 
     activity = model(x)
@@ -158,7 +176,7 @@ def test_the_gradient_is_that_of_leaky_neurons_at_the_chips_potentials(seed):
 
 
 def bands(samples: int = 48) -> tuple[np.ndarray, np.ndarray]:
-    """Recordings of two classes, of which each is loud in channels of its own."""
+    """Return recordings (samples, 30, 8) of two classes with their labels: each class has four busy channels."""
     r = np.random.default_rng(3)
     labels = np.arange(samples) % 2
     rate = np.full((samples, 1, 8), 0.02)
@@ -182,15 +200,17 @@ def test_what_a_batch_keeps_for_its_gradient_is_given_back():
     model = random_model(1)
     x = torch.from_numpy(np.ones((2, STEPS, CHANNELS), np.float32))
     activity = model(x)
-    steps = weakref.ref(activity["time_output"].grad_fn)
-    assert steps() is not None
+    # The node of PyTorch's graph keeps what its backward pass needs.
+    graph_node = weakref.ref(activity["time_output"].grad_fn)
+    assert graph_node() is not None
     activity["time_output"].sum().backward()
     del activity
-    assert steps() is None
+    assert graph_node() is None
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory) -> Path:
+    """The checkpoint of a network that was trained on two classes."""
     spikes, labels = bands()
     path = tmp_path_factory.mktemp("trained") / "bands.pt"
     lc.train(spikes, OPTIONS, labels=labels).save(path)
@@ -239,7 +259,7 @@ def test_the_program_has_the_integers_of_the_checkpoint(trained):
 
 
 def test_fine_tuning_starts_at_the_same_integers(trained, tmp_path):
-    """With a learning rate of almost 0, training ends where it began."""
+    """Weights that are loaded into a model in float round to the integers of the checkpoint."""
     checkpoint = read_checkpoint(trained)
     chip = checkpoint.xylo
     network = build_network(checkpoint.description, chip=chip)

@@ -1,4 +1,7 @@
-"""Networks whose numbers are the integers of a Xylo from the start: nothing of them is rounded."""
+"""Networks whose numbers are the integers of a Xylo from the start, so that the compiler rounds nothing.
+
+Spikes and potentials are compared with a second implementation of the arithmetic, in plain Python (the *oracle*).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,10 @@ SEEDS = range(40)
 
 
 def plain_network(seed: int) -> tuple[XyloNetwork, np.ndarray]:
-    """A random network of one current a neuron, without biases or aliases, and rows of 0 and 1."""
+    """Return a random network with one current per neuron, without biases or aliases, and rows of 0 and 1.
+
+    Networks that are trained in a Xylo's integers have nothing else.
+    """
     network, events = random_xylo(seed)
     hidden, outputs = (replace(p, bias=None) for p in (network.hidden, network.outputs))
     plain = replace(
@@ -34,17 +40,19 @@ def plain_network(seed: int) -> tuple[XyloNetwork, np.ndarray]:
 
 
 def neurons(population: XyloPopulation, most_spikes: int) -> XyloNeuron:
+    """Return the chip's neurons as neurons of a network."""
     return XyloNeuron(
         population.dash_syn[:, 0], population.dash_mem, population.threshold, most_spikes
     )
 
 
 def synapses(source: str, target: str, weights: np.ndarray, shift: int) -> ChipProjection:
+    """Return a projection of integer weights, given source first, which are shifted by ``shift``."""
     return ChipProjection(source, target, matrix(weights.T, np.int64), shift, 8, "mixed")
 
 
 def as_network(plain: XyloNetwork, steps: int) -> lc.Network:
-    """The network of the same integers, with the hidden neurons in one population."""
+    """Return the network of the same integers, with the hidden neurons in one population."""
     return lc.Network(
         name="integers",
         channels=len(plain.weights_in),
@@ -65,7 +73,7 @@ def as_network(plain: XyloNetwork, steps: int) -> lc.Network:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_network_spikes_as_the_arithmetic_says(seed):
-    """Spikes and potentials of every step are those of the oracle, one step later, as all of the house."""
+    """Spikes and potentials are those of the oracle, one step later: in networks, an event acts in the next step."""
     plain, rows = plain_network(seed)
     expected, _ = play(plain, rows)
     steps = len(rows) + 1
@@ -102,12 +110,14 @@ def test_the_program_has_exactly_the_integers_of_the_network(seed):
 
 
 def hidden_spiking_once(network: lc.Network) -> lc.Network:
+    """Return the network with hidden neurons that spike at most once in a step."""
     hidden, classes = network.populations
     once = replace(hidden, neuron=replace(hidden.neuron, most_spikes=1))
     return replace(network, populations=(once, classes))
 
 
 def float_classes(network: lc.Network) -> lc.Network:
+    """Return the network with outputs in float."""
     hidden, classes = network.populations
     soft = lc.SoftCuba.of(classes.size, decay_u=0.5, decay_v=0.5, threshold=1.0, drop=0.5)
     into, among, onto = network.projections
@@ -174,9 +184,10 @@ def test_charges_that_saturate_are_added_in_the_order_of_their_sources():
         ),
         readout=lc.Readout(("classes",), (1.0,)),
     )
-    played = np.array([[[1, 1, 1], [0, 0, 0]]], np.uint8)
+    recordings = np.array([[[1, 1, 1], [0, 0, 0]]], np.uint8)
 
-    result = evaluate(network, played, potentials=True)
+    result = evaluate(network, recordings, potentials=True)
 
-    # 32,512; then 65,024, held at 32,767; less 32,768 is -1, and a decay takes -1 >> 15 = -1. Their sum is 32,256.
+    # The charges are 127 << 8 = 32,512 twice, then -128 << 8 = -32,768. The current is 32,512; then 65,024 saturates
+    # at 32,767; then it is -1, of which a decay takes -1 >> 15 = -1. The plain sum would be 32,256.
     assert result.potential["hidden"][0, 1, 0] == 0

@@ -1,7 +1,8 @@
-"""Xylo against what xylosim was seen to do, against numbers worked out by hand, and against its limits.
+"""Xylo's plain engine against the vendor's simulator, a second implementation, and numbers worked out by hand.
 
-A *witness* is what xylosim did with a network; the *oracle* is a second implementation, in plain Python; the *engine* is
-``play_xylo``.
+A *witness* is a record of what xylosim, the vendor's simulator, did with a network; the *oracle* is a second
+implementation, in plain Python; the *engine* is ``play_xylo``. Planted faults show that the witnesses would find errors
+of the arithmetic. The limits of chips and registers follow.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ WITNESSES = read(RECORDED)
 
 
 def differing_values(witness: dict[str, np.ndarray]) -> int:
-    """How many registers and spikes are not those of the witness."""
+    """Return how many registers and spikes of the engine are not those of the witness."""
     result = play_xylo(network_of(witness), witness["events"])
     return sum(int((getattr(result, name) != witness[name]).sum()) for name in REGISTERS)
 
@@ -37,40 +38,46 @@ def test_every_register_of_every_row_is_that_of_the_witness(number):
 
 @pytest.mark.parametrize("number", range(len(WITNESSES)))
 def test_the_oracle_agrees_with_the_witness_and_counts_the_events_of_the_engine(number):
-    network, events = network_of(WITNESSES[number]), WITNESSES[number]["events"]
-    arrays, counted = xylo_oracle.play(network, events)
-    assert [
-        name for name in REGISTERS if not np.array_equal(arrays[name], WITNESSES[number][name])
-    ] == []
-    assert {name: counted[name] for name in xylo.EVENTS} == play_xylo(network, events).events
+    witness = WITNESSES[number]
+    network = network_of(witness)
+    arrays, event_counts = xylo_oracle.play(network, witness["events"])
+    for name in REGISTERS:
+        assert np.array_equal(arrays[name], witness[name]), name
+    counts_of_engine = play_xylo(network, witness["events"]).events
+    assert counts_of_engine == {name: event_counts[name] for name in xylo.EVENTS}
+
+
+SEEDS_PER_TEST = 20
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first_seed", range(3000, 3060, 20))
+@pytest.mark.parametrize("first_seed", range(3000, 3060, SEEDS_PER_TEST))
 def test_random_networks_play_as_by_the_oracle(first_seed):
-    for seed in range(first_seed, first_seed + 20):
+    for seed in range(first_seed, first_seed + SEEDS_PER_TEST):
         network, events = random_xylo(seed)
-        arrays, counted = xylo_oracle.play(network, events)
+        arrays, event_counts = xylo_oracle.play(network, events)
         result = play_xylo(network, events)
         for name in REGISTERS:
             assert np.array_equal(getattr(result, name), arrays[name]), (seed, name)
-        assert result.events == {name: counted[name] for name in xylo.EVENTS}, seed
+        assert result.events == {name: event_counts[name] for name in xylo.EVENTS}, seed
 
 
 def test_the_recorded_networks_meet_all_that_the_arithmetic_distinguishes():
-    met = dict.fromkeys(xylo.EVENTS, 0)
+    """Every counted event, the most spikes in a row, one and two currents, with and without biases and aliases."""
+    event_counts = dict.fromkeys(xylo.EVENTS, 0)
     for witness in WITNESSES:
         for name, count in play_xylo(network_of(witness), witness["events"]).events.items():
-            met[name] += count
-    assert all(met.values())
+            event_counts[name] += count
+    assert all(event_counts.values())
     assert max(int(witness["spikes"].max()) for witness in WITNESSES) == xylo.HIDDEN_SPIKES_MAX
     assert {witness["dash_syn"].shape[1] for witness in WITNESSES} == {1, 2}
     assert {"bias" in witness for witness in WITNESSES} == {True, False}
-    # Aliases are kept as text: for each hidden neuron, those that spike along with it.
+    # Aliases are recorded as text: a list for each hidden neuron, or an empty list if there are none.
     assert {str(witness["aliases"]) == "[]" for witness in WITNESSES} == {True, False}
 
 
-# Faulty versions of functions of the page, with their arguments; the counts that they return are not compared.
+# Faulty versions of functions of hw_model/arithmetic/xylo.py, with the arguments of the sound ones. The counts that
+# they return are not compared, so they may be wrong.
 
 
 def _sum_first(i, spikes, charges):
@@ -103,6 +110,7 @@ def _reset_to_0(v, threshold, room):
     return spikes, np.where(spikes > 0, 0, v)
 
 
+# By what is wrong: the function or constant of the arithmetic, and what takes its place.
 FAULTS = {
     "a decay may take nothing": ("taken", lambda x, dash: x >> dash),
     "a decay rounds towards 0": ("taken", lambda x, dash: np.sign(x) * (np.abs(x) >> dash)),
@@ -131,7 +139,7 @@ def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
 
 
 def one_neuron(**changes: object) -> XyloNetwork:
-    """A hidden neuron behind one input, and an output behind it; decays take away a half and a quarter."""
+    """Return a network of one input, one hidden neuron and one output; decays take away a half and a quarter."""
     hidden = XyloPopulation(
         dash_syn=np.array([[1]]), dash_mem=np.array([2]), threshold=np.array([10])
     )
@@ -171,7 +179,10 @@ def test_events_beyond_fifteen_are_lost_and_counted():
     ("dash_syn", "dash_mem"), [(1, 1), (3, 3), (2, 5), (5, 2), (4, 0)], ids=str
 )
 def test_the_peak_of_a_response_is_that_of_the_recursion_in_real_numbers(dash_syn, dash_mem):
-    i, v, highest = 1.0, 0.0, 0.0
+    i = 1.0
+    v = 0.0
+    highest = 0.0
+    # Long enough for the slowest of these neurons to peak.
     for _ in range(2000):
         i -= i / 2**dash_syn
         v += i - v / 2**dash_mem
@@ -180,14 +191,16 @@ def test_the_peak_of_a_response_is_that_of_the_recursion_in_real_numbers(dash_sy
 
 
 def test_the_nearest_dash_is_nearest_in_octaves():
-    lost = np.array([1.0, 0.5, 0.36, 0.35, 2.0**-15, 1e-9, 0.0])
-    assert xylo_inverse.nearest_dash(lost).tolist() == [0, 1, 1, 2, 15, 15, 15]
+    # 2^-1.5 = 0.3536 lies between dashes 1 and 2; 15 is the largest dash.
+    decays = np.array([1.0, 0.5, 0.36, 0.35, 2.0**-15, 1e-9, 0.0])
+    assert xylo_inverse.nearest_dash(decays).tolist() == [0, 1, 1, 2, 15, 15, 15]
 
 
 @pytest.mark.parametrize("charge", [1, 7, 100])
 @pytest.mark.parametrize("dash", [0, 1, 3, 6])
 def test_no_current_passes_its_bound(charge, dash):
     i = 0
+    # The slowest current settles long before.
     for _ in range(3000):
         i = i + charge
         assert i <= xylo_inverse.largest_current(charge, dash)
@@ -196,10 +209,11 @@ def test_no_current_passes_its_bound(charge, dash):
 
 def test_three_chips_ship():
     assert xylo_chip_names() == ("xylo-audio2", "xylo-audio3", "xylo-imu")
-    sizes = {
-        name: (chip.inputs, chip.hidden, chip.outputs, chip.states)
-        for name, chip in ((name, xylo_chip(name)) for name in xylo_chip_names())
-    }
+    # Inputs, hidden neurons, outputs, currents of a hidden neuron.
+    sizes = {}
+    for name in xylo_chip_names():
+        chip = xylo_chip(name)
+        sizes[name] = (chip.inputs, chip.hidden, chip.outputs, chip.states)
     assert sizes == {
         "xylo-audio2": (16, 1000, 8, 2),
         "xylo-audio3": (16, 992, 32, 2),
@@ -208,6 +222,7 @@ def test_three_chips_ship():
 
 
 def two_states() -> XyloNetwork:
+    """Return the network with a hidden neuron of two currents."""
     hidden = replace(one_neuron().hidden, dash_syn=np.array([[1, 2]]))
     return one_neuron(
         hidden=hidden, weights_in=np.ones((1, 1, 2), int), weights_hidden=np.ones((1, 1, 2), int)
@@ -239,6 +254,7 @@ def test_a_network_that_is_too_large_is_refused_by_its_limit(network, chip, mess
 
 
 def with_hidden(**changes: object) -> dict[str, object]:
+    """Return changes of the network: the hidden neuron with other parameters."""
     return {"hidden": replace(one_neuron().hidden, **changes)}
 
 

@@ -1,10 +1,11 @@
-"""The command line with a Xylo: compile, run, list targets, and what it says of what a Xylo has not."""
+"""The command line with a Xylo: compile, run, explore, list targets, and refuse options that have no meaning for it."""
 
 from __future__ import annotations
 
 import itertools
 import json
 import shlex
+from typing import NamedTuple
 
 import nir
 import numpy as np
@@ -16,28 +17,29 @@ from locsnn_compile.cli.main import main
 
 DT = 1e-3
 SHAPE = ("--axes", "samples,steps,channels")
+"""The options that say how the arrays of recordings are laid out."""
 
 
 def cuba_lif(size: int, tau_syn: float, tau_mem: float) -> nir.CubaLIF:
-    """Neurons with a current, whose weights are those of their potential."""
+    """Return NIR neurons with a current, scaled so that a weight of 1 adds 1 to the current in a step of DT."""
 
-    def each(value: float) -> np.ndarray:
+    def for_all(value: float) -> np.ndarray:
         return np.full(size, value)
 
     return nir.CubaLIF(
-        tau_syn=each(tau_syn),
-        tau_mem=each(tau_mem),
-        r=each(tau_mem / DT),
-        w_in=each(tau_syn / DT),
-        v_leak=each(0.0),
-        v_threshold=each(1.0),
-        v_reset=each(0.0),
+        tau_syn=for_all(tau_syn),
+        tau_mem=for_all(tau_mem),
+        r=for_all(tau_mem / DT),
+        w_in=for_all(tau_syn / DT),
+        v_leak=for_all(0.0),
+        v_threshold=for_all(1.0),
+        v_reset=for_all(0.0),
     )
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A small network of leaky neurons, and recordings with labels."""
+    """A folder with a small NIR network of leaky neurons, and recordings with labels."""
     place = tmp_path_factory.mktemp("small")
     r = np.random.default_rng(4)
     nodes = {
@@ -57,13 +59,15 @@ def folder(tmp_path_factory):
 
 
 def compile_small(folder, *options: object, target: str = "xylo-audio3") -> int:
+    """Compile the small network, and return the exit code."""
     model = folder / "small-lif.nir"
     arguments = [model, "--dt", DT, "--target", target, "--events", folder / "touches.npz"]
-    return compile_main([str(each) for each in (*arguments, *SHAPE, *options)])
+    return compile_main([str(argument) for argument in (*arguments, *SHAPE, *options)])
 
 
 @pytest.fixture(scope="module")
 def built(folder):
+    """The folder of a build of the small network."""
     out = folder / "build"
     assert compile_small(folder, "--reset", "subtract", "-o", out, "--quiet") == 0
     return out
@@ -90,14 +94,15 @@ def test_a_nir_graph_becomes_a_build_whose_program_runs(folder, built, capsys):
 
 
 def test_both_engines_say_the_same(folder, built, capsys):
-    said = []
+    outputs = []
     for engine in ("fast", "reference"):
         command = ["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE, "--json"]
         assert main([*command, "--engine", engine]) == 0
-        said.append(json.loads(capsys.readouterr().out))
-    assert said[0] == said[1]
-    assert said[0]["energy_pj"] is None
-    assert said[0]["counts"]["spikes"] == sum(row["spikes"] for row in said[0]["recordings"])
+        outputs.append(json.loads(capsys.readouterr().out))
+    fast, reference = outputs
+    assert fast == reference
+    assert fast["energy_pj"] is None
+    assert fast["counts"]["spikes"] == sum(row["spikes"] for row in fast["recordings"])
 
 
 def test_the_report_names_the_witness_and_what_is_not_known(built):
@@ -131,13 +136,13 @@ def test_targets_lists_the_three_chips_with_their_kind(capsys):
     assert main(["targets"]) == 0
     lines = capsys.readouterr().out.splitlines()
     first = lines.index("xylo-audio2: 16 inputs, 1000 hidden neurons of 2 currents, 8 outputs")
-    says = "  a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
+    kind = "  a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
     assert lines[first + 1 : first + 6] == [
-        says,
+        kind,
         "xylo-audio3: 16 inputs, 992 hidden neurons of 2 currents, 32 outputs",
-        says,
+        kind,
         "xylo-imu: 16 inputs, 496 hidden neurons of 1 current, 16 outputs",
-        says,
+        kind,
     ]
 
 
@@ -148,80 +153,87 @@ def test_targets_shows_the_file_of_a_chip(capsys):
 
 
 def test_a_network_is_explored_on_chips_with_the_values_that_each_knows(folder, tmp_path, capsys):
-    """A float network without strategies is compiled without recordings to calibrate on."""
+    """A setting that the chip does not have is refused, and the other is compiled; its command builds the same."""
     arguments = ["explore", folder / "small-lif.nir", "--dt", DT, "--reset", "subtract", *SHAPE]
     arguments += ["--events", folder / "touches.npz", "--weight-bits", 4, 8]
     arguments += ["--split-weights", "none", "--target", "xylo-audio3", "-o", tmp_path / "out"]
     assert main([*map(str, arguments), "--quiet"]) == 0
     document = json.loads((tmp_path / "out" / "explore.json").read_text())
-    refused, able = document["chips"]
+    refused, compiled = document["chips"]
     assert refused["refused"] == (
         "weight_bits: weights of xylo-audio3 have one width (got 4). Leave it out."
     )
-    assert able["setting"] == {"weight_bits": 8, "split_weights": 0.0}
-    assert compile_main([*shlex.split(able["command"])[1:], "-o", str(tmp_path / "build")]) == 0
+    assert compiled["setting"] == {"weight_bits": 8, "split_weights": 0.0}
+    # The command without its first word, which is the program's name.
+    command = shlex.split(compiled["command"])[1:]
+    assert compile_main([*command, "-o", str(tmp_path / "build")]) == 0
     capsys.readouterr()
     report = json.loads((tmp_path / "build" / "report.json").read_text())
-    assert able["figures"]["spike_error"] == 1 - report["match"]["spike_agreement"]
-    assert able["figures"]["energy_pj"] is None
+    assert compiled["figures"]["spike_error"] == 1 - report["match"]["spike_agreement"]
+    assert compiled["figures"]["energy_pj"] is None
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["stress"],
-    ],
-    ids=lambda command: command[0],
-)
-def test_commands_that_know_other_chips_only_say_so(command, folder, capsys):
-    places = {"model": folder / "small-lif.nir", "events": folder / "touches.npz"}
-    arguments = [part.format(**places) for part in command]
-    assert main([*arguments, "--target", "xylo-imu"]) == 2
+def test_the_stress_test_is_refused_for_a_xylo(capsys):
+    assert main(["stress", "--target", "xylo-imu"]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
         "target 'xylo-imu': a Xylo computes in another way than the chips that can be used here. "
         "Compile for it: locsnn-compile --target."
     )
 
 
+SUBTRACT = ("--reset", "subtract")
+
+
+class Refusal(NamedTuple):
+    """Options of the compiler, the exit code (1: the network does not fit, 2: wrong options), and the error."""
+
+    options: tuple[str, ...]
+    exit_code: int
+    message: str
+
+
 REFUSED_TO_COMPILE = {
-    "a name that no chip has": (
-        ["--reset", "subtract", "--target", "xylo-audio4"],
-        2,
-        "target 'xylo-audio4': no Xylo of this name ships. Did you mean 'xylo-audio3'?",
+    "a name that no chip has": Refusal(
+        (*SUBTRACT, "--target", "xylo-audio4"),
+        exit_code=2,
+        message="target 'xylo-audio4': no Xylo of this name ships. Did you mean 'xylo-audio3'?",
     ),
-    "the usual reset": (
-        [],
-        1,
-        "population 'hidden': a spike resets its potential to 0, and on a Xylo it subtracts the "
-        "threshold. Read a NIR graph with --reset subtract, or give SoftCuba neurons.",
+    "the usual reset": Refusal(
+        (),
+        exit_code=1,
+        message="population 'hidden': a spike resets its potential to 0, and on a Xylo it "
+        "subtracts the threshold. Read a NIR graph with --reset subtract, or give SoftCuba "
+        "neurons.",
     ),
-    "an emitter of cores": (
-        ["--reset", "subtract", "--emit", "vectors"],
-        2,
-        "--emit vectors: it shows compartments, cores or a board, and xylo-audio3 has none of "
-        "them. Use --emit network, --emit program or --emit xylo.",
+    "an emitter of cores": Refusal(
+        (*SUBTRACT, "--emit", "vectors"),
+        exit_code=2,
+        message="--emit vectors: it shows compartments, cores or a board, and xylo-audio3 has "
+        "none of them. Use --emit network, --emit program or --emit xylo.",
     ),
-    "weight bits": (
-        ["--reset", "subtract", "--weight-bits", "4"],
-        2,
-        "weight_bits: weights of xylo-audio3 have one width (got 4). Leave it out.",
+    "weight bits": Refusal(
+        (*SUBTRACT, "--weight-bits", "4"),
+        exit_code=2,
+        message="weight_bits: weights of xylo-audio3 have one width (got 4). Leave it out.",
     ),
-    "a profile": (
-        ["--reset", "subtract", "--profile", "loihi-paper"],
-        2,
-        "profile 'loihi-paper': no energies of xylo-audio3 are published. Leave it out.",
+    "a profile": Refusal(
+        (*SUBTRACT, "--profile", "loihi-paper"),
+        exit_code=2,
+        message="profile 'loihi-paper': no energies of xylo-audio3 are published. Leave it out.",
     ),
 }
 
 
-@pytest.mark.parametrize("wrong", REFUSED_TO_COMPILE)
-def test_what_a_xylo_has_not_is_one_line_and_an_exit_code(wrong, folder, tmp_path, capsys):
-    options, code, message = REFUSED_TO_COMPILE[wrong]
-    assert compile_small(folder, "-o", tmp_path / "out", *options) == code
-    assert capsys.readouterr().err.splitlines()[-1] == message
+@pytest.mark.parametrize("case", REFUSED_TO_COMPILE)
+def test_what_a_xylo_does_not_have_is_refused_in_one_line(case, folder, tmp_path, capsys):
+    refusal = REFUSED_TO_COMPILE[case]
+    exit_code = compile_small(folder, "-o", tmp_path / "out", *refusal.options)
+    assert exit_code == refusal.exit_code
+    assert capsys.readouterr().err.splitlines()[-1] == refusal.message
     assert not (tmp_path / "out").exists()
 
 
+# By option: its words on the command line, and the reason in the error.
 REFUSED_TO_RUN = {
     "--stream": (["--stream"], "it plays whole recordings"),
     "--stop": (["--stop", "proven"], "it plays whole recordings"),
@@ -232,21 +244,21 @@ REFUSED_TO_RUN = {
 
 @pytest.mark.parametrize("option", REFUSED_TO_RUN)
 def test_run_refuses_what_a_program_for_a_xylo_has_no_use_for(option, folder, built, capsys):
-    options, why = REFUSED_TO_RUN[option]
+    options, reason = REFUSED_TO_RUN[option]
     command = ["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE]
     assert main([*command, *options]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        f"{option}: the program is for xylo-audio3: {why}. Leave it out."
+        f"{option}: the program is for xylo-audio3: {reason}. Leave it out."
     )
 
 
 @pytest.mark.parametrize("command", ["rtl sim", "rtl fit"])
 def test_commands_for_cores_name_the_one_that_plays_it(command, folder, built, capsys):
-    places = {
+    arguments_of = {
         "rtl sim": [str(built), "--events", str(folder / "touches.npz")],
         "rtl fit": [str(built), "--board", "ulx3s-85f"],
     }
-    assert main([*command.split(), *places[command]]) == 2
+    assert main([*command.split(), *arguments_of[command]]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
         "program.yaml: this is a program of another kind (locsnn-xylo-program against "
         "locsnn-program). Play it with `locsnn run`."
@@ -256,13 +268,10 @@ def test_commands_for_cores_name_the_one_that_plays_it(command, folder, built, c
 def test_run_refuses_recordings_of_another_sensor(built, tmp_path, capsys):
     np.save(tmp_path / "wide.npy", np.zeros((2, 20, 17), np.uint8))
     assert main(["run", str(built), "--events", str(tmp_path / "wide.npy"), *SHAPE]) == 2
-    assert (
-        capsys.readouterr()
-        .err.splitlines()[-1]
-        .endswith(
-            "the channel count differs from the program's (17 channels against 16). Give recordings "
-            "of 16 channels."
-        )
+    last_line = capsys.readouterr().err.splitlines()[-1]
+    assert last_line.endswith(
+        "the channel count differs from the program's (17 channels against 16). Give recordings "
+        "of 16 channels."
     )
 
 

@@ -1,4 +1,4 @@
-"""Programs for a Xylo on disk: what is written is read back, and what is damaged is refused by name."""
+"""Programs for a Xylo on disk: what is written is read back unchanged, and damage is refused, naming what is wrong."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.support.small_xylo_networks import memoryless_network, touches
 
 
 def random_program(seed: int) -> tuple[XyloProgram, np.ndarray]:
-    """A random network as a program, with all that a program may say, and rows for it."""
+    """Return a random network as a program with a value in most optional fields, and rows of events for it."""
     network, events = random_xylo(seed)
     outputs = network.outputs.size
     program = XyloProgram(
@@ -52,9 +52,10 @@ def test_a_loaded_program_is_the_saved_one(seed, tmp_path):
     save_xylo(program, tmp_path)
     loaded = load_xylo(tmp_path)
     assert xylo_files(loaded) == xylo_files(program)
-    before, after = (play_program(each, events[None]) for each in (program, loaded))
-    assert np.array_equal(before.spikes["hidden"], after.spikes["hidden"])
-    assert before.counts == after.counts
+    played = play_program(program, events[None])
+    played_after_loading = play_program(loaded, events[None])
+    assert np.array_equal(played.spikes["hidden"], played_after_loading.spikes["hidden"])
+    assert played.counts == played_after_loading.counts
     assert loaded.class_names == program.class_names
     assert loaded.readout == program.readout
     assert load_any_program(tmp_path).name == program.name
@@ -62,21 +63,19 @@ def test_a_loaded_program_is_the_saved_one(seed, tmp_path):
 
 @pytest.fixture
 def saved(tmp_path) -> Path:
+    """The folder of a saved program: 7 hidden neurons and an output."""
     program, _ = random_program(2)
     save_xylo(program, tmp_path)
     return tmp_path
 
 
 def swapped(folder: Path) -> None:
+    """Replace the arrays by those of another program."""
     program, _ = random_program(3)
     (folder / "program.npz").write_bytes(xylo_files(program)["program.npz"])
 
 
-def truncated(folder: Path) -> None:
-    path = folder / "program.yaml"
-    path.write_text(path.read_text()[:100])
-
-
+# By what is wrong: the damage done to a saved program, and the error.
 DAMAGE = {
     "no arrays": (
         lambda folder: (folder / "program.npz").unlink(),
@@ -158,7 +157,9 @@ def test_damage_is_refused_by_name(damage, saved):
 
 
 def test_a_truncated_file_is_refused(saved):
-    truncated(saved)
+    path = saved / "program.yaml"
+    # Somewhere within the first entries.
+    path.write_text(path.read_text()[:100])
     with pytest.raises(hw.InputError):
         load_xylo(saved)
 
