@@ -116,15 +116,7 @@ def count_steps(
         counts = effects.of(np.concatenate((played.lines(recording), spikes), axis=1))
         counts["neuron_updates"] = is_run[recording, :, None] * pieces.size
         counts["neuron_updates_active"] = trace.active[recording].astype(np.int64)
-        recording_activity = StepActivity(
-            pieces=pieces,
-            routes=routes,
-            by_piece={name: counts[name] for name in BY_CORE},
-            packets=counts["packets"],
-            input_packets=counts["input_packets"],
-            buffered=counts["buffered"][:, 0],
-        )
-        activity.append(recording_activity)
+        activity.append(_step_activity(pieces, routes, counts))
     return activity
 
 
@@ -138,9 +130,14 @@ def busiest_activity(program: ChipProgram, phase: str, sent: ByteArray) -> StepA
     every_compartment = np.tile(pieces.size, (len(sent), 1))
     counts["neuron_updates"] = every_compartment
     counts["neuron_updates_active"] = every_compartment
+    return _step_activity(pieces, routes_of(program, phase), counts)
+
+
+def _step_activity(pieces: Pieces, routes: Routes, counts: Mapping[str, IntArray]) -> StepActivity:
+    """Return an activity with the counts of a table of :class:`_Effects`, and those of updates."""
     return StepActivity(
         pieces=pieces,
-        routes=routes_of(program, phase),
+        routes=routes,
         by_piece={name: counts[name] for name in BY_CORE},
         packets=counts["packets"],
         input_packets=counts["input_packets"],

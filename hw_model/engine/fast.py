@@ -115,15 +115,15 @@ def _run_part(
     """Run recordings ``low..high`` of a batch, with a memory that no other thread uses."""
     memories, code = _memories_and_code(layout)
     try:
-        memory = (
-            memories.pop()
-        )  # rather than `if memories`: another thread may take the last one in between
+        # Not after `if memories`: another thread could take the last one in between.
+        memory = memories.pop()
     except IndexError:
         memory = packed.pack(Memory(first_state(layout), workspace(layout), paths_of(layout)))
     if not code:
         code.append(_machine_code(recordings, layout.packed_tables, memory, skip, written))
     tile_at, loop = code[0]
     loop(low, high, tile_at, recordings, layout.packed_tables, memory, skip, written)
+    # Large memories are freed, and allocated again for the next call.
     if layout.columns <= COMPARTMENTS_TO_KEEP:
         memories.append(memory)
 

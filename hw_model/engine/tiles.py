@@ -45,6 +45,7 @@ def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untype
     rows = tile.rows
     state = memory.state
     work = memory.work
+    # Input events of all rows are known beforehand; spikes of groups are counted as they are listed.
     for item in range(first.shape[1]):
         _count(
             arriving.line, first[0, item], first[rows, item], tables.nodes.first[item], written.sent
@@ -54,6 +55,7 @@ def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untype
     for block in range(len(tables.chunks.feeds_itself)):
         _run_block(block, tile, arriving, tables, memory, written)
     move_on(state, rows)
+    # No block changed anything in a quiet row.
     quiet = rows
     for r in range(rows):
         quiet -= work.updated[r]
@@ -196,27 +198,27 @@ def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-un
 
 
 @absorbed
-def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
+def _echo(chunk, r, mask, chunks, state):  # type: ignore[no-untyped-def]
     """Add the echo of a chunk's spikes to the charges of a child, due from the next row on, one row per delay.
 
     An echo with one delay, as most have, takes no branch: without spikes it adds 0.
     """
-    if chunks.echo_to[k] >= 0:
-        to = np.uint64(chunks.echo_to[k])
+    if chunks.echo_to[chunk] >= 0:
+        child = np.uint64(chunks.echo_to[chunk])
         due = r + np.uint64(1)
         end = np.uint64(len(chunks.echo))
         weights_of_row = np.uint64(state.charge.shape[1])
-        at = to * _LANES
+        at = child * _LANES
         while at < end:
-            change_echo(state.charge, due, to * _LANES, chunks.echo, at, mask, _NO_SPIKES)
-            state.touched[due, to] |= mask != 0
+            change_echo(state.charge, due, child * _LANES, chunks.echo, at, mask, _NO_SPIKES)
+            state.touched[due, child] |= mask != 0
             # Without spikes, stop after the first row: nothing is added in any.
             at += weights_of_row if mask else end
             due += np.uint64(1)
 
 
 @absorbed
-def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
+def _list_spikes(node, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Turn a node's spikes in rows ``low..high`` from bits into lists, into 0 and 1, and into counts.
 
     ``fired`` is 0 if there are none.
@@ -228,22 +230,22 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
     masks = work.masks
     event = work.event
     begin = work.begin
-    base = work.list_start[m]
-    first = nodes.first[m]
+    base = work.list_start[node]
+    first = nodes.first[node]
     columns = spikes.shape[1]
     # `sent` counts input lines first, then columns.
     lines = len(sent) - columns
     # The last column from which a whole chunk of lanes can be written without leaving the row.
     last = columns - LANES
     # The lists of a tile follow each other: this call continues where that of the rows before ended.
-    listed = begin[low, m] if low else 0
-    begin[low, m] = listed
+    listed = begin[low, node] if low else 0
+    begin[low, node] = listed
     for r in range(np.uint64(low), np.uint64(high)):
         if fired:
-            for k in range(np.uint64(nodes.chunk[m]), np.uint64(nodes.chunk[m + 1])):
-                mask = masks[r, k]
-                column = chunks.first_column[k]
-                masks[r, k] = 0
+            for chunk in range(np.uint64(nodes.chunk[node]), np.uint64(nodes.chunk[node + 1])):
+                mask = masks[r, chunk]
+                column = chunks.first_column[chunk]
+                masks[r, chunk] = 0
                 # Without branches on the number of spikes, which the processor could not predict.
                 listed += list_lanes(event, base + listed, column - first, mask)[0]
                 # The last chunk is written further left, with its bits moved up by as many lanes. A phase with fewer
@@ -252,10 +254,10 @@ def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no
                 if at >= 0:
                     note(spikes, r, at, mask << (column - at))
                     continue
-                for i in range(np.uint64(chunks.width[k])):
+                for i in range(np.uint64(chunks.width[chunk])):
                     spikes[r, np.uint64(column) + i] |= (mask >> i) & 1
-        begin[r + np.uint64(1), m] = listed
-    _count(event, base + begin[low, m], base + listed, lines + first, sent)
+        begin[r + np.uint64(1), node] = listed
+    _count(event, base + begin[low, node], base + listed, lines + first, sent)
 
 
 @inner
@@ -267,12 +269,12 @@ def _count(event, first, last, source, sent):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _keep(registers, at, k, chunks, step, recording, kept):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
-    """Record a register of chunk k, if this step and these columns are recorded."""
+def _keep(registers, at, chunk, chunks, step, recording, kept):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
+    """Record a register of a chunk, if this step and these columns are recorded."""
     row = step - kept.start
-    first_column = chunks.first_column[k]
+    first_column = chunks.first_column[chunk]
     if 0 <= row < kept.rows.shape[1]:
-        for i in range(chunks.width[k]):
+        for i in range(chunks.width[chunk]):
             if kept.place[first_column + i] >= 0:
                 kept.rows[recording, row, kept.place[first_column + i]] = registers[
                     at + np.uint64(i)

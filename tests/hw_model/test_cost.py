@@ -25,9 +25,8 @@ def test_counts_of_a_chain():
     counts = hw.simulate(worked.program, worked.recording).counts
     assert counts.synaptic_ops == 2  # x -> a and a -> b
     assert counts.neuron_updates == 8  # two compartments, four steps
-    assert (
-        counts.neuron_updates_active == 4
-    )  # a and b in the step of their charge, and with u left in the next
+    # a and b are active in the step of their charge, and in the next one, in which u is left.
+    assert counts.neuron_updates_active == 4
     assert counts.spikes == 2
     assert counts.axon_packets == 1  # b has no target
     assert counts.packets_within_tile == 1

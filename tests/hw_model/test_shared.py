@@ -58,9 +58,8 @@ def test_a_tile_passes_deliveries_the_types_that_they_are_compiled_for():
     for seed in range(6):
         program, recording = random_hybrid(seed, channels_per_step=1)
         hw.simulate(program, recording)
-    kinds_given(
-        tiles.run_tile
-    )  # compiles the functions that become part of a tile, such as `deliver`
+    # This compiles the functions that become part of a tile, such as `deliver`.
+    kinds_given(tiles.run_tile)
     kinds = set(kinds_given(delivery.deliver))
     assert kinds
     for function in (delivery.by_lists, delivery.by_rows):
