@@ -135,7 +135,7 @@ def _machine_code(
     skip: bool,
     written: _Trace,
 ) -> tuple[np.int64, Callable[..., Any]]:
-    """Return the address of :func:`run_tile` and the code of :func:`_run`, for arguments of the types of a layout.
+    """Return the address of :func:`run_tile` and the code of :func:`run_recordings`, for the types of a layout.
 
     All calls for one layout have the same types, so this is done once per layout.
     """
@@ -147,7 +147,7 @@ def _machine_code(
         memory,
         Written(written.spikes[0], written.sent[0], written.active[0], _NO_STEP, written.kept),
     )
-    return tile_at, entry(_run, 0, 0, tile_at, recordings, tables, memory, skip, written)
+    return tile_at, entry(run_recordings, 0, 0, tile_at, recordings, tables, memory, skip, written)
 
 
 @lru_cache(maxsize=8)
@@ -156,7 +156,7 @@ def _memories_and_code(
 ) -> tuple[list[Packed[Memory]], list[tuple[np.int64, Callable[..., Any]]]]:
     """Return two lists that callers fill: memories of a layout that no thread is using, and its machine code.
 
-    Both are empty at first, and the cache keeps them. A memory holds an old state: :func:`_run` resets it.
+    Both are empty at first, and the cache keeps them. A memory holds an old state: :func:`run_recordings` resets it.
     """
     return [], []
 
@@ -185,7 +185,7 @@ def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
 
 
 @compiled
-def _run(low, high, tile_at, recordings, tables, memory, skip, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
+def run_recordings(low, high, tile_at, recordings, tables, memory, skip, written):  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop takes arrays
     """Run recordings ``low..high`` one after the other, each tile by tile."""
     first, line, start, stop = recordings
     state = memory.state

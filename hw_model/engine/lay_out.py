@@ -158,7 +158,7 @@ def _registers(
     )
     fits_32_bits = (
         widths == layout.USUAL_WIDTHS
-        and _largest_sum(program, phase, arriving) <= np.iinfo(np.int32).max
+        and largest_sum(program, phase, arriving) <= np.iinfo(np.int32).max
         and has_short_factors
     )
     shape = (len(cut.node), layout.FIELDS, LANES)
@@ -260,18 +260,21 @@ def _slots_of(node: int, nodes: Numbering, cut: Cut) -> IntArray:
     return cut.slot[first : first + nodes.size[node]]
 
 
-def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
-    """Return in which chunks q and u cannot wrap if no charge exceeds ``arrived``, (chunks, LANES) in units."""
-    charge = loihi.in_registers(arrived)
+def _cannot_wrap(arriving: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
+    """Return in which chunks q and u cannot wrap if no charge exceeds ``arriving``, (chunks, LANES) in units of 64."""
+    charge = loihi.in_registers(arriving)
     u_stays = loihi_bounds.current_stays_below(widths.half_current, charge, decay_u)
-    return np.asarray(((arrived < widths.half_charge) & u_stays).all(axis=1))
+    return np.asarray(((arriving < widths.half_charge) & u_stays).all(axis=1))
 
 
-def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
-    """Return a bound of every sum in an update of this phase, for any input. It decides whether 32 bits suffice."""
+def largest_sum(program: ChipProgram, phase: str, arriving: AnyArray) -> int:
+    """Return a bound of every sum in an update of this phase, for any input. It decides whether 32 bits suffice.
+
+    ``arriving`` are the largest charges of each slot, in units of 64.
+    """
     registers = program.chip.registers
     current = registers.half_current
-    sums = [int(arrived.max(initial=0)), registers.half_charge + current]
+    sums = [int(arriving.max(initial=0)), registers.half_charge + current]
     for core in program.cores_of(phase):
         # v of a parent: its own v and that of each child, all within the core's limits, plus its drive.
         most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))

@@ -164,9 +164,9 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
 )
 def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
     """With a bound that ignores joins or biases, some program runs in 32 bits but needs 64: the draws must find one."""
-    bound = lay_out._largest_sum
+    bound = lay_out.largest_sum
     monkeypatch.setattr(
-        lay_out, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest)
+        lay_out, "largest_sum", lambda program, *rest: bound(without(program, **values), *rest)
     )
     with pytest.raises(AssertionError):
         draw_and_check(

@@ -43,7 +43,9 @@ def is_tuple(kind: object) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loop", [fast._run, time_phase._run], ids=["simulations", "sessions"])
+@pytest.mark.parametrize(
+    "loop", [fast.run_recordings, time_phase._run], ids=["simulations", "sessions"]
+)
 def test_loops_pass_a_tile_the_types_that_it_is_compiled_for(loop):
     program, recording = random_hybrid(0, channels_per_step=1)
     hw.simulate(program, recording)
