@@ -62,6 +62,8 @@ WITHOUT_RUNTIME = {"_nrt": False, "no_cfunc_wrapper": True}
 instruction, and in short loops they take most of the time. Without it loops cannot create arrays
 either. Nobody calls loops from C, so no wrapper for C is compiled."""
 WITH_RUNTIME = {"_nrt": True, "no_cfunc_wrapper": True, "pipeline_class": Compiler}
+"""For functions that create arrays. They may have expressions of whole arrays, for which numba's own
+compiler has passes that ours leave out."""
 NOT_FROM_PYTHON = {"no_cpython_wrapper": True}
 """For functions that only compiled ones call: it saves half a second of compiling for a function
 with many arrays."""

@@ -162,7 +162,7 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
         pytest.param({"bias_mantissa": 0}, id="biases", marks=pytest.mark.minutes),
     ],
 )
-def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
+def test_a_bound_that_forgets_a_sum_is_noticed_by_these_programs(monkeypatch, values):
     """With a bound that ignores joins or biases, some program runs in 32 bits but needs 64: the draws must find one."""
     bound = lay_out.largest_sum
     monkeypatch.setattr(

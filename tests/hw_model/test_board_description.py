@@ -43,7 +43,9 @@ ECP5 = {
 
 
 @pytest.mark.parametrize(("input_mhz", "core_mhz", "dividers"), ECP5.values(), ids=ECP5)
-def test_the_dividers_of_an_ecp5_are_those_by_hand(input_mhz, core_mhz, dividers) -> None:
+def test_the_dividers_of_an_ecp5_equal_those_worked_out_by_hand(
+    input_mhz, core_mhz, dividers
+) -> None:
     pll = ecp5_pll(input_mhz, core_mhz, "x")
     assert pll == Ecp5Pll(Fraction(input_mhz), *dividers)
     assert pll.output_mhz == Fraction(core_mhz)
@@ -62,7 +64,7 @@ ICE40 = {
 @pytest.mark.parametrize(
     ("input_mhz", "core_mhz", "dividers", "filter_range"), ICE40.values(), ids=ICE40
 )
-def test_the_dividers_of_an_ice40_are_those_by_hand(
+def test_the_dividers_of_an_ice40_equal_those_worked_out_by_hand(
     input_mhz, core_mhz, dividers, filter_range
 ) -> None:
     pll = ice40_pll(input_mhz, core_mhz, "x")
@@ -83,12 +85,12 @@ def written(folder: Path, **changes: object) -> str:
     return str(folder / "own.yaml")
 
 
-def test_a_board_of_ones_own_takes_the_core_of_its_size(tmp_path: Path) -> None:
+def test_a_users_board_takes_the_core_of_its_size(tmp_path: Path) -> None:
     own = board(written(tmp_path))
     assert (own.target, own.serial.baud, own.clock.core) == ("ecp5-25f", 1_000_000, 60.0)
 
 
-def test_the_board_of_the_manual_is_a_board() -> None:
+def test_the_board_in_the_manual_is_a_valid_description() -> None:
     page = Path(__file__).parents[2] / "docs/how-to/put-a-model-on-a-board.md"
     own_board = page.read_text("utf-8").partition("## A board of your own\n")[2]
     text = own_board.split("```text\n")[1].split("```")[0]

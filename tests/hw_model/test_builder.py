@@ -88,7 +88,7 @@ def fan_out(chip, *, senders, targets):
     return builder.build()
 
 
-def test_a_neuron_with_too_many_target_cores():
+def test_a_neuron_with_too_many_target_cores_is_refused():
     with pytest.raises(hw.TargetError) as caught:
         fan_out(limited(compartments_per_core=1, output_axons_per_core=2), senders=1, targets=3)
     assert str(caught.value) == (
@@ -147,14 +147,14 @@ def test_a_mistake_in_a_call_is_refused_with_its_way_out(arguments, message):
     ],
     ids=["channels", "graded", "nan", "stream", "no recordings", "no rows", "steps", "many steps", "rows", "engine", "probe"],
 )  # fmt: skip
-def test_recordings_and_options_that_cannot_be_simulated(spikes, options, message):
+def test_recordings_and_options_that_cannot_be_simulated_are_refused(spikes, options, message):
     with pytest.raises(hw.InputError) as caught:
         hw.simulate(build(), spikes, **options)
     assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("operation", ["PASS", "BLOCK", "OR", "AND", "MAX", "SKIP"])
-def test_joins_without_a_public_meaning(operation):
+def test_join_operations_without_a_public_meaning_are_refused(operation):
     builder = hw.ProgramBuilder(CHIP)
     soma = builder.add_compartments("soma", 1, threshold=1)
     with pytest.raises(hw.TargetError) as caught:
@@ -178,7 +178,7 @@ def test_joins_without_a_public_meaning(operation):
     ],
     ids=["a population twice", "an input", "two sizes", "nothing"],
 )
-def test_populations_that_cannot_be_read_out(named, message):
+def test_populations_that_cannot_be_read_out_are_refused(named, message):
     with pytest.raises(hw.InputError) as caught:
         read_out(named)
     assert str(caught.value) == message
@@ -275,7 +275,7 @@ def test_zeros_make_no_synapse_and_are_counted():
     assert sum(len(core.axons.target) for core in program.cores) == 3
 
 
-def test_delays_that_memory_does_not_hold():
+def test_delays_that_memory_cannot_hold_are_refused():
     chip = hw.chip("loihi-sim")
     builder = hw.ProgramBuilder(replace(chip, registers=replace(chip.registers, delay_max=65_534)))
     x = builder.add_input("x", 1)

@@ -81,7 +81,7 @@ TURNED = Input("turned", 2, "time", "x", positions=[0, 1])
     ],
     ids=["no event", "below 0", "mixed over time", "mixed over locations", "another axis"],
 )
-def test_a_phase_that_cannot_be_aligned(phase, inputs, measured):
+def test_a_phase_that_cannot_begin_at_a_touch_is_refused(phase, inputs, measured):
     made = graph()
     made = replace(made, inputs=(*made.inputs, *inputs))
     check_graph(replace(made, phases=(replace(phase, align_events=None),)), CHIP)
@@ -92,5 +92,5 @@ def test_a_phase_that_cannot_be_aligned(phase, inputs, measured):
     )
 
 
-def test_a_phase_of_one_axis_can_be_aligned():
+def test_a_phase_of_one_axis_can_begin_at_a_touch():
     check_graph(replace(graph(), phases=(Phase("time", "time", None, 1),)), CHIP)

@@ -167,13 +167,13 @@ def message(where: str, what: str) -> str:
     return f"{where}: its {what} do not make a program. Compile it again."
 
 
-def test_a_program_that_was_built_is_sound():
+def test_a_program_that_was_built_obeys_every_rule():
     check_program(PROGRAM)
     assert [core.compartments for core in PROGRAM.cores] == [3, 4]
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_an_entry_that_breaks_a_rule(case):
+def test_an_entry_that_breaks_a_rule_is_refused_by_its_message(case):
     program, where, what = BROKEN[case]
     with pytest.raises(hw.InputError) as error:
         check_program(program)
@@ -199,7 +199,7 @@ def test_an_entry_that_breaks_a_rule(case):
     ids=["least bias", "most bias", "bias exponent", "least weight", "most weight", "delay", "profile", "thresholds",
          "voltage limits", "last slot", "steps", "weight"],
 )  # fmt: skip
-def test_the_last_value_of_a_range_is_in_it(sound):
+def test_the_last_value_of_a_range_is_accepted(sound):
     check_program(sound)
 
 
@@ -215,7 +215,7 @@ def test_the_last_value_of_a_range_is_in_it(sound):
         ("synapse_words_per_core", 5, "core 1", "synapse words"),
     ],
 )
-def test_each_limit_of_a_core_is_its_own(limit, most, where, what):
+def test_each_limit_of_a_core_is_checked_by_itself(limit, most, where, what):
     """With one limit as small as the program allows, it is accepted; with one less, the message names this limit."""
 
     def limited(value: int) -> ChipProgram:

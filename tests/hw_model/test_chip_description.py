@@ -165,7 +165,7 @@ def test_numbers_with_an_exponent_and_no_point_are_numbers(tmp_path):
         *("broken", "list", "code"),
     ],
 )  # fmt: skip
-def test_chip_files_that_are_refused(tmp_path, text, message):
+def test_mistakes_in_chip_files_are_refused_with_their_way_out(tmp_path, text, message):
     path = tmp_path / "my.yaml"
     path.write_text(text)
     with pytest.raises(hw.InputError) as caught:
@@ -243,7 +243,7 @@ def use_everything(document):
     ],
     ids=["near miss", "board", "far off", "no file"],
 )  # fmt: skip
-def test_unknown_targets(name, message):
+def test_unknown_targets_are_refused_with_a_near_name(name, message):
     with pytest.raises(hw.InputError) as caught:
         hw.chip(name)
     assert str(caught.value) == message

@@ -24,7 +24,7 @@ def test_sources_come_first(count, edges, order):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_order_is_that_of_networkx(seed):
+def test_the_order_equals_that_of_networkx(seed):
     r = np.random.default_rng(seed)
     count = int(r.integers(1, 25))
     edges = r.integers(0, count, (int(r.integers(0, 2 * count)), 2))

@@ -31,7 +31,7 @@ def wrapped(x):
 """
 
 
-def test_all_folders_with_loops_are_named():
+def test_all_folders_with_loops_make_the_cache_invalid():
     """The formulas of the arithmetic are compiled into loops of other rooms, and have no decorators."""
     loop = re.compile(
         r"^@(compiled|shared|inner|absorbed|intrinsic|kernel)|intrinsic", re.MULTILINE

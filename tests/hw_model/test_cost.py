@@ -20,7 +20,7 @@ from tests.support.register_units import FORGETS_AT_ONCE, LARGEST_THRESHOLD
 CHIP = hw.chip("loihi-sim")
 
 
-def test_counts_of_a_chain():
+def test_counts_of_a_chain_equal_those_worked_out_by_hand():
     worked = chain()
     counts = hw.simulate(worked.program, worked.recording).counts
     assert counts.synaptic_ops == 2  # x -> a and a -> b
@@ -37,7 +37,7 @@ def test_counts_of_a_chain():
 @pytest.mark.parametrize(
     "worked", [chain(), crossroads(), hybrid()], ids=lambda worked: worked.program.name
 )
-def test_energy_and_latency_worked_out_by_hand(worked, profile):
+def test_energy_and_latency_equal_those_worked_out_by_hand(worked, profile):
     """The constants have one digit behind the point: nine digits leave room for rounding in float64 only."""
     result = hw.simulate(worked.program, worked.recording, probe=("activity",))
     costs = CHIP.profile(profile)
@@ -79,7 +79,7 @@ def test_a_wait_on_a_link_north_or_south_is_the_time_of_its_own_hop():
     assert round(total_ns(1, 4) - total_ns(4, 1), 9) == round((hops + waits) * (6.5 - 4.1), 9)
 
 
-def test_the_figures_worked_out_by_hand_in_digits():
+def test_the_formulas_worked_out_by_hand_give_these_digits():
     """The same figures as plain numbers, so that a mistake in the formulas of the support module would show."""
     by_program = {
         worked.program.name: (
@@ -127,7 +127,7 @@ def test_a_step_waits_for_the_farthest_packet():
 @pytest.mark.parametrize(
     ("others", "barrier_ns"), [(1, 113.0), (3, 113.0), (4, 113.0 + (465.0 - 113.0) / 31)]
 )
-def test_the_barrier_is_of_tiles(others, barrier_ns):
+def test_the_barrier_takes_longer_with_more_tiles(others, barrier_ns):
     """With one compartment per core, two or four cores are one tile, and five are two of 32 tiles.
 
     A barrier takes 113 ns for one tile, and grows linearly to 465 ns for all 32.
@@ -181,7 +181,7 @@ def test_the_critical_core_is_one_of_the_program_and_not_of_its_phase():
     [(chain(), 8.4 + 5.3 + 2.1 + 3.5 + 113.0), (hybrid(), 8.4 + 2 * 3.5 + 113.0)],
     ids=["of one phase", "of the phase that plays rows as they come"],
 )
-def test_the_slowest_step_of_a_row(worked, slowest_ns):
+def test_the_slowest_step_of_a_row_is_known_by_hand(worked, slowest_ns):
     result = hw.simulate(worked.program, worked.recording, probe=("activity",))
     activity = {phase: slowest[0] for phase, slowest in result.activity.items()}
     slowest = latency(worked.program, activity, CHIP.profile("davies2018"))
@@ -199,7 +199,7 @@ def test_the_buffer_is_read_in_cycles_of_the_clock():
         assert times.buffer_ns.ravel().tolist() == ns
 
 
-def test_synapses_that_are_due_after_the_end_by_input():
+def test_each_input_has_its_own_delay_when_synapses_are_due_after_the_end():
     """The line of the second input has its own delay, and not that of the first input's first line."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments("y", 1, **FORGETS)
@@ -283,11 +283,11 @@ def test_hops_are_counted_from_tile_to_tile():
     ],
     ids=["same tile", "next tile", "end of row", "next row", "both", "next chip"],
 )
-def test_hops_between_two_slots(slots, hops):
+def test_hops_between_two_slots_are_those_between_their_tiles(slots, hops):
     assert CHIP.hops(*slots) == CHIP.hops(*reversed(slots)) == hops
 
 
-def test_times_of_every_step_and_core_of_a_chain():
+def test_times_of_every_step_and_core_of_a_chain_are_those_by_hand():
     program = chain().program
     result = hw.simulate(program, chain().recording, probe=("activity",))
     times = step_times(program, "time", result.activity["time"][0], CHIP.profile("davies2018"))

@@ -74,7 +74,7 @@ def test_counts_by_step_piece_and_way_add_up(seed):
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
-def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
+def test_energy_by_phase_core_and_step_adds_up_to_the_energy(profile, seed):
     """The sums are exact: fractions of the constants as they are written, times integers."""
     _, result = played_twice(seed)
 

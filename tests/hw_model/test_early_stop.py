@@ -207,7 +207,7 @@ def test_the_stop_is_the_first_step_that_the_bound_proves(seed, first):
 @pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
-def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
+def test_a_proven_stop_counts_the_steps_before_it(seed):
     program, recording = random_hybrid(seed)
     stops = hw.stop_when_proven(program, recording[None])
     assert counts_by_core(stops.all_counts) == counts_by_core(

@@ -124,7 +124,7 @@ def joined_children(builder: hw.ProgramBuilder, parents: int = 1, chain: bool = 
 
 
 @pytest.mark.parametrize("chain", [False, True], ids=["fan", "chain"])
-def test_the_sum_of_many_joined_voltages(chain):
+def test_the_sum_of_many_joined_voltages_does_not_wrap(chain):
     """The sum exceeds 32 bits after some steps. An engine that wrapped it would lose spikes."""
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
@@ -170,7 +170,7 @@ def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
 
 
 @pytest.mark.minutes
-def test_a_chain_as_long_as_a_core():
+def test_a_chain_of_children_as_long_as_a_core_adds_up():
     """Each compartment adds its v to the next. Recursive code would exceed Python's limit on such a chain."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
@@ -196,7 +196,7 @@ def test_a_chain_as_long_as_a_core():
     assert hw.stop_when_proven(program, np.zeros((1, 3, 1), dtype=np.uint8)).steps.tolist() == [0]
 
 
-def test_a_bias_wider_than_32_bits():
+def test_a_bias_wider_than_32_bits_wraps_in_each_step():
     """It wraps in each step, and keeps the compartment busy even if its low 32 bits are zero."""
     builder = hw.ProgramBuilder(
         replace(
@@ -265,7 +265,7 @@ def test_registers_of_other_widths_wrap_and_clip_at_their_ends(registers, bound)
         assert (result.counts.wraps, result.counts.clips) == (wraps, clips)
 
 
-def test_a_voltage_wider_than_a_factor():
+def test_a_voltage_wider_than_a_factor_is_multiplied_exactly():
     """Products in 32-bit lanes have factors of 15 bits and a sign, for voltages of up to 27 bits: 28 need 64-bit lanes.
 
     v falls by one charge more in every step.

@@ -99,7 +99,7 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
-def test_no_rows_and_no_events(module):
+def test_recordings_without_rows_or_events_have_empty_lists(module):
     assert module.list_events("x", np.zeros((2, 0, 3), dtype=np.uint8)).first.tolist() == [[0], [0]]
     assert module.list_events("x", np.zeros((2, 1, 3), dtype=np.uint8)).first.tolist() == [
         [0, 0],

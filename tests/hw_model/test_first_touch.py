@@ -189,7 +189,7 @@ def test_both_engines_play_a_recording_from_its_start_on(
     kind=st.sampled_from(KINDS[:4]),
     rows=st.sampled_from([1, 3, 80]),
 )
-def test_sessions_know_the_same_after_every_step(seed, time, location, kind, rows):
+def test_sessions_have_the_scores_of_whole_runs_after_every_step(seed, time, location, kind, rows):
     """The start does not depend on how many rows are pushed at a time, and a reset forgets it."""
     program, recording = random_hybrid(seed)
     # The readout counts spikes, or weighs potentials from some step on, of both populations or of one.

@@ -59,7 +59,7 @@ def test_a_high_part_fits_where_those_of_both_ends_do(largest, bits):
     assert high_part_fits(largest, bits) == fits
 
 
-def test_the_smallest_number_whose_high_part_is_too_wide():
+def test_a_high_part_may_use_all_its_bits_and_no_more():
     assert high_part_fits(2**19 - 1, 8)
     assert not high_part_fits(2**19, 8)
 

@@ -14,7 +14,7 @@ from tests.support.random_programs import SMALL, random_program
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_run_leaves_its_intervals_and_no_interval_the_proof(seed):
+def test_no_run_leaves_its_intervals_and_no_interval_leaves_the_proof(seed):
     program, _, _, spikes = random_program(seed, SMALL)
     result = hw.simulate(program, spikes, engine="reference", probe=("u", "v"))
     registers = program.chip.registers

@@ -60,7 +60,7 @@ def test_any_hybrid_equals_the_oracle(engine, drawn):
     check_oracle(drawn.program, drawn.graph, {"touch": drawn.spikes}, None, engine)
 
 
-def test_the_seeds_meet_what_the_builder_allows():
+def test_the_seeds_meet_everything_that_the_builder_allows():
     """Every kind of join, input, phase, delay, limit and event occurs in some seed, so none goes untested."""
     met: Counter[str] = Counter()
     for seed in SEEDS:

@@ -163,7 +163,7 @@ def _first_neuron(program, core):
     ("synapses", "bits", "words"),
     [(1, 8, 1), (6, 9, 1), (7, 8, 2), (64, 8, 9), (65, 8, 10), (128, 8, 18)],
 )
-def test_words_of_a_list_by_the_formula_of_the_chip(synapses, bits, words):
+def test_words_of_a_list_follow_the_formula_of_the_chip(synapses, bits, words):
     assert CHIP.synapse_memory.words(synapses, bits) == words
 
 

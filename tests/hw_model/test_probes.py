@@ -65,7 +65,7 @@ def test_a_probe_returns_its_part_of_the_full_result(example, engine, kind, popu
     ],
     ids=["kind", "twice", "population", "steps"],
 )
-def test_probes_that_are_refused(example, probe, message):
+def test_mistakes_in_probes_are_refused_with_their_way_out(example, probe, message):
     program, spikes, _ = example
     with pytest.raises(hw.InputError) as caught:
         hw.simulate(program, spikes, probe=probe)

@@ -155,7 +155,7 @@ def test_optional_keys_of_a_profile_may_be_left_out(tmp_path):
         "barrier of one tile", "hops twice", "hops twice for nothing",
     ],
 )  # fmt: skip
-def test_profiles_that_are_refused(tmp_path, changes, message):
+def test_mistakes_in_profiles_are_refused_with_their_way_out(tmp_path, changes, message):
     with pytest.raises(hw.InputError) as caught:
         hw.priced_by(CHIP, written(tmp_path, **changes))
     assert str(caught.value) == message

@@ -180,7 +180,9 @@ def test_a_compartment_that_wraps_is_not_safe_because_it_cannot_clip():
     [(250, 6, {"bias": LARGEST_BIAS}, 0), (250, 5, {"decay_u": 1024}, 3)],
     ids=["with its bias", "more often than every third step"],
 )
-def test_a_rate_at_which_a_narrow_current_would_wrap(weight, exponent, parameters, period):
+def test_a_rate_at_which_a_narrow_current_would_wrap_is_not_safe(
+    weight, exponent, parameters, period
+):
     """The voltage, three bits wider, stays far below its end."""
     narrow = replace(CHIP, registers=replace(CHIP.registers, current_bits=20))
     program = one_compartment([weight], exponent=exponent, chip=narrow, **parameters)

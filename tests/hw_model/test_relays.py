@@ -58,7 +58,7 @@ def program(delay_max, delay, relays, seed=0):
 
 @pytest.mark.parametrize("delay", [1, 3, 6, 17])
 @pytest.mark.parametrize("delay_max", [0, 1, 2, 5])
-def test_relays_make_a_delay(delay_max, delay):
+def test_relays_give_the_same_spikes_as_a_delay(delay_max, delay):
     relays = delay // (delay_max + 1)
     spikes = (np.random.default_rng(delay).random((2, 60, LINES)) < 0.25).astype(np.uint8)
     expected = hw.simulate(program(62, delay, 0), spikes).spikes
@@ -100,7 +100,7 @@ def test_relays_make_a_delay(delay_max, delay):
     ],
     ids=["one", "many", "last of one", "first of two", "negative"],
 )
-def test_the_message_counts_relays(delay_max, delay, measured, fix):
+def test_the_message_for_a_long_delay_counts_the_relays_it_takes(delay_max, delay, measured, fix):
     builder = hw.ProgramBuilder(chip(delay_max))
     x = builder.add_input("x", 2)
     n = builder.add_compartments("n", 1, threshold=1)

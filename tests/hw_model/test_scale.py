@@ -46,7 +46,7 @@ def peak_mib(do):
 @pytest.mark.parametrize(
     "delay", [3, sparse.eye_array(SIZE, dtype=np.int64) * 3], ids=["one for all", "one for each"]
 )
-def test_delays_are_those_of_synapses_not_of_pairs(delay):
+def test_delays_take_memory_for_synapses_and_not_for_pairs(delay):
     graph, mib = peak_mib(relays(MANY_CORES, delay).graph)
     assert graph.synapses[0].delay.tolist() == [3] * SIZE
     _, mib = peak_mib(lambda: relays(MANY_CORES, delay))
@@ -85,7 +85,7 @@ def test_counts_take_no_memory_for_cores_times_sources():
     assert mib < 20, "a number for each core and source takes 61"
 
 
-def test_a_number_of_a_synapse_takes_as_few_bytes_as_it_needs():
+def test_numbers_of_synapses_take_as_few_bytes_as_they_need():
     rows = np.arange(1000)
     for values, bytes_of_one in (
         (rows, 4),

@@ -117,7 +117,7 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
 
 @settings(max_examples=10, deadline=None)
 @given(seed=SEEDS)
-def test_rows_one_by_one_and_again_after_a_reset(seed):
+def test_a_session_gives_the_same_row_by_row_and_after_a_reset(seed):
     program, recording = random_hybrid(seed)
     session = hw.Session(program)
     first = [session.push(row).scores for row in recording]
@@ -151,7 +151,7 @@ def test_rows_of_any_kind_give_the_same(kind):
 
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, psi=st.sampled_from([0.0, 2.0, 10.0, 15.0, 5000.0]))
-def test_time_weighted_scores(seed, psi):
+def test_time_weighted_scores_follow_their_formula(seed, psi):
     """With the rate psi, step t of n weighs the location branch by w = 1 / (1 + e^(-psi (t / n - 1))), time by 1 - w."""
     program, recording = random_hybrid(seed)
     plain = hw.Session(program).push(recording)
@@ -167,7 +167,7 @@ def test_time_weighted_scores(seed, psi):
         assert np.allclose(weighted.scores[t - 1], expected, rtol=1e-12, atol=1e-300)
 
 
-def test_silence_runs_nothing_again():
+def test_silence_replays_no_step():
     program, recording = random_hybrid(2)
     session = hw.Session(program)
     session.push(np.zeros_like(recording))
@@ -175,7 +175,7 @@ def test_silence_runs_nothing_again():
     assert session.replayed[1] >= len(recording) * recording.shape[1]
 
 
-def test_an_event_runs_no_more_than_all_again():
+def test_an_event_replays_less_than_the_whole_phase():
     program, recording = random_hybrid(4)
     session = hw.Session(program)
     session.push(recording)
@@ -194,7 +194,9 @@ def test_an_event_runs_no_more_than_all_again():
     ],
     ids=["spikes", "one for all", "the second", "the first", "one each"],
 )
-def test_populations_that_give_potentials_have_a_first_step(potentials_from, first_steps):
+def test_populations_that_give_potentials_have_a_first_step_that_counts(
+    potentials_from, first_steps
+):
     assert Readout(("a", "b"), (1.0, 1.0), potentials_from).from_step == first_steps
 
 
@@ -215,7 +217,7 @@ def test_populations_that_give_potentials_have_a_first_step(potentials_from, fir
         "a row each",
     ],
 )
-def test_classes_that_are_decided(scores, classes):
+def test_the_first_class_of_equals_is_decided_unless_all_tie(scores, classes):
     """-1: all classes tie, so none is predicted."""
     assert decided(np.array(scores)).tolist() == classes
 

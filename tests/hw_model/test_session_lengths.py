@@ -73,7 +73,7 @@ def test_pushing_no_rows_changes_nothing():
 
 
 @pytest.mark.usefixtures("unchecked")  # the check takes memory of its own
-def test_a_live_program_over_many_rows():
+def test_a_live_program_takes_no_more_memory_for_more_rows():
     """Rows are pushed by thousands or one by one, and memory does not grow with them."""
     program = live_program()
     rows = (np.random.default_rng(5).random((10_000, 6)) < 0.2).astype(np.uint8)
@@ -104,7 +104,7 @@ def test_a_live_program_over_many_rows():
     ("threshold", "first"), [(300, None), (100_000, 3), (100_000, 66)], ids=["spikes", "3", "66"]
 )
 @pytest.mark.parametrize("cuts", [[], [70], [3, 5, 140]], ids=["at once", "in two", "in four"])
-def test_rows_of_more_than_a_tile(threshold, first, cuts):
+def test_recordings_longer_than_a_tile_give_the_same_scores(threshold, first, cuts):
     """Tiles have 64 rows. Two inputs pause in between, and potentials are largest in the first tile or in the last."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(
@@ -139,7 +139,7 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
 
 @pytest.mark.parametrize("engine", ["reference", "fast"])
 @pytest.mark.parametrize("rows", [4, 5, 6], ids=["one row short", "as long", "one row long"])
-def test_recordings_next_to_the_length_of_their_program(rows, engine):
+def test_recordings_about_as_long_as_their_program_lose_no_step(rows, engine):
     """An event acts in the step after its row, so the last row of five has no effect."""
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments(

@@ -96,7 +96,7 @@ def synapse_bits(program):
 
 
 @pytest.mark.parametrize("limit", [8, 3])
-def test_shared_formats_change_no_spike(limit):
+def test_merged_formats_change_no_spike(limit):
     apart = many_formats(16)
     shared = many_formats(limit)
     assert len(apart.cores[0].axons.formats) == 9

@@ -50,7 +50,7 @@ def test_a_calibrated_margin_is_the_smallest_that_is_enough(seed, agreement, psi
 
 
 @pytest.mark.parametrize("psi", [None, 10.0])
-def test_margins_are_in_the_integers_of_the_readout(psi):
+def test_margins_scale_with_the_weights_of_the_readout(psi):
     program, recordings = program_and_batch(5)
     readout = program.readout
     tripled = replace(
@@ -68,7 +68,7 @@ def test_margins_are_in_the_integers_of_the_readout(psi):
     margin=st.sampled_from([0.5, 1.0, 2.0, 5.0, float("inf")]),
     psi=st.sampled_from([None, 10.0]),
 )
-def test_stops_at_a_margin(seed, margin, psi):
+def test_stops_at_a_margin_are_at_the_first_step_with_this_lead(seed, margin, psi):
     """They are at the first step with this lead, and count a time phase that ends there and the phase after it."""
     program, recordings = program_and_batch(seed)
     stops = hw.stop_at_margin(program, recordings, margin, psi)
@@ -92,7 +92,7 @@ def test_stops_at_a_margin(seed, margin, psi):
     )
 
 
-def test_agreement_on_the_recordings_it_was_calibrated_on():
+def test_a_calibrated_margin_keeps_its_agreement_on_its_recordings():
     program, recordings = program_and_batch(4, batch=40)
     margin = hw.calibrate_margin(program, recordings, 0.9)
     stops = hw.stop_at_margin(program, recordings, margin)

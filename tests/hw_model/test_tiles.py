@@ -424,7 +424,7 @@ def test_many_lowest_voltages_do_not_wrap_to_a_spike():
 
 
 @pytest.mark.parametrize("lines", [256, 257], ids=["the most in a tile", "one line more"])
-def test_more_spikes_than_one_loop_delivers(lines):
+def test_more_spikes_than_one_loop_delivers_give_the_same(lines):
     assert 256 * TILE == MOST_LISTED
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", lines)

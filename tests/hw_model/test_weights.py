@@ -68,7 +68,7 @@ def test_only_weights_on_the_grid_are_accepted(bits, mode, on_grid):
 
 
 @pytest.mark.parametrize("bits", [0, 7, 9, -1])
-def test_widths_that_no_format_has(bits):
+def test_widths_that_no_format_has_are_refused(bits):
     with pytest.raises(InputError) as caught:
         weight_grid(bits, "mixed")
     assert (
@@ -77,7 +77,7 @@ def test_widths_that_no_format_has(bits):
     )
 
 
-def test_unknown_sign_mode():
+def test_an_unknown_sign_mode_is_refused_with_a_near_name():
     with pytest.raises(InputError) as caught:
         weight_grid(8, "exitatory")
     assert str(caught.value) == "sign mode: 'exitatory' does not exist. Did you mean 'excitatory'?"

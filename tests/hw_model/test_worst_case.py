@@ -28,7 +28,9 @@ BARRIER = 113.0
         pytest.param(9, UPDATES + WITHIN_TILE + 2 * SYNAPSE + BARRIER, id="no more than channels"),
     ],
 )
-def test_a_chain_takes_at_most_what_it_takes_by_hand(events: int, step_ns: float) -> None:
+def test_the_bound_of_a_chain_equals_the_one_worked_out_by_hand(
+    events: int, step_ns: float
+) -> None:
     """x -> a -> b on one core: both are active and spike, a sends a packet within the tile."""
     bound = hw.worst_case(cost_programs.chain().program, 4, events)
     assert bound.slowest_step_ns == pytest.approx(step_ns)
@@ -79,7 +81,7 @@ def test_the_dearest_events_are_those_of_the_bound() -> None:
     assert np.diff(slowest_ns) == pytest.approx(np.array(synapses) * SYNAPSE)
 
 
-def test_an_event_that_two_inputs_read_in_one_step_counts_for_both() -> None:
+def test_an_event_that_two_inputs_read_in_one_step_counts_twice() -> None:
     """Both inputs read the channel from the transpose buffer: each event of two rows costs a read and a synapse twice."""
     builder = hw.ProgramBuilder(CHIP)
     neuron = builder.add_compartments("neuron", 1, threshold=1000)
