@@ -1,4 +1,4 @@
-"""The programs of the study of energy lie next to its page."""
+"""Find the modules of the study of energy, which lie next to its page."""
 
 import sys
 from pathlib import Path

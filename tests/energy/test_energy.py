@@ -1,9 +1,14 @@
-"""The energy of the core in 130 nm cells: macros, their wrappers, the profile and its check."""
+"""The energy of the core in 130 nm cells, as docs/research/energy-130nm computes it.
+
+Figures of macros are compared with the liberty files of the process, the profile with energies at gate level, and accesses
+estimated from counts with accesses that were counted. Tests that need files outside of the repository are skipped without them.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
+import zipfile
 from collections import defaultdict
 from pathlib import Path
 
@@ -38,6 +43,7 @@ def test_macros_cost_what_their_files_say():
         (macro.ports, macro.words, macro.bits): macro
         for macro in liberty.macros(runs.LIBRARY / "sram")
     }
+    # Rows of a table: ports, words, bits; square micrometres, picojoules to read and to write.
     table = re.findall(
         r"\| (\d)P (\d+) x (\d+) \| ([\d,]+) \| ([\d.]+) \| ([\d.]+) \|",
         (runs.LIBRARY / "README.md").read_text(),
@@ -73,13 +79,14 @@ def touch_recordings(count: int) -> np.ndarray:
     return spikes[:count].transpose(0, 2, 1)
 
 
-def checked() -> list[dict[str, str]]:
+def rows_of_the_check() -> list[dict[str, str]]:
+    """Return the rows of the study's comparison of the profile with gate level, a recording each."""
     with make_profile.CHECK.open() as file:
         return list(csv.DictReader(file))
 
 
-def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
-    rows = checked()
+def test_the_profile_is_within_5_percent_of_gate_level_on_recordings_it_was_not_fitted_to():
+    rows = rows_of_the_check()
     for name in make_profile.SETS:
         relative_errors = [
             abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1)
@@ -92,28 +99,30 @@ def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
 
 @NEEDS_RECORDINGS
 @pytest.mark.parametrize("name", make_profile.SETS)
-def test_counts_without_hardware_say_what_memories_take(name):
+def test_the_energy_of_memories_computed_from_counts_is_that_of_gate_level(name):
     count = 3
     program = runs.compiled(make_profile.SETS[name])
     recordings = runs.real(name, "test", count)
-    rows = [row for row in checked() if row["set"] == name]
+    rows = [row for row in rows_of_the_check() if row["set"] == name]
     gate_level_pj = [float(row["memories at gate level, pJ"]) for row in rows[:count]]
     assert sums.memory_pj(program, recordings) == pytest.approx(gate_level_pj, rel=0.02)
 
 
-SWEPT = {"bitmap": 1024, "tallies": 72}
-"""Words that are written while memories are set to 0 before a recording, which counts do not tell of."""
-ESTIMATED = {"synapses": (0.92, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
-"""Accesses by counts over those that were counted, at least and at most; all others are the same."""
+WORDS_SWEPT = {"bitmap": 1024, "tallies": 72}
+"""Words that are written when memories are set to 0 before a recording, which is not in the counts."""
+RATIOS = {"synapses": (0.92, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
+"""The least and the largest ratio of accesses estimated from counts to accesses that were counted, as measured for this network.
+The estimates of all other memories are exact."""
 
 
-def test_counts_and_program_tell_what_memories_do():
+def test_accesses_estimated_from_counts_are_near_those_counted():
     program = runs.compiled("objects-hybrid-loihi")
     touches = touch_recordings(2).astype(np.uint8)
     recordings = runs.stacked(program, touches)
     sizes = hw.chip("locsnn-130nm").open_core
     simulated = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
     core = CoreProgram(program, recordings.shape[1], sizes=sizes)
+    # Energies do not matter here: a macro of one bank that costs nothing, for every memory.
     any_macro = defaultdict(lambda: (1, 0.0, 0.0))
     compared = set()
     for i, counts in enumerate(simulated.per_recording):
@@ -122,8 +131,8 @@ def test_counts_and_program_tell_what_memories_do():
             if array.name not in accesses:
                 continue
             reads, writes = accesses[array.name]
-            writes -= SWEPT.get(array.name, 0)
-            low, high = ESTIMATED.get(array.name, (1.0, 1.0))
+            writes -= WORDS_SWEPT.get(array.name, 0)
+            low, high = RATIOS.get(array.name, (1.0, 1.0))
             assert low * reads <= array.rows[1] <= high * reads, array.name
             assert low * writes <= array.writes <= high * writes, array.name
             compared.add(array.name)
@@ -140,22 +149,28 @@ def test_counts_and_program_tell_what_memories_do():
     }
 
 
-@pytest.mark.parametrize(("name", "limit", "need"), [("weights", 1, 2), ("states", 200, 206)])
-def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, name, limit, need):
+@pytest.mark.parametrize(
+    ("memory", "limit", "need"),
+    [("weights", 1, 2), ("states", 200, 206)],
+    ids=["weights", "states"],
+)
+def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, memory, limit, need):
     program = runs.compiled("objects-hybrid-loihi")
     text = make_profile.CHIP.read_text()
-    on_core(program, 250, hw.chip("locsnn-130nm"))
+    steps = 250  # of the network's recordings
+    on_core(program, steps, hw.chip("locsnn-130nm"))
     small = tmp_path / "small.yaml"
-    small.write_text(re.sub(rf"^  {name}: \d+", f"  {name}: {limit}", text, flags=re.M))
+    small.write_text(re.sub(rf"^  {memory}: \d+", f"  {memory}: {limit}", text, flags=re.M))
     with pytest.raises(TargetError) as caught:
-        on_core(program, 250, hw.chip(small))
+        on_core(program, steps, hw.chip(small))
     assert str(caught.value).startswith(
-        f"program {program.name!r}: the open core of locsnn-130nm is too small in {name!r} ({need} against {limit})."
+        f"program {program.name!r}: the open core of locsnn-130nm is too small in {memory!r} ({need} against {limit})."
     )
 
 
 def test_text_of_the_page_is_wrapped_and_tables_are_not():
-    words, row = " ".join(["word"] * 60), "| " + "long " * 40 + "|"
+    words = " ".join(["word"] * 60)
+    row = "| " + "long " * 40 + "|"
     page = f"# {words}\n\n{words}\n{words}\n\n| a |\n{row}\n\n- {words}\n- {words}\n\n    {words}\n"
     head, paragraph, *others = page_text.wrapped(page).split("\n\n")
     unchanged = [f"# {words}", f"| a |\n{row}", f"- {words}\n- {words}", f"    {words}\n"]
@@ -176,7 +191,7 @@ def test_a_report_bounds_what_cleaning_takes_and_nothing_else_that_is_left_out()
     profile = hw.chip("locsnn-130nm").profile("ihp-sg13g2")
     rows = rows_left_out(hw.Counts(), profile, 3, None)
     cleaning = profile.not_included[0].bound_recording_pj
-    assert 10_000 < cleaning < 1e6
+    assert 10_000 < cleaning < 1e6  # the order of magnitude, in picojoules
     assert [(row.what, row.at_most_pj, row.bound_source) for row in rows] == [
         ("cleaning of the memories", cleaning, "writes of macros at gate level"),
         ("transitions of gates before they settle (glitches)", None, None),
@@ -194,9 +209,7 @@ def test_a_profile_of_a_core_in_cells_may_be_chosen_and_one_of_a_device_not():
     )
 
 
-def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
-    import zipfile
-
+def test_real_recordings_are_read_class_by_class_in_turn(tmp_path, monkeypatch):
     with zipfile.ZipFile(tmp_path / "Ev-Some.zip", "w") as archive:
         for sample, label in ((0, 1), (1, 0), (2, 0), (3, 1)):
             with archive.open(f"Ev-Some/test/sample_{sample}_label_{label}.npy", "w") as file:
@@ -204,7 +217,7 @@ def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
     monkeypatch.setattr(runs, "RECORDINGS", Path(tmp_path))
     recordings = runs.real("Some", "test", 3)
     assert recordings.shape == (3, 3, 4)
-    # Each recording holds its number. Classes 0 and 1 take turns.
+    # Each recording is filled with the number of its sample. Classes 0 and 1 take turns.
     assert recordings[:, 0, 0].tolist() == [1, 0, 2]
 
 

@@ -1,4 +1,9 @@
-"""Memories of a plan, macros and latches behind the ports of the core: they behave like the memories of the core."""
+"""Memories made of macros or latches behave like the memories of the core (memory.sv).
+
+The study of energy puts each memory of a plan behind the ports of memory.sv: macros side by side and in banks, latches, memories
+of one port that delay writes, and constants that are not read again if they repeat. Icarus Verilog plays each next to memory.sv
+in a bench, which counts in how many cycles they show different words. At the end a whole core plays with such memories.
+"""
 
 from __future__ import annotations
 
@@ -32,22 +37,22 @@ NEEDS_ICARUS = pytest.mark.skipif(
 
 
 def macro(words: int, bits: int, ports: int, mask: bool = True) -> liberty.Macro:
-    """Return a macro that nobody makes."""
+    """Return an invented macro; ``mask``: whether single bits can be written."""
     name = f"MADE_{ports}P_{words}x{bits}{'_bm_' if mask else ''}"
     return liberty.Macro(name, words, bits, ports, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, {})
 
 
-def model(one: liberty.Macro) -> str:
-    """Return how a macro behaves: what is read stays at its output."""
+def model(macro: liberty.Macro) -> str:
+    """Return the SystemVerilog of a macro: a word that was read stays at its output."""
     text = (
-        memories.stub(one)
+        memories.stub(macro)
         .replace("(* blackbox *) ", "")
         .replace(" endmodule\n", "\n")
         .replace("output [", "output reg [")
     )
-    body = f"reg [{one.bits - 1}:0] words[0:{one.words - 1}];\n"
-    for port in "AB"[: one.ports]:
-        mask = f"{port}_BM" if "_bm_" in one.name else f"{{{one.bits}{{1'b1}}}}"
+    body = f"reg [{macro.bits - 1}:0] words[0:{macro.words - 1}];\n"
+    for port in "AB"[: macro.ports]:
+        mask = f"{port}_BM" if "_bm_" in macro.name else f"{{{macro.bits}{{1'b1}}}}"
         body += (
             f"always @(posedge {port}_CLK) if ({port}_MEN) begin\n"
             f"if ({port}_WEN) words[{port}_ADDR] <= ({port}_DIN & {mask}) | (words[{port}_ADDR] & ~{mask});\n"
@@ -56,6 +61,7 @@ def model(one: liberty.Macro) -> str:
     return f"{text}{body}endmodule\n"
 
 
+# Words, bits and ports of a shape; macros of a row; banks; words in a row.
 WRAPPED = [
     memories.Choice(memories.Shape("plain", 64, 10, 2), (macro(64, 10, 2),), 1, 1),
     memories.Choice(
@@ -70,15 +76,20 @@ WRAPPED = [
 ]
 
 
-def modules(*made: memories.Choice | Latches) -> str:
-    """Return the memory of the core, the modules of others, and how macros and gates behave."""
-    used = {one for choice in made if isinstance(choice, memories.Choice) for one in choice.macros}
-    arrays = netlist.memories_sv(made).replace(latches.GATE, latches.MODEL)
-    return (runs.ROOT / "hw_model/rtl/memory.sv").read_text() + "".join(map(model, used)) + arrays
+def modules(*choices: memories.Choice | Latches) -> str:
+    """Return the SystemVerilog of memory.sv, of the chosen memories, and of the macros and gates that they are made of."""
+    macros = set()
+    for choice in choices:
+        if isinstance(choice, memories.Choice):
+            macros |= set(choice.macros)
+    wrappers = netlist.memories_sv(choices).replace(latches.GATE, latches.MODEL)
+    return (
+        (runs.ROOT / "hw_model/rtl/memory.sv").read_text() + "".join(map(model, macros)) + wrappers
+    )
 
 
 def played(folder: Path, text: str) -> list[str]:
-    """Return the words that a bench says."""
+    """Play a bench, and return the words that it prints: first, in how many cycles the two memories differ."""
     (folder / "bench.sv").write_text(text)
     subprocess.run(
         ["iverilog", "-g2012", "-s", "bench", "-o", "bench", "bench.sv"], cwd=folder, check=True
@@ -100,12 +111,16 @@ def test_a_memory_of_a_plan_behaves_as_the_memory_of_the_core(choice, tmp_path):
 
 
 @NEEDS_ICARUS
-@pytest.mark.parametrize("late", [8, 9, 10, 11])
-def test_banks_of_one_port_alternate_between_reads_and_writes_of_a_sweep(late, tmp_path):
+@pytest.mark.parametrize("cycles_late", [8, 9, 10, 11])
+def test_banks_of_one_port_alternate_between_reads_and_writes_of_a_sweep(cycles_late, tmp_path):
+    """A word is read, and written so many cycles later, while later words are read."""
     shape = memories.Shape("states", 64, 10, 2)
     choice = memories.Choice(shape, (macro(16, 8, 1), macro(16, 4, 1, mask=False)), 4, 1)
     assert choice.waits
-    assert played(tmp_path, modules(choice) + SWEEP.replace("LATE", str(late))) == ["0", "differ"]
+    assert played(tmp_path, modules(choice) + SWEEP.replace("LATE", str(cycles_late))) == [
+        "0",
+        "differ",
+    ]
 
 
 @NEEDS_ICARUS
@@ -120,17 +135,14 @@ def test_marks_of_a_memory_of_one_port_wait_for_reads(banks, tmp_path):
     assert choice.waits
     text = modules(choice)
     assert played(tmp_path, text + MARKS) == ["0", "differ"]
-    for part in ("if (wait_now || waiting) waiting <=", "&& !clash"):
+    # Without the logic that makes a write wait, the memories differ.
+    for part, without in (
+        ("if (wait_now || waiting) waiting <=", "if (0) waiting <="),
+        ("&& !clash", ""),
+    ):
         assert part in text
-        assert (
-            int(
-                played(
-                    tmp_path,
-                    text.replace(part, "if (0) waiting <=" * part.startswith("if")) + MARKS,
-                )[0]
-            )
-            > 0
-        )
+        differ, _ = played(tmp_path, text.replace(part, without) + MARKS)
+        assert int(differ) > 0
 
 
 @NEEDS_ICARUS
@@ -144,7 +156,8 @@ def test_words_that_repeat_are_not_read_again_and_come_out_the_same(tmp_path):
     text = modules(*parts) + repeats.verilog(split)
     differ, _, skipped, _ = played(tmp_path, text + CONSTANTS)
     assert differ == "0"
-    assert int(skipped) > 1000
+    assert int(skipped) > 1000  # reads that were saved
+    # Without a condition of a saved read, words come out wrong.
     for part in (" && earlier == write_data", " && read_address == coming"):
         assert part in text
         assert int(played(tmp_path, text.replace(part, "") + CONSTANTS)[0]) > 0
@@ -162,28 +175,33 @@ def test_the_plan_of_the_gate_level_core_is_checked(monkeypatch):
     monkeypatch.setattr(
         runs.Library,
         "macros",
-        {one.name: one for choice in PLANNED[:2] for one in choice.macros},
+        {macro.name: macro for choice in PLANNED[:2] for macro in choice.macros},
         raising=True,
     )
-    pieces, known = plans.pieces_of(PLANNED), plans.checked_by(files, PLANNED)
-    check(pieces, *known)
-    for at, piece in enumerate(pieces):
+    pieces = plans.pieces_of(PLANNED)
+    arrays, macros = plans.checked_by(files, PLANNED)
+    check(pieces, arrays, macros)
+    for number, piece in enumerate(pieces):
+        without = pieces[:number] + pieces[number + 1 :]
         with pytest.raises(InputError, match=f"memory '{piece.memory}': the plan is too small"):
-            check(pieces[:at] + pieces[at + 1 :], *known)
+            check(without, arrays, macros)
         with pytest.raises(
             InputError, match=f"memory '{piece.memory}': macros of the plan overlap"
         ):
-            check([*pieces, piece], *known)
-    (few,) = [replace(one, bits=one.bits - 1) for one in pieces[-1:]]
+            check([*pieces, piece], arrays, macros)
+    *others, last = pieces
     with pytest.raises(InputError) as caught:
-        check([*pieces[:-1], few], *known)
+        check([*others, replace(last, bits=last.bits - 1)], arrays, macros)
     assert str(caught.value) == (
         "memory 'charges': the plan is too small (0 hold bit 9 of word 21). Add macros."
     )
 
 
 def families() -> tuple[hw.ChipProgram, np.ndarray]:
-    """Five compartments with two dendrites each: their sums lie behind the first words."""
+    """Return a program of five compartments with two dendrites each, and recordings.
+
+    Parents are numbered after their dendrites, so their sums do not lie in the first words of the memory.
+    """
     r = np.random.default_rng(3)
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="families")
     x = b.add_input("x", 4)
@@ -197,16 +215,17 @@ def families() -> tuple[hw.ChipProgram, np.ndarray]:
     return b.build(), (r.random((2, 30, 4)) < 0.4).astype(np.uint8)
 
 
-def with_memories(core: runs.Core, done: dict[str, traffic.Memory]) -> dict[str, str]:
-    """Return the SystemVerilog of a core by file, with memories of macros that nobody makes, or of latches."""
-    made = runs.Library(Path("none"))
-    chosen = [plans.options(made, memory, core)[-1] for memory in done.values()]
+def with_memories(core: runs.Core, accesses: dict[str, traffic.Memory]) -> dict[str, str]:
+    """Return the SystemVerilog of a core by file, with its memories made of invented macros, or of latches."""
+    library = runs.Library(Path("none"))
+    chosen = [plans.options(library, memory, core)[-1] for memory in accesses.values()]
     texts = {
         path.name: netlist.with_memories(path.read_text()) for path in netlist.parts(netlist.CORE)
     }
     texts["locsnn_core.sv"] = traffic.set_in(texts["locsnn_core.sv"], core.saving)
     memory = modules(*chosen) + "".join(map(repeats.verilog, repeats.splits(core.sizes)))
-    # Registers of a plan begin with anything, and are right once their memory is cleaned.
+    # A simulator would begin with unknown registers, which stay unknown. On a chip they begin with some value, and are right once
+    # their memory has been cleaned.
     memory = re.sub(r"(logic waiting|streak|put);", r"\1 = 0;", memory)
     return {**sources(), **texts, "memory.sv": memory}
 
@@ -214,28 +233,31 @@ def with_memories(core: runs.Core, done: dict[str, traffic.Memory]) -> dict[str,
 @pytest.mark.minutes
 @NEEDS_ICARUS
 def test_a_core_with_memories_of_a_plan_plays_like_the_simulator(monkeypatch):
-    macros = [macro(*one) for one in ((64, 32, 1), (64, 32, 2), (1024, 32, 1), (1024, 32, 2))]
-    monkeypatch.setattr(runs.Library, "macros", {one.name: one for one in macros})
+    macros = [macro(words, 32, ports) for words in (64, 1024) for ports in (1, 2)]
+    by_name = {invented.name: invented for invented in macros}
+    monkeypatch.setattr(runs.Library, "macros", by_name)
     program, recordings = families()
     mapped, core = runs.holding(program, recordings.shape[1])
-    done = repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
-    found = compare(program, recordings, with_memories(core, done), "icarus", sizes=core.sizes)
-    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
-    # The fault that a larger network had at gate level: words for as many sums as there are parents, from the first on.
+    accesses = repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
+    texts = with_memories(core, accesses)
+    comparison = compare(program, recordings, texts, "icarus", sizes=core.sizes)
+    assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
+    # A plan must not make just as many words for sums as there are parents: they do not lie in the first words.
     few = replace(core, held={**core.held, "sums": 5})
-    assert (
-        compare(program, recordings, with_memories(few, done), "icarus", sizes=core.sizes)[
-            "mismatches"
-        ]
-        > 0
-    )
-    made = plans.options(runs.Library(Path("none")), done["sums"], few)[-1]
+    texts = with_memories(few, accesses)
+    comparison = compare(program, recordings, texts, "icarus", sizes=core.sizes)
+    assert comparison["mismatches"] > 0
+    too_small = plans.options(runs.Library(Path("none")), accesses["sums"], few)[-1]
     with pytest.raises(InputError) as caught:
-        plans.refuse_too_few(made.shape, done["sums"])
-    wanted = "memory 'sums': the plan does not make a word that something is read from (word 10 of 5). Hold more words."
-    assert str(caught.value) == wanted
+        plans.refuse_too_few(too_small.shape, accesses["sums"])
+    assert str(caught.value) == (
+        "memory 'sums': the plan does not make a word that something is read from (word 10 of 5). "
+        "Hold more words."
+    )
 
 
+# Benches. `core` is memory.sv and `made` a memory of a plan; both get the same writes and reads, and `differ` counts the cycles in
+# which they show different words. This one writes every word, then reads and writes at random.
 BENCH = """
 module bench;
     logic clk = 0, write = 0, read = 0;
@@ -264,6 +286,7 @@ module bench;
     end
 endmodule
 """
+# Sweeps as of the memory of states: words are read in order, and each is written LATE cycles after it was read, or not at all.
 SWEEP = """
 module bench;
     logic clk = 0, write = 0, read = 0;
@@ -293,6 +316,7 @@ module bench;
     end
 endmodule
 """
+# Marks as in the buffer of events: a word is read, and written two cycles later with one bit more.
 MARKS = """
 module bench;
     logic clk = 0, write = 0, read = 0, marks = 0, marked = 0;
@@ -320,6 +344,8 @@ module bench;
     end
 endmodule
 """
+# Sweeps as of the memories of constants, whose words mostly equal the word two before; some reads are out of order. `skipped`
+# counts the reads that were saved.
 CONSTANTS = """
 module bench;
     logic clk = 0, write = 0, read = 0;
@@ -366,14 +392,12 @@ endmodule
 
 
 def test_a_row_holds_every_word_and_no_macro_too_many():
-    some = [macro(16, 8, 1), macro(16, 16, 1), macro(64, 8, 1)]
-    found = list(memories.choices(memories.Shape("x", 40, 12, 1), some))
-    assert found
-    for choice in found:
-        bits = [m.bits for m in choice.macros]
-        assert sum(bits) >= 12 * choice.pack > sum(bits) - min(bits)
-        assert (
-            choice.banks * choice.rows * choice.pack
-            >= 40
-            > (choice.banks - 1) * choice.rows * choice.pack
-        )
+    macros = [macro(16, 8, 1), macro(16, 16, 1), macro(64, 8, 1)]
+    words, bits = 40, 12
+    choices = list(memories.choices(memories.Shape("x", words, bits, 1), macros))
+    assert choices
+    for choice in choices:
+        macro_bits = [macro.bits for macro in choice.macros]
+        assert sum(macro_bits) >= bits * choice.pack > sum(macro_bits) - min(macro_bits)
+        words_of_bank = choice.rows * choice.pack
+        assert choice.banks * words_of_bank >= words > (choice.banks - 1) * words_of_bank
