@@ -1,2 +1,1 @@
-"""What a chip is, as its YAML file describes it: registers, limits, mesh, and profiles of energy
-and time."""
+"""Chips as their YAML files describe them: registers, limits, mesh, energy and time."""

@@ -69,8 +69,7 @@ host may be off too."""
 
 
 class Pin(Frozen):
-    """A pin of the device, its electrical settings, and the level at which its signal is on
-    (``active``).
+    """A pin of the FPGA, its electrical settings, and the level that means on (``active``).
 
     A file may give just the name of the pin, in place of a mapping.
     """
@@ -106,8 +105,7 @@ class Device(Frozen):
 
 
 class Clock(Frozen):
-    """The clock of the board, and the frequency of the core, which a PLL makes if it is another
-    one."""
+    """The clock of the board, and the frequency of the core if a PLL makes another one."""
 
     pin: Pin
     mhz: Annotated[float, between(1, 400)]
@@ -120,8 +118,7 @@ class Clock(Frozen):
 
 
 class Serial(Frozen):
-    """The pins of the serial line, named as the FPGA sees them (it receives on ``rx``), and the
-    bits per second."""
+    """The pins of the serial line, where the FPGA receives on ``rx``, and its bits per second."""
 
     rx: Pin
     tx: Pin
@@ -165,8 +162,7 @@ class Board(Frozen):
 
     @property
     def target(self) -> str:
-        """The name of the target whose core the FPGA gets, unless a program was compiled for
-        another one."""
+        """The target whose core the FPGA gets, unless a program was compiled for another."""
         return TARGETS[self.device.family][self.device.size]
 
     @property
@@ -281,8 +277,7 @@ def _check_ice40_pin(pin: Pin, place: str) -> None:
 
 
 def _check_baud(described: Board, where: str) -> None:
-    """Refuse a rate that is too fast for the core's clock, or that the clock cannot make closely
-    enough."""
+    """Refuse a rate that is too fast for the core's clock, or that it cannot make closely."""
     place = f"{where}: serial.baud"
     baud = described.serial.baud
     core_hz = described.clock.core * 1e6

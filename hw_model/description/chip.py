@@ -184,8 +184,7 @@ class Chip(Shown, eq=True):
         return self.chips * self.limits.cores_per_chip
 
     def tile_of(self, slot: int) -> tuple[int, int]:
-        """Return (column, row) of a core's tile on the board, given the core's number (``slot``) on
-        the board.
+        """Return (column, row) of a core's tile, given the core's number on the board, ``slot``.
 
         Cores fill tiles row by row; chips lie side by side.
         """
@@ -201,8 +200,7 @@ class Chip(Shown, eq=True):
 
     @property
     def default_profile(self) -> str | None:
-        """The name of the energy profile that reports show first: the first in the chip file. None
-        if there is none."""
+        """The name of the first energy profile, which reports show first; None without profiles."""
         return next(iter(self.profiles), None)
 
     @property

@@ -1,5 +1,4 @@
-"""The sizes of the open core, as a chip file gives them, and the macros that its memories can be
-made of.
+"""The sizes of the open core, and the macros of its memories, as a chip file gives them.
 
 The open core is the neuromorphic core of this project, in SystemVerilog (``hw_model/rtl``). One
 core runs all cores of a program, phase after phase. Its memories are fixed when it is built, so a
@@ -62,8 +61,7 @@ class Sizes(Frozen):
 
 
 class MemoryWords(Frozen):
-    """The words of the memories that may be smaller on a chip than the parameters of the core would
-    make them.
+    """The words of memories that may be smaller on a chip than the core's parameters make them.
 
     - ``weights``: populations that are read out
     - ``phases``: eight for each phase
@@ -78,8 +76,7 @@ class MemoryWords(Frozen):
 
 
 class MemoryUse(NamedTuple):
-    """How full a memory is: the words that a program fills, the words there are, and the bits of a
-    word."""
+    """How full a memory is: words that a program fills, all words, and bits of a word."""
 
     used_words: int
     words: int
@@ -105,8 +102,7 @@ class Macro(Frozen):
 
 
 def check_sizes(core: Sizes, slots: int, where: str) -> None:
-    """Refuse fewer slots than the chip's registers need, and sizes that must be powers of two but
-    are not.
+    """Refuse fewer slots than the chip's registers need, and sizes that are no powers of two.
 
     ``slots`` is what the registers need. n is a power of two, or 0, if ``n & n - 1`` is 0.
     """

@@ -1,5 +1,4 @@
-"""Find the dividers of a PLL that make the core's clock from the clock of a board, for both FPGA
-families.
+"""Find the dividers of a PLL that make the core's clock from the clock of a board.
 
 All dividers that keep within the limits of the data sheet are tried. Frequencies are fractions, so
 that a result is exact or is known to be off.

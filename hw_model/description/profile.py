@@ -26,8 +26,7 @@ class Barrier(Frozen):
     all_tiles: Cost
 
     def ns(self, tiles: int, all_tiles: int) -> float:
-        """Return the time for a number of tiles, interpolated linearly between the two published
-        values."""
+        """Return the time for some tiles, interpolated linearly between the published values."""
         share = (tiles - 1) / max(all_tiles - 1, 1)
         return self.one_tile + share * (self.all_tiles - self.one_tile)
 
@@ -86,8 +85,7 @@ class Profile(Shown, eq=True):
         return self.sources.get(count, self.source)
 
     def with_times(self, end: End) -> "Profile | None":
-        """Return the profile with every time at one end of its range, or None if the end of any
-        range is unknown."""
+        """Return the profile with all times at one end of their ranges; None if one is unknown."""
         index = 1 if end == "most" else 0
         ends = {name: time_range[index] for name, time_range in self.time_ns_range.items()}
         if None in ends.values():

@@ -30,8 +30,7 @@ TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
 
 
 def is_yaml_path(name_or_path: str | Path) -> bool:
-    """Return whether a text is the path of a user's file, and not the name of a chip or a profile
-    that ships."""
+    """Return whether a text is the path of a user's file, not the name of a file that ships."""
     return str(name_or_path).endswith(_YAML)
 
 
@@ -103,8 +102,7 @@ def check_profile(profile: Profile, where: str) -> None:
 
 
 def _check_names(profile: Profile, where: str) -> None:
-    """Refuse names that a profile may not have: of no count, of counts without a price, of no
-    constant."""
+    """Refuse names of no count, of counts that have no price, and of no constant."""
     constants = {**profile.energy_pj, **profile.time_ns}
     # Key of the profile, the names it has there, the names it may have, and what is wrong with
     # others.

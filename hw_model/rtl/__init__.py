@@ -1,2 +1,1 @@
-"""The open core, the hardware of this project: its SystemVerilog, programs in its memory words, and
-recordings played on it."""
+"""The open core, the hardware of this project: its SystemVerilog, and programs played on it."""

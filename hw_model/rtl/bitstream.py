@@ -75,8 +75,7 @@ class NoRoomError(TargetError):
 
 
 class _Build(Frozen):
-    """The folder in which the bitstream of a board is made, the board, and how many placements are
-    wanted.
+    """The folder in which the bitstream of a board is made, the board, and its placements.
 
     Only this process changes the folder, as it holds the lock. The files that make starts from
     never change.
@@ -102,8 +101,7 @@ class _Build(Frozen):
         return run_tool(["make", "-s", *targets, *variables], self.folder, self.where)
 
     def is_made(self, target: str) -> bool:
-        """Return whether a target exists, and so is up to date: the files it depends on never
-        change in this folder."""
+        """Return whether a target exists; files that it depends on never change in this folder."""
         return (self.folder / target).exists()
 
     def placement(self, seed: int) -> str:
@@ -207,8 +205,7 @@ def _synthesise(build: _Build) -> None:
 
 
 def _place(build: _Build) -> None:
-    """Make every placement that the folder lacks, one by one, so that the log can say how much time
-    remains."""
+    """Make missing placements, one by one, so that the log can say how much time remains."""
     seeds = range(1, build.placements + 1)
     missing = [seed for seed in seeds if not build.is_made(build.placement(seed))]
     start_s = time.perf_counter()
@@ -262,8 +259,7 @@ def _clock_mhz(build: _Build, seed: int) -> float:
 
 
 def _used(build: _Build, seed: int) -> dict[str, int]:
-    """Return the cells that a placement takes, by kind, as nextpnr counts them, or yosys where
-    nextpnr does not."""
+    """Return the cells that a placement takes, by kind; yosys counts what nextpnr does not."""
     cells = json.loads((build.folder / f"{build.board}.cells").read_text())
     used = dict(cells["design"]["num_cells_by_type"])
     used |= {name: entry["used"] for name, entry in _report(build, seed)["utilization"].items()}
@@ -285,8 +281,7 @@ def _by_kind(cells: Mapping[str, int]) -> dict[str, int]:
 
 
 def _no_pin(build: _Build, missing_pin: str) -> InputError:
-    """Return the error to raise if the package of a board lacks a pin, which a key of its
-    description names."""
+    """Return the error of a package that lacks a pin, naming the key of the description."""
     keys = [key for key, pin in build.described.pins() if pin.pin == missing_pin]
     where = ", ".join([build.where, *keys])
     what = f"package {build.described.device.package} has no pin {missing_pin}"
@@ -294,16 +289,14 @@ def _no_pin(build: _Build, missing_pin: str) -> InputError:
 
 
 def _no_room(build: _Build, seed: int, error: InputError) -> NoRoomError:
-    """Return the error to raise if a device has no room for the core, given the error of a
-    placement."""
+    """Return the error of a device that has no room for the core, given that of a placement."""
     measured = _too_much(build.folder / f"{build.board}-{seed}.log") or error.measured
     what = "the core cannot be placed"
     return NoRoomError(build.where, what, measured=measured, fix="Choose a larger device.")
 
 
 def _too_much(log: Path) -> str:
-    """Return what a device has too few of, as the log of a placement says, such as ``39 of 30 block
-    RAMs``."""
+    """Return what a device has too few of, by a placement's log: ``39 of 30 block RAMs``."""
     text = log.read_text("utf-8") if log.exists() else ""
     kinds = {
         name: kind.replace("_rams", " RAMs") for kind, names in CELLS.items() for name in names

@@ -209,8 +209,7 @@ def _parts(rows: ByteArray, most: int) -> Iterator[ByteArray]:
 def spike_numbers(
     core: CoreProgram, recording: ByteArray, spikes: Mapping[str, ByteArray]
 ) -> list[int]:
-    """Return the spikes of a simulation as a board reports them: each as the number of updates
-    before it.
+    """Return the spikes of a simulation as a board reports them: how many updates came before.
 
     ``spikes[population]`` (steps, n).
     """

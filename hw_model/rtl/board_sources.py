@@ -32,16 +32,14 @@ class Port(Frozen):
 
 
 class ClockSource(Frozen):
-    """The clock of the core: its exact frequency, and the SystemVerilog that makes it from the
-    input."""
+    """The clock of the core: its exact frequency, and the SystemVerilog that makes it."""
 
     mhz: Fraction
     text: str
 
 
 def board_sources(board: Board, target: str) -> dict[str, str]:
-    """Return the files of a board, by name: text of the top module, constraints and variables of
-    make.
+    """Return the files of a board by name: top module, constraints, and variables of make.
 
     ``target`` names the chip whose core the board gets.
     """
@@ -170,8 +168,7 @@ def _ecp5_clock(board: Board) -> ClockSource:
 
 
 def _phase(divider: int) -> int:
-    """Return the coarse phase (CPHASE) of an output of an ECP5's PLL: its first edge is in the
-    middle of its period."""
+    """Return the coarse phase of an ECP5's PLL output whose first edge is mid-period."""
     return max(divider // 2 - 1, 0)
 
 

@@ -1,5 +1,4 @@
-"""Compare the core with the simulator: every spike, u, v, potential, count, score and class, and
-the cycles.
+"""Compare the core with the simulator: spikes, registers, counts, scores, classes and cycles.
 
 ``locsnn rtl sim`` and the tests play recordings on both, the core in a simulator of SystemVerilog,
 and count how many values differ.

@@ -1,5 +1,4 @@
-"""Play recordings to the core's SystemVerilog, and return what it did as the result of a
-simulation.
+"""Play recordings to the core's SystemVerilog; the result is like that of a simulation.
 
 A bench (``bench.sv``), built with Verilator or Icarus Verilog, reads the program and the recordings
 from files and writes every update and answer of the core to files. The updates are sorted back into

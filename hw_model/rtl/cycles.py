@@ -141,8 +141,7 @@ class _Clock:
         return accepted
 
     def _deliver(self, earliest: int) -> None:
-        """Deliver the spikes that go first, if an event may be requested from cycle ``earliest``
-        on.
+        """Deliver the spikes that go before an event, whose earliest request is in ``earliest``.
 
         A spike goes before an event if it is the head of the queue by then. The next head follows
         two cycles after a pop.
@@ -157,8 +156,7 @@ class _Clock:
             self.row_open = max(self.row_open, self.spike_accepted + 2)
 
     def _update(self, first: int, compartments: range, fired: list[int]) -> None:
-        """Update the compartments, one per cycle from cycle ``first`` on; ``fired`` are those that
-        fire.
+        """Update the compartments, one per cycle, from cycle ``first`` on; ``fired`` fire.
 
         A compartment that fires is the head of the queue 11 cycles after its issue: 8 in the
         pipeline of update.sv, and 3 in queue.sv. Heads are requested from five cycles before the

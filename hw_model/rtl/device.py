@@ -37,8 +37,7 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
 
 
 def check_room(core: CoreProgram, device: Chip) -> None:
-    """Raise a ``TargetError`` if the core of a device is too small for a program, or its fields too
-    narrow."""
+    """Raise a ``TargetError`` if a device's core is too small for a program, or its fields are."""
     assert device.open_core is not None
     for name, (need, limit) in _short_of(core, device).items():
         what = f"the open core of {device.name} is too small in {name!r}"
@@ -50,8 +49,7 @@ def check_room(core: CoreProgram, device: Chip) -> None:
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
-    """Return the sizes in which the core of a device is too small: what is needed, and what there
-    is."""
+    """Return the sizes in which a device's core is too small: (need, limit) by name."""
     assert device.open_core is not None
     words = uses(core.words, device.memory_words) if device.memory_words else {}
     all_uses = uses(core.needs, device.open_core) | words
@@ -78,8 +76,7 @@ def latencies(
 
 
 def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, dict[str, float]]:
-    """Return memory reads, memory writes and multiplications per recording, given the counts of
-    some recordings.
+    """Return memory accesses and multiplications per recording, from counts of recordings.
 
     They are means. The cleaning of memories between recordings is left out. Writes are upper
     bounds: charges that are 0 when they are taken, and states of compartments at rest, are not

@@ -60,8 +60,7 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
 
 
 def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) -> dict[str, bytes]:
-    """Return the files that a bitstream is made from: sources, Makefile, constraints and
-    parameters.
+    """Return the files of a bitstream: sources, Makefile, constraints and parameters.
 
     ``board`` is the name of a board that ships, empty for none, or that of the user's own board,
     whose files are ``own``.

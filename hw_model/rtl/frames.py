@@ -58,8 +58,7 @@ class FrameReader:
 
 
 def _without_escapes(escaped: bytes) -> bytes:
-    """Return the bytes of a frame, each escape and the byte after it replaced by the byte they
-    stand for."""
+    """Return the bytes of a frame, with the byte that each escape stands for in its place."""
     return re.sub(
         rb"\x7d(.)", lambda match: bytes((match[1][0] ^ _FLIP,)), escaped, flags=re.DOTALL
     )

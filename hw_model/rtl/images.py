@@ -101,8 +101,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
 
 
 def resident_compartments(sizes: Sizes) -> int:
-    """Return for how many compartments at a time the core has states and charges: of a phase, or of
-    all."""
+    """Return how many compartments have states and charges at a time: of a phase, or all."""
     return sizes.places or sizes.compartments
 
 
@@ -243,8 +242,7 @@ class CoreProgram:
         return words
 
     def simulated(self, least: Sizes) -> Sizes:
-        """Return the sizes of a simulated core that holds the program: those of ``least``, or
-        larger.
+        """Return the sizes of a simulated core that holds the program, at least ``least``.
 
         Some sizes are exactly those of the device, as cycles or numbers depend on them: where the
         second phase hears events when they arrive, those of the memory of charges; where phases
@@ -259,8 +257,7 @@ class CoreProgram:
 
     @property
     def words(self) -> MemoryWords:
-        """The words that the program fills of memories of which a chip may have fewer words than
-        its sizes say."""
+        """The words that the program fills of memories that may be smaller on a chip."""
         weights = max(1, len(self.tables["weights"]["magnitude"]))
         states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
         return MemoryWords(
@@ -384,8 +381,7 @@ class CoreProgram:
         )
 
     def _synapses(self) -> Table:
-        """Return the synapses of all cores, in any order, with the numbers of their sources and
-        targets."""
+        """Return the synapses of all cores, by the numbers of their sources and targets."""
         parts = []
         for core in self.program.cores:
             axons = core.axons
@@ -413,8 +409,7 @@ class CoreProgram:
         return {name: column[has_source] for name, column in columns.items()}
 
     def _compartments(self) -> Table:
-        """Return the constants of every compartment, by number: the fields of the memories
-        ``leaks`` and ``fires``.
+        """Return the constants of all compartments: fields of the memories ``leaks`` and ``fires``.
 
         Gaps in the numbers have zeros. Decays are stored as what they keep (4096 - decay),
         thresholds in units of 64, vmin and vmax as binary logarithms of 1 - vmin and vmax + 1.
@@ -479,8 +474,7 @@ def parameters(sizes: Sizes) -> dict[str, int]:
 
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
-    """Return sizes of a simulated core that hold what is needed, and are not smaller than
-    ``least``.
+    """Return sizes of a simulated core that hold the needs, none smaller than in ``least``.
 
     Words of memories are rounded up to a power of two, so that few different cores are built. Bits
     are just enough.

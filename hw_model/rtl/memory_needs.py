@@ -1,5 +1,4 @@
-"""What a program needs of each memory of a core on a chip: words, bits, ports, and accesses in a
-recording.
+"""What a program needs of each memory of a core on a chip: size, ports and accesses.
 
 :mod:`.memory_plan` chooses macros for these needs, and the study of energy in
 docs/research/energy-130nm prices them.
@@ -35,8 +34,7 @@ TALLY_BITS = 24
 
 
 def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
-    """Return the memories that a program needs on a core of these sizes, with their accesses in a
-    recording.
+    """Return the memories of a program on a core of these sizes, with a recording's accesses.
 
     Accesses are estimated from ``counts``, the counts of a recording, and from the program. Two
     things are unknown then: words of lists that hold one synapse or none, which are read all the
@@ -120,23 +118,20 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
 
 
 def _updates_of(core: CoreProgram, kind: str) -> int:
-    """Return how many updates of a recording are of compartments of a kind, given by a flag of
-    their constants."""
+    """Return how many updates of a recording are of compartments whose flag ``kind`` is set."""
     flags = core.tables["compartments"][kind]
     return sum(int(flags[core.numbers[phase.name]].sum()) * phase.steps for phase in core.phases)
 
 
 def own_bits(name: str, sizes: Sizes) -> list[int]:
-    """Return the places of the bits of a word of constants that belong to :data:`NOT_SHARED`
-    fields."""
+    """Return which bits of a word of constants belong to :data:`NOT_SHARED` fields."""
     fields = layouts(sizes)[name].fields
     field_of_bit = chain.from_iterable([field.name] * field.width for field in fields)
     return [bit for bit, field in enumerate(field_of_bit) if field in NOT_SHARED[name]]
 
 
 def reads_without_repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
-    """Return how many words of shared constants a phase reads in a recording, those that repeat
-    left out."""
+    """Return how many words of shared constants a phase reads, without those that repeat."""
     layout = layouts(sizes)[name]
     words = layout.pack(
         {field.name: core.tables["compartments"][field.name] for field in layout.fields}

@@ -1,5 +1,4 @@
-"""Choose the macros that each memory of the core is made of, in a process that offers memory
-macros.
+"""Choose the macros that each memory of the core is made of, in a process that offers them.
 
 A macro is a small memory of fixed size, with one port or two. Macros side by side make a row, which
 is as wide as one word of the core's memory or several; copies of the row, called banks, make the

@@ -1,5 +1,4 @@
-"""Memory words as bits: named fields, packed from bit 0 on, and hexadecimal text that ``$readmemh``
-reads."""
+"""Memory words as bits: named fields from bit 0 on, and hexadecimal text for ``$readmemh``."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -43,13 +42,11 @@ class Layout(Frozen):
 
     @classmethod
     def of(cls, *signed: str, **widths: int) -> "Layout":
-        """Return a layout, given the width of each field by name; ``signed`` are the names of the
-        signed ones."""
+        """Return a layout, given each field's width by name, and the names of signed fields."""
         return cls(tuple(Field(name, width, name in signed) for name, width in widths.items()))
 
     def pack(self, columns: Mapping[str, IntArray]) -> BitArray:
-        """Return words as bits (words, width), bit 0 first; ``columns[name]`` (words,) are the
-        values of a field."""
+        """Return words as bits (words, width), bit 0 first, given ``columns[name]`` (words,)."""
         assert list(columns) == [field.name for field in self.fields]
         return np.concatenate(
             [bits_of(columns[field.name], field) for field in self.fields], axis=1
@@ -86,8 +83,7 @@ def bits_of(values: IntArray, field: Field) -> BitArray:
 
 
 def hex_words(bits: BitArray) -> bytes:
-    """Return words (words, width), bit 0 first, as text: a line of hexadecimal digits each, the
-    highest digit first.
+    """Return words (words, width), bit 0 first, as lines of hexadecimal digits, highest first.
 
     Words of no bits are written as 0.
     """

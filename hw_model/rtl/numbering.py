@@ -1,5 +1,4 @@
-"""Number the compartments of a program; the core updates them in the order of their numbers, one
-per cycle.
+"""Number the compartments of a program, in the order in which the core updates them.
 
 A compartment may be joined to another, its parent, to which it adds its voltage in the same step.
 So children come before parents: phase by phase, the deepest children first, siblings next to each
@@ -43,11 +42,10 @@ class Numbering(Frozen, eq=False):
     shared: bool
 
     def places(self, numbers: IntArray) -> IntArray:
-        """Return the places at which the states and charges of compartments with these numbers lie,
-        in a new array.
+        """Return the places of the states and charges of compartments, given their numbers.
 
-        A place is the number itself or, where phases share places, its distance from the first
-        number of its phase.
+        The result is a new array. A place is the number itself or, where phases share places, its
+        distance from the first number of its phase.
         """
         if not self.shared:
             return numbers.copy()
@@ -75,8 +73,7 @@ class Numbering(Frozen, eq=False):
         return words
 
     def _sums_collide(self, parents: IntArray, first_child: IntArray, words: int) -> bool:
-        """Return whether, with so many words, a sum is written before the one before it in its word
-        has been read.
+        """Return whether, with so many words, a sum would be overwritten before it is read.
 
         ``parents`` (n,) are numbers, ascending, and ``first_child`` (n,) the numbers of their first
         children.
@@ -134,8 +131,7 @@ def _family_batches(parent: IntArray, phase_of: IntArray, phases: int, sizes: Si
 
 
 def _numbers_in_order(order: IntArray, parent: IntArray) -> IntArray:
-    """Return the least numbers that ascend in an order, and leave :data:`JOIN_DISTANCE` before
-    every parent.
+    """Return the least ascending numbers that leave :data:`JOIN_DISTANCE` before every parent.
 
     ``order`` lists the compartments, each child before its parent.
     """
@@ -153,7 +149,6 @@ def _numbers_in_order(order: IntArray, parent: IntArray) -> IntArray:
 
 
 def of_compartments(program: ChipProgram, values: Callable[[Core], IntArray | int]) -> IntArray:
-    """Return a value for each compartment, core after core: ``values`` gives those of a core, or
-    one for all of them."""
+    """Return a value for each compartment; ``values`` gives those of a core, or one for all."""
     parts = [np.broadcast_to(values(core), core.compartments) for core in program.cores]
     return np.concatenate(parts).astype(np.int64)

@@ -74,11 +74,10 @@ class CorePhase(Frozen, eq=False):
 def core_phases(
     program: ChipProgram, rows: int, steps: int | None, groups: int
 ) -> tuple[tuple[CorePhase, ...], int]:
-    """Return the phases of the core in order, for recordings of ``rows`` rows, and the first source
-    after theirs.
+    """Return the phases of the core in order, and the first number after their sources.
 
-    ``steps`` is the length of phases of no fixed length. ``groups`` is 1 if rows share sources
-    where they can.
+    ``rows``: steps of a recording. ``steps``: the length of phases of no fixed length. ``groups``
+    is 1 if rows share sources where they can.
     """
     streaming = next(
         (phase for phase in program.phases if _plays_as_it_arrives(program, phase)), None
@@ -101,8 +100,7 @@ def core_phases(
 
 
 def _plays_as_it_arrives(program: ChipProgram, phase: Phase) -> bool:
-    """Return whether a phase can play a recording while it arrives: it is not aligned, and visits
-    no channels."""
+    """Return whether a phase can play arriving recordings: not aligned, and without visits."""
     inputs = program.inputs_of(phase.name)
     return phase.align_events is None and all(item.positions is None for item in inputs)
 
@@ -177,8 +175,7 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
 
 
 def _sources_of_lines(item: Input, shared: int) -> tuple[IntArray, IntArray]:
-    """Return the source of each line of a transposed input, counted from 0, and the row of the
-    line.
+    """Return the source of each line of a transposed input, counted from 0, and its row.
 
     A line is a row of a channel, and the lines of a channel follow each other. 2^shared rows have
     one source.

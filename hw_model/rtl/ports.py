@@ -1,5 +1,4 @@
-"""Ports through which a host talks to a board: a serial device, or a simulated board with its
-serial line."""
+"""Ports through which a host talks to a board: a serial device, or a simulated board."""
 
 import subprocess
 from collections.abc import Iterable

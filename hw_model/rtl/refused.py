@@ -1,5 +1,4 @@
-"""Refuse programs that the open core cannot run, with an error that names why, before anything is
-built."""
+"""Refuse programs that the open core cannot run, by name, before anything is built."""
 
 from hw_model.errors import TargetError
 from hw_model.mapping.graph import Phase
@@ -19,8 +18,10 @@ for a first phase that has nothing to do."""
 
 
 def refuse_unless(fits: bool, program: ChipProgram, what: str, measured: object) -> None:
-    """Raise a ``TargetError`` unless a program fits: the core has no ``what``, and the program
-    needs ``measured``."""
+    """Raise a ``TargetError`` that the core has no ``what``, unless the program fits.
+
+    ``measured``: what the program has, or needs.
+    """
     if not fits:
         where = f"program {program.name!r}"
         what = f"the open core has no {what}"

@@ -16,8 +16,7 @@ Synapse = tuple[int, ...]
 
 
 def rows_together(program: ChipProgram, phase: str) -> int:
-    """Return the largest k for which groups of 2^k successive rows of every channel have the same
-    synapses.
+    """Return the largest k for which the rows of every group of 2^k have the same synapses.
 
     The groups are rows ``n 2^k`` to ``(n + 1) 2^k - 1``; k is 0 if rows cannot share.
     """
@@ -43,8 +42,7 @@ def rows_together(program: ChipProgram, phase: str) -> int:
 
 
 def _synapses_of_lines(program: ChipProgram, phase: str) -> list[list[Synapse]]:
-    """Return the synapses of every input line of a phase, sorted, so that equal ones can be
-    compared."""
+    """Return the synapses of every input line of a phase, sorted, so that they compare."""
     lines = program.lines_of(phase).values()
     count = sum(of_input.stop - of_input.start for of_input in lines)
     synapses: list[list[Synapse]] = [[] for _ in range(count)]

@@ -91,8 +91,7 @@ def _temporary_folder() -> Path:
 
 
 def run(binary: Path, folder: Path, patience: int) -> None:
-    """Run a built simulator on the files ``load`` and ``words`` of a folder, where it also writes
-    its files."""
+    """Run a built simulator on the files ``load`` and ``words`` of a folder, and write there."""
     run_tool([*command_of(binary), f"+patience={patience}"], folder, "the open core")
 
 

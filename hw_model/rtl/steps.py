@@ -84,8 +84,7 @@ def in_steps(
 def _heads(
     list_number: IntArray, target: IntArray, exponent: IntArray, lists: int
 ) -> dict[str, IntArray]:
-    """Return the target and the exponent from which every list begins; 0 for a list without
-    synapses.
+    """Return the target and the exponent from which every list begins; 0 for empty lists.
 
     The arrays (halves,) describe the first synapse of each half that has one. The two halves of a
     list share its head: it has the smaller of their targets and the larger of their exponents, so

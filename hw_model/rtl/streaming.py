@@ -23,8 +23,7 @@ from hw_model.simulation import simulate
 def stream(
     program: ChipProgram, spikes: Spikes, port: str, baud: int, report: bool
 ) -> dict[str, Any]:
-    """Load a program, play recordings (batch, steps, channels), and return the answers and what
-    differs.
+    """Play recordings (batch, steps, channels) on a board; return answers and what differs.
 
     The entries of the result are lists with an item per recording, and their totals. ``report``:
     compare every spike, not only classes and counts. Raise an ``InputError`` if the board does not

@@ -129,8 +129,7 @@ def core_costs(core: CoreProgram) -> CoreCosts:
 
 
 def _compartments(core: CoreProgram, index: int) -> int:
-    """Return how many compartments are updated in a step of a phase, the gaps in their numbers
-    included."""
+    """Return how many numbers are updated in a step of a phase, gaps included."""
     before = core.ends[index - 1] if index else 0
     return int(core.ends[index]) - int(before)
 
@@ -165,8 +164,7 @@ def _spiking_lists(core: CoreProgram, phase: CorePhase) -> IntArray:
 
 
 def _spike_cycles(core: CoreProgram, phase: CorePhase) -> int:
-    """Return the cycles of the spikes of a phase, if every compartment spikes as often as its
-    refractory time allows."""
+    """Return the cycles of a phase's spikes, at the rate that refractory times allow."""
     if not phase.name:
         return 0
     program = core.program

@@ -119,8 +119,7 @@ def family_of(name: str) -> AnyFamily:
 
 @checked
 def _family_of_file(path: Path) -> AnyFamily:
-    """Return the family that a chip file shares most keys with; of families that share as many, the
-    first."""
+    """Return the family that a chip file shares most keys with, the first of several."""
     document = plain_values(read_chip_file(path), path.name)
     if not isinstance(document, Mapping):
         return MESHES  # not a description at all, which the reader of meshes refuses

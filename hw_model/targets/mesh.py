@@ -1,5 +1,4 @@
-"""Targets that are a mesh of cores, like Loihi: limits are checked by mapping, times come from a
-profile."""
+"""Targets that are a mesh of cores, like Loihi, with times from a profile."""
 
 from collections.abc import Mapping, Sequence
 
@@ -28,8 +27,7 @@ class MeshTarget(Target):
 
     @classmethod
     def describes(cls, chip: Chip) -> bool:
-        """Return True: every chip that no other kind describes is a mesh, so this kind is asked
-        last."""
+        """Return True: every chip that is of no other kind is a mesh, so this kind comes last."""
         return True
 
     @property
@@ -67,8 +65,7 @@ class MeshTarget(Target):
         return len(program.cores)
 
     def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
-        """Return how many cores are in use and, for each limit of a core, the most that any core
-        uses."""
+        """Return the number of cores and, for each limit of a core, the most that a core uses."""
         limits = self.chip.limits
         cores = program.cores
         most_compartments = max(core.compartments for core in cores)

@@ -25,8 +25,7 @@ leave them out."""
 
 
 class OpenCoreTarget(Target):
-    """The open core, which hosts all cores of a program. Its times are exact: the cycles of its
-    SystemVerilog."""
+    """The open core, which hosts all cores of a program. Its times are exact cycles."""
 
     called = "an open core"
     has_mesh = False
@@ -58,8 +57,7 @@ class OpenCoreTarget(Target):
 
     @property
     def basis_of_times(self) -> str:
-        """What times rest on: exact cycles, of a clock that placement reached on an FPGA or an
-        analysis found for cells.
+        """What times rest on: exact cycles, of a clock from placement or, in cells, from analysis.
 
         Only a core in cells has energy profiles.
         """
@@ -69,8 +67,7 @@ class OpenCoreTarget(Target):
 
     @property
     def room(self) -> str:
-        """The sizes of its memories, ending in a comma, after which :attr:`in_words` adds the
-        costs."""
+        """The sizes of its memories, up to a comma, where :attr:`in_words` adds the costs."""
         sizes = self.sizes
         return (
             f"a program may have {sizes.compartments} compartments, {sizes.axons} sources of "
@@ -78,8 +75,7 @@ class OpenCoreTarget(Target):
         )
 
     def check_fits(self, program: ChipProgram, rows: int) -> None:
-        """Raise a ``TargetError`` if the core lacks something that the program needs, or has too
-        few of it."""
+        """Raise a ``TargetError`` if the core lacks, or has too few of, what a program needs."""
         from hw_model.rtl.device import on_core
 
         on_core(program, rows, self.chip)
@@ -128,8 +124,7 @@ class OpenCoreTarget(Target):
     def memory_accesses(
         self, program: ChipProgram, rows: int, counts: Counts, recordings: int
     ) -> dict[str, dict[str, float]]:
-        """Return the memory accesses and multiplications per recording, on average, from counts of
-        some recordings."""
+        """Return the mean memory accesses and multiplications of a recording, from counts."""
         from hw_model.rtl.device import activity, on_core
 
         return activity(on_core(program, rows, self.chip), counts, recordings)

@@ -56,8 +56,7 @@ class GroupSize(NamedTuple):
 
 
 class ProgramContents(Frozen, eq=False):
-    """What a program holds: the number of its ``cores``, the size of each population, and its
-    arrays by name."""
+    """What a program holds: its number of ``cores``, the size of populations, and its arrays."""
 
     cores: int
     groups: Mapping[str, GroupSize]

@@ -16,8 +16,7 @@ from hw_model.values import ByteArray, Frozen
 
 
 class LimitUse(NamedTuple):
-    """How much of a limit is used. For a limit of a core, this is the use of the core that uses
-    most."""
+    """How much of a limit is used; of a core's limit, by the core that uses most."""
 
     used: int
     limit: int
@@ -67,8 +66,7 @@ class Target(Frozen, ABC):
 
     @property
     def in_words(self) -> str:
-        """What a program may have, and what is known of its costs, in words, for ``locsnn
-        targets``."""
+        """What a program may have, and what is known of costs, for ``locsnn targets``."""
         costs = "energy is not known"
         if self.chip.profiles:
             costs = f"energy profiles: {', '.join(self.chip.profiles)}"
@@ -90,8 +88,7 @@ class Target(Frozen, ABC):
         """Return how much a program uses of each limit, by the limit's name."""
 
     def memories_used(self, program: ChipProgram, rows: int) -> dict[str, MemoryUse]:
-        """Return how full each memory is, by its name; an empty dictionary if only limits are
-        known."""
+        """Return how full each memory is, by its name; empty if only limits are known."""
         return {}
 
     @abstractmethod
@@ -110,14 +107,12 @@ class Target(Frozen, ABC):
 
     @abstractmethod
     def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
-        """Bound the time of any recording of ``rows`` rows (steps) with at most so many events per
-        row."""
+        """Bound the time of recordings of ``rows`` steps with at most so many events per step."""
 
     def memory_accesses(
         self, program: ChipProgram, rows: int, counts: Counts, recordings: int
     ) -> dict[str, dict[str, float]] | None:
-        """Return memory accesses and multiplications per recording, by kind; None if they are
-        unknown.
+        """Return memory accesses and multiplications per recording; None if they are unknown.
 
         ``counts`` are totals of a number of ``recordings``.
         """

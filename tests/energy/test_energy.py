@@ -1,7 +1,8 @@
 """The energy of the core in 130 nm cells, as docs/research/energy-130nm computes it.
 
-Figures of macros are compared with the liberty files of the process, the profile with energies at gate level, and accesses
-estimated from counts with accesses that were counted. Tests that need files outside of the repository are skipped without them.
+Figures of macros are compared with the liberty files of the process, the profile with energies at
+gate level, and accesses estimated from counts with accesses that were counted. Tests that need
+files outside of the repository are skipped without them.
 """
 
 from __future__ import annotations
@@ -80,7 +81,8 @@ def touch_recordings(count: int) -> np.ndarray:
 
 
 def rows_of_the_check() -> list[dict[str, str]]:
-    """Return the rows of the study's comparison of the profile with gate level, a recording each."""
+    """Return the rows of the study's comparison of the profile with gate level, a recording each.
+    """
     with make_profile.CHECK.open() as file:
         return list(csv.DictReader(file))
 
@@ -109,10 +111,11 @@ def test_the_energy_of_memories_computed_from_counts_is_that_of_gate_level(name)
 
 
 WORDS_SWEPT = {"bitmap": 1024, "tallies": 72}
-"""Words that are written when memories are set to 0 before a recording, which is not in the counts."""
+"""Words that are written when memories are set to 0 before a recording, which is not in the counts.
+"""
 RATIOS = {"synapses": (0.92, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
-"""The least and the largest ratio of accesses estimated from counts to accesses that were counted, as measured for this network.
-The estimates of all other memories are exact."""
+"""The least and the largest ratio of accesses estimated from counts to accesses that were counted,
+as measured for this network. The estimates of all other memories are exact."""
 
 
 def test_accesses_estimated_from_counts_are_near_those_counted():

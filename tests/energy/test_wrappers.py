@@ -1,8 +1,9 @@
 """Memories made of macros or latches behave like the memories of the core (memory.sv).
 
-The study of energy puts each memory of a plan behind the ports of memory.sv: macros side by side and in banks, latches, memories
-of one port that delay writes, and constants that are not read again if they repeat. Icarus Verilog plays each next to memory.sv
-in a bench, which counts in how many cycles they show different words. At the end a whole core plays with such memories.
+The study of energy puts each memory of a plan behind the ports of memory.sv: macros side by side
+and in banks, latches, memories of one port that delay writes, and constants that are not read again
+if they repeat. Icarus Verilog plays each next to memory.sv in a bench, which counts in how many
+cycles they show different words. At the end a whole core plays with such memories.
 """
 
 from __future__ import annotations
@@ -77,7 +78,8 @@ WRAPPED = [
 
 
 def modules(*choices: memories.Choice | Latches) -> str:
-    """Return the SystemVerilog of memory.sv, of the chosen memories, and of the macros and gates that they are made of."""
+    """Return the SystemVerilog of memory.sv, of the chosen memories, and of the macros and gates
+    that they are made of."""
     macros = set()
     for choice in choices:
         if isinstance(choice, memories.Choice):
@@ -89,7 +91,8 @@ def modules(*choices: memories.Choice | Latches) -> str:
 
 
 def played(folder: Path, text: str) -> list[str]:
-    """Play a bench, and return the words that it prints: first, in how many cycles the two memories differ."""
+    """Play a bench, and return the words that it prints: first, in how many cycles the two memories
+    differ."""
     (folder / "bench.sv").write_text(text)
     subprocess.run(
         ["iverilog", "-g2012", "-s", "bench", "-o", "bench", "bench.sv"], cwd=folder, check=True
@@ -200,7 +203,8 @@ def test_the_plan_of_the_gate_level_core_is_checked(monkeypatch):
 def families() -> tuple[hw.ChipProgram, np.ndarray]:
     """Return a program of five compartments with two dendrites each, and recordings.
 
-    Parents are numbered after their dendrites, so their sums do not lie in the first words of the memory.
+    Parents are numbered after their dendrites, so their sums do not lie in the first words of the
+    memory.
     """
     r = np.random.default_rng(3)
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="families")
@@ -216,7 +220,8 @@ def families() -> tuple[hw.ChipProgram, np.ndarray]:
 
 
 def with_memories(core: runs.Core, accesses: dict[str, traffic.Memory]) -> dict[str, str]:
-    """Return the SystemVerilog of a core by file, with its memories made of invented macros, or of latches."""
+    """Return the SystemVerilog of a core by file, with its memories made of invented macros, or of
+    latches."""
     library = runs.Library(Path("none"))
     chosen = [plans.options(library, memory, core)[-1] for memory in accesses.values()]
     texts = {
@@ -224,8 +229,8 @@ def with_memories(core: runs.Core, accesses: dict[str, traffic.Memory]) -> dict[
     }
     texts["locsnn_core.sv"] = traffic.set_in(texts["locsnn_core.sv"], core.saving)
     memory = modules(*chosen) + "".join(map(repeats.verilog, repeats.splits(core.sizes)))
-    # A simulator would begin with unknown registers, which stay unknown. On a chip they begin with some value, and are right once
-    # their memory has been cleaned.
+    # A simulator would begin with unknown registers, which stay unknown. On a chip they begin with
+    # some value, and are right once their memory has been cleaned.
     memory = re.sub(r"(logic waiting|streak|put);", r"\1 = 0;", memory)
     return {**sources(), **texts, "memory.sv": memory}
 
@@ -242,7 +247,8 @@ def test_a_core_with_memories_of_a_plan_plays_like_the_simulator(monkeypatch):
     texts = with_memories(core, accesses)
     comparison = compare(program, recordings, texts, "icarus", sizes=core.sizes)
     assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
-    # A plan must not make just as many words for sums as there are parents: they do not lie in the first words.
+    # A plan must not make just as many words for sums as there are parents: they do not lie in the
+    # first words.
     few = replace(core, held={**core.held, "sums": 5})
     texts = with_memories(few, accesses)
     comparison = compare(program, recordings, texts, "icarus", sizes=core.sizes)
@@ -256,8 +262,9 @@ def test_a_core_with_memories_of_a_plan_plays_like_the_simulator(monkeypatch):
     )
 
 
-# Benches. `core` is memory.sv and `made` a memory of a plan; both get the same writes and reads, and `differ` counts the cycles in
-# which they show different words. This one writes every word, then reads and writes at random.
+# Benches. `core` is memory.sv and `made` a memory of a plan; both get the same writes and reads,
+# and `differ` counts the cycles in which they show different words. This one writes every word,
+# then reads and writes at random.
 BENCH = """
 module bench;
     logic clk = 0, write = 0, read = 0;
@@ -286,7 +293,8 @@ module bench;
     end
 endmodule
 """
-# Sweeps as of the memory of states: words are read in order, and each is written LATE cycles after it was read, or not at all.
+# Sweeps as of the memory of states: words are read in order, and each is written LATE cycles after
+# it was read, or not at all.
 SWEEP = """
 module bench;
     logic clk = 0, write = 0, read = 0;
@@ -344,8 +352,8 @@ module bench;
     end
 endmodule
 """
-# Sweeps as of the memories of constants, whose words mostly equal the word two before; some reads are out of order. `skipped`
-# counts the reads that were saved.
+# Sweeps as of the memories of constants, whose words mostly equal the word two before; some reads
+# are out of order. `skipped` counts the reads that were saved.
 CONSTANTS = """
 module bench;
     logic clk = 0, write = 0, read = 0;
