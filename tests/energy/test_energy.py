@@ -81,8 +81,7 @@ def touch_recordings(count: int) -> np.ndarray:
 
 
 def rows_of_the_check() -> list[dict[str, str]]:
-    """Return the rows of the study's comparison of the profile with gate level, a recording each.
-    """
+    """Return the rows of the study's comparison of the profile with gate level, a recording each."""
     with make_profile.CHECK.open() as file:
         return list(csv.DictReader(file))
 
