@@ -96,15 +96,15 @@ def check_value(
     where: str,
     value: Any,
     kinds: tuple[type, ...],
-    said: tuple[Any, ...] = (),
+    annotations: tuple[Any, ...] = (),
     fix: str = "Correct it.",
 ) -> None:
     """Raise InputError for a value of a wrong type, a value that breaks a rule, and one that is not among its choices.
 
-    ``said`` is the annotation of the field, see :func:`said_of`. Its rules (:class:`Must`) and its tuples of choices
-    are checked, everything else in it is ignored. Numbers must be finite.
+    ``annotations`` are those of the field, see :func:`said_of`. Rules (:class:`Must`) and tuples of choices are
+    checked, everything else is ignored. Numbers must be finite.
     """
-    rules = [rule for rule in said if isinstance(rule, Must)]
+    rules = [rule for rule in annotations if isinstance(rule, Must)]
     # In this order: a rule compares numbers, so it is asked only about a finite value of the right type.
     if not (
         _is_of_types(value, kinds)
@@ -112,7 +112,7 @@ def check_value(
         and (value is None or all(rule.holds(value) for rule in rules))
     ):
         raise _wrong_value(where, value, kinds, rules, fix)
-    for choices in said:
+    for choices in annotations:
         # None is the missing value, which is always a choice.
         if type(choices) is tuple and value not in (None, *choices):
             raise InputError(
@@ -169,7 +169,7 @@ def check_fields(record: object) -> None:
     try:
         called = getattr(record, "where", own.__name__)
         hints = get_type_hints(own)
-        said = said_of(own)
+        annotations = said_of(own)
     except NameError:
         # A user's type, whose annotations may use names that are imported only for type checkers: check nothing.
         return
@@ -179,8 +179,8 @@ def check_fields(record: object) -> None:
             # The files that records are written to hold Python's numbers.
             value = value.item()  # type: ignore[attr-defined]
             object.__setattr__(record, name, value)
-        if said[name]:
-            check_value(f"{called}, {name}", value, field_kinds(own)[name], said[name])
+        if annotations[name]:
+            check_value(f"{called}, {name}", value, field_kinds(own)[name], annotations[name])
         else:
             _check_by_hint(called, name, value, hints[name])
 
@@ -273,15 +273,15 @@ class RecordReader(Frozen):
 
         Mappings become records, lists tuples, and whole numbers floats.
         """
-        said = getattr(hint, "__metadata__", ())
+        annotations = getattr(hint, "__metadata__", ())
         # Annotated[T, ...] becomes T.
-        hint = get_args(hint)[0] if said else hint
+        hint = get_args(hint)[0] if annotations else hint
         if isinstance(hint, UnionType):
-            return self._value_of_union(hint, said, value, key)
+            return self._value_of_union(hint, annotations, value, key)
         origin = get_origin(hint) or hint
         if hasattr(origin, "__dataclass_fields__"):
             return self.record(origin, value, key)
-        check_value(self.place(key), value, _plain_types(hint), said, self._way_out)
+        check_value(self.place(key), value, _plain_types(hint), annotations, self._way_out)
         if origin is Mapping:
             _, value_hint = get_args(hint)
             return {
@@ -309,17 +309,19 @@ class RecordReader(Frozen):
             self.value(hint, entry, key) for hint, entry in zip(item_hints, value, strict=True)
         )
 
-    def _value_of_union(self, hint: UnionType, said: tuple[Any, ...], value: Any, key: str) -> Any:
+    def _value_of_union(
+        self, hint: UnionType, annotations: tuple[Any, ...], value: Any, key: str
+    ) -> Any:
         """Return a value whose annotation is a union such as ``int | None``; None is a missing value."""
         if value is None:
             return None
         first, *others = [part for part in get_args(hint) if part is not NoneType]
         if not others:
-            return self.value(_annotated(first, said), value, key)
-        check_value(self.place(key), value, _plain_types(hint), said, self._way_out)
+            return self.value(_annotated(first, annotations), value, key)
+        check_value(self.place(key), value, _plain_types(hint), annotations, self._way_out)
         return float(value) if isinstance(value, int) and first is float else value
 
 
-def _annotated(hint: Any, said: tuple[Any, ...]) -> Any:
-    """Return a hint with the annotations ``said``, in addition to its own."""
-    return Annotated[(hint, *said)] if said else hint
+def _annotated(hint: Any, annotations: tuple[Any, ...]) -> Any:
+    """Return a hint with these annotations, in addition to its own."""
+    return Annotated[(hint, *annotations)] if annotations else hint

@@ -56,8 +56,8 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
     if slots <= MAX_SHUFFLED:
         random = np.random.default_rng(0)
         starts += [random.permutation(slots)[: placed.cores] for _ in range(SHUFFLES)]
-    ends = [_exchange_slots(traffic, distance, start) for start in starts]
-    best = min(ends, key=lambda end: total_hops(traffic, distance, end))
+    improved = [_exchange_slots(traffic, distance, start) for start in starts]
+    best = min(improved, key=lambda slots_of_cores: total_hops(traffic, distance, slots_of_cores))
     return replace(placed, slots=tuple(map(int, best)))
 
 
@@ -109,13 +109,13 @@ def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
 def _snake(chip: Chip, slots: int) -> list[int]:
     """Return the slots along a snake: down one column of tiles, up the next, so that successors are neighbours."""
 
-    def place(slot: int) -> tuple[int, int, int]:
+    def place_on_snake(slot: int) -> tuple[int, int, int]:
         column, row = chip.tile_of(slot)
         goes_up = column % 2 == 1
-        row_of_snake = -row if goes_up else row
-        return column, row_of_snake, slot
+        # The slots of one tile, which has several cores, follow each other.
+        return column, -row if goes_up else row, slot
 
-    return sorted(range(slots), key=place)
+    return sorted(range(slots), key=place_on_snake)
 
 
 def _spectral_order(traffic: FloatArray, component: IntArray) -> IntArray:

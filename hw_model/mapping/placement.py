@@ -80,8 +80,8 @@ def place_cores(graph: CompartmentGraph, chip: Chip) -> PlacedGraph:
     again. A graph that does not fit is a ``TargetError``.
     """
     incoming = fan_in(graph, chip)
-    # The most neurons per core of populations that were found to take too many output axons. The numbers only ever
-    # shrink, so the loop ends.
+    # The most neurons per core of populations that were found to take too many output axons. The numbers shrink from
+    # round to round, until every core has few enough or not even one neuron of a population fits a core.
     most_neurons: dict[str, int] = {}
     while True:
         placed = _fill(graph, chip, incoming, most_neurons)
@@ -149,6 +149,7 @@ def _fill(
         # A core runs in one phase only.
         cores.append([])
         for population in populations(graph, phase.name, incoming):
+            # Populations of different parts of the network share no core, see `CompartmentGraph.apart`.
             if cores[-1] and graph.part(cores[-1][-1].root) != graph.part(population.root):
                 cores.append([])
             _fill_population(cores, population, chip, most_neurons.get(population.root))

@@ -18,6 +18,6 @@ if __name__ == "__main__":
     Session(transposed_dendrites())
     Session(program_of_one_chunk())
     # `weigh` is compiled by its first call, so call it with the types that a session uses.
-    counts = np.zeros((0, 1), dtype=np.int64)
+    readings = np.zeros((0, 1), dtype=np.int64)
     first_column = np.zeros(1, dtype=np.int64)
-    called(weigh, counts, first_column, np.zeros((1, 1)), np.zeros((0, 1)))
+    called(weigh, readings, first_column, np.zeros((1, 1)), np.zeros((0, 1)))

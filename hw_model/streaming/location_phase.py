@@ -170,7 +170,7 @@ class Replay:
         if order.is_pair.any():
             phase = phase._replace(by_pairs=_by_pairs(phase))
         self._phase = packed.pack(phase)
-        # A row without events, and room for the counts after it.
+        # A row without events, and room for the readings after it.
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._columns = np.zeros((1, layout.columns), dtype=np.int64)
         self._push = entry(_push, 0, self._silence, self._phase, self._columns, 0)
@@ -187,19 +187,19 @@ class Replay:
         self.push(0, self._silence, self._columns, 0)
         self._history.steps_run[0] = 0
 
-    def wait(self, rows: ByteArray, counts: IntArray, low: int) -> None:
-        """Leave out rows that come before the first one of an aligned phase; write ``counts`` as :meth:`push` does."""
+    def wait(self, rows: ByteArray, readings: IntArray, low: int) -> None:
+        """Leave out rows before the first one of an aligned phase; write ``readings`` as :meth:`push` does."""
         self._start += len(rows)
-        # Rows without events change nothing, but the counts after them are wanted.
-        self._push(0, np.zeros_like(rows), self._phase, counts, low)
+        # Rows without events change nothing, but the readings after them are wanted.
+        self._push(0, np.zeros_like(rows), self._phase, readings, low)
 
-    def push(self, before: int, rows: ByteArray, counts: IntArray, low: int) -> None:
+    def push(self, before: int, rows: ByteArray, readings: IntArray, low: int) -> None:
         """Add rows (rows, channels), a contiguous writeable array; ``before`` rows of the recording came before them.
 
-        After each row, write the reading of every column so far into ``counts`` (rows, columns of all phases), from
+        After each row, write the reading of every column so far into ``readings`` (rows, columns of all phases), from
         column ``low`` on. The reading is the count of spikes, or the largest potential of a column that is read by it.
         """
-        self._push(before - self._start, rows, self._phase, counts, low)
+        self._push(before - self._start, rows, self._phase, readings, low)
 
     @property
     def replayed(self) -> tuple[int, int]:
@@ -291,8 +291,8 @@ def _order(layout: FastLayout, potentials: PotentialColumns) -> Order:
 
 
 @compiled
-def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]  # noqa: C901 - a compiled loop, whose calls cost
-    """Add rows from row ``before`` on; write the reading of every column after each row into ``counts``."""
+def _push(before, rows, phase, readings, low):  # type: ignore[no-untyped-def]  # noqa: C901 - a compiled loop, whose calls cost
+    """Add rows from row ``before`` on; write the reading of every column after each row into ``readings``."""
     visits = phase.visits
     potentials = phase.potentials
     order = phase.order
@@ -324,7 +324,7 @@ def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]  # 
                     order.read_at[j], potentials.first_step[j], history
                 )
         for column in range(len(history.slot)):
-            counts[row, low + column] = history.so_far[history.slot[column]]
+            readings[row, low + column] = history.so_far[history.slot[column]]
 
 
 @absorbed

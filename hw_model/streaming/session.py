@@ -4,6 +4,9 @@ This is the timestep-wise inference of hybrid networks (Kang et al. 2022). After
 step t, and the location phases are in the state that they would have if no event followed. Time phases simply go on
 (:mod:`hw_model.streaming.time_phase`). Location phases play a recording channel by channel, so each row changes steps
 that were run already; only what changes is run again (:mod:`hw_model.streaming.location_phase`).
+
+The *reading* of a compartment is what the readout takes from it: its count of spikes so far, or its largest potential.
+Class scores are weighted sums of readings. A *column* is a compartment's place in arrays of readings.
 """
 
 from collections.abc import Mapping, Sequence
@@ -78,19 +81,19 @@ class Session:
         streams = self._read(spikes)
         rows = len(next(iter(streams.values())))
         # The readings of all columns of all phases after each row; every phase fills its own columns.
-        counts = np.empty((rows, self._columns), dtype=np.int64)
+        readings = np.empty((rows, self._columns), dtype=np.int64)
         for session_phase in self._phases:
-            session_phase.push(self.steps, streams, counts)
+            session_phase.push(self.steps, streams, readings)
         self.steps += rows
         scores = np.zeros((rows, self._classes))
-        called(weigh, counts, self._first_column, self._weights(rows), scores)
+        called(weigh, readings, self._first_column, self._weights(rows), scores)
         spike_counts: dict[str, IntArray] = {}
         potentials: dict[str, IntArray] = {}
         for name, columns in self._columns_of.items():
             if name in self._by_potential:
-                potentials[name] = counts[:, columns]
+                potentials[name] = readings[:, columns]
             else:
-                spike_counts[name] = counts[:, columns]
+                spike_counts[name] = readings[:, columns]
         return StepScores(spike_counts, potentials, scores, self.program.readout.tie_class)
 
     def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
@@ -189,8 +192,8 @@ class _SessionPhase:
         self.engine.reset()
         self._has_started = self.phase.align_events is None
 
-    def push(self, before: int, streams: dict[str, ByteArray], counts: IntArray) -> None:
-        """Play rows (rows, channels) of each stream, and write the phase's columns of ``counts`` (rows, all columns).
+    def push(self, before: int, streams: dict[str, ByteArray], readings: IntArray) -> None:
+        """Play rows (rows, channels) of each stream, and write the phase's columns of ``readings`` (rows, all columns).
 
         ``before`` is the number of rows of the recording that came before them.
         """
@@ -198,10 +201,12 @@ class _SessionPhase:
         waiting = 0
         if not self._has_started:
             waiting = self._rows_before_start(streams)
-            self.engine.wait(rows[:waiting], counts[:waiting], self.first_column)
+            self.engine.wait(rows[:waiting], readings[:waiting], self.first_column)
             self._has_started = waiting < len(rows)
         if self._has_started:
-            self.engine.push(before + waiting, rows[waiting:], counts[waiting:], self.first_column)
+            self.engine.push(
+                before + waiting, rows[waiting:], readings[waiting:], self.first_column
+            )
 
     def _rows_before_start(self, streams: dict[str, ByteArray]) -> int:
         """Return how many of the rows come before the first one with enough events for an aligned phase to start."""

@@ -130,19 +130,19 @@ class Live:
         self._room.largest[:] = 0
         self._end = self._steps
 
-    def wait(self, rows: ByteArray, counts: IntArray, low: int) -> None:
+    def wait(self, rows: ByteArray, readings: IntArray, low: int) -> None:
         """Leave out rows that come before the first step of an aligned phase; all readings are 0 after each."""
         self._end += len(rows)
-        counts[:, low : low + len(self._room.so_far)] = 0
+        readings[:, low : low + len(self._room.so_far)] = 0
 
-    def push(self, before: int, rows: ByteArray, counts: IntArray, low: int) -> None:
+    def push(self, before: int, rows: ByteArray, readings: IntArray, low: int) -> None:
         """Play rows (rows, lines), a contiguous writeable array; ``before`` rows of the recording came before them.
 
-        After each row, write the reading of every column so far into ``counts`` (rows, columns of all phases), from
+        After each row, write the reading of every column so far into ``readings`` (rows, columns of all phases), from
         column ``low`` on. The reading is the count of spikes, or the largest potential of a column that is read by it.
         """
         self._run(
-            before, self._end, self._tile_at, rows.reshape(-1), self._packed_phase, counts, low
+            before, self._end, self._tile_at, rows.reshape(-1), self._packed_phase, readings, low
         )
 
     @cached_property
@@ -189,17 +189,17 @@ def _run(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop tak
     tile_at,
     events,
     phase,
-    counts,
+    readings,
     at,
 ):
     """Play the rows ``events``, a flat array of bytes, from step ``before`` on, but no step from ``end`` on.
 
-    Write the reading of every column after each row into ``counts``, from column ``at`` on.
+    Write the reading of every column after each row into ``readings``, from column ``at`` on.
     """
     room = phase.room
     potentials = phase.potentials
     begin = room.begin
-    rows_to_play = max(0, min(len(counts), end - before))
+    rows_to_play = max(0, min(len(readings), end - before))
     for low in range(0, rows_to_play, TILE):
         rows = min(TILE, rows_to_play - low)
         listed = np.uint64(0)
@@ -218,20 +218,20 @@ def _run(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - a compiled loop tak
                 room.so_far[column] += room.spikes[row, column]
                 room.spikes[row, column] = 0
             _take_largest(before + low + row, row, room, potentials)
-            _write_readings(room.so_far, counts, low + row, at)
+            _write_readings(room.so_far, readings, low + row, at)
     # Rows after the end of the phase change no spike count.
-    for row in range(rows_to_play, len(counts)):
+    for row in range(rows_to_play, len(readings)):
         if phase.starts_late:
             # Potentials count as 0 after the end. Row 0 of `room.potential` is 0 between tiles.
             _take_largest(before + row, 0, room, potentials)
-        _write_readings(room.so_far, counts, row, at)
+        _write_readings(room.so_far, readings, row, at)
 
 
 @absorbed
-def _write_readings(so_far, counts, row, at):  # type: ignore[no-untyped-def]
-    """Copy the readings of all columns into a row of ``counts``, from column ``at`` on."""
+def _write_readings(so_far, readings, row, at):  # type: ignore[no-untyped-def]
+    """Copy the readings of all columns into a row of ``readings``, from column ``at`` on."""
     for column in range(len(so_far)):
-        counts[row, at + column] = so_far[column]
+        readings[row, at + column] = so_far[column]
 
 
 @absorbed
@@ -249,14 +249,14 @@ def _take_largest(step, row, room, potentials):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def weigh(counts, first, weights, scores):  # type: ignore[no-untyped-def]
+def weigh(readings, first, weights, scores):  # type: ignore[no-untyped-def]
     """Add the weighted readings of all terms of the readout to the class scores (rows, classes).
 
-    A term is a population. ``first`` (terms,) is the first of its columns in ``counts``, one per class; ``weights`` is
-    (terms, rows), or (terms, 1) for the same weights in all rows.
+    A term is a population. ``first`` (terms,) is the first of its columns in ``readings``, one per class; ``weights``
+    is (terms, rows), or (terms, 1) for the same weights in all rows.
     """
     for term in range(len(first)):
         for row in range(len(scores)):
             weight = weights[term, min(row, weights.shape[1] - 1)]
             for label in range(scores.shape[1]):
-                scores[row, label] += weight * counts[row, first[term] + label]
+                scores[row, label] += weight * readings[row, first[term] + label]

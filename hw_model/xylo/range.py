@@ -27,35 +27,41 @@ class Reach(Frozen, eq=False):
     @property
     def fits(self) -> bool:
         """Whether no current can saturate, and no potential at its upper end."""
-        highest = max(self.current.max(initial=0.0), self.potential.max(initial=0.0))
-        return bool(highest <= xylo.STATE_MAX)
+        largest_current = self.current.max(initial=0.0)
+        highest_potential = self.potential.max(initial=0.0)
+        return bool(max(largest_current, highest_potential) <= xylo.STATE_MAX)
 
 
 def reach_of_hidden(network: XyloNetwork) -> Reach:
     """Return the bounds of all hidden neurons, whose sources are inputs and hidden neurons."""
-    inputs = xylo.charge_of(network.weights_in, network.shift_in)
-    spikes = xylo.charge_of(network.weights_hidden, network.shift_hidden)
-    return _reach(network.hidden, np.concatenate([inputs, spikes]))
+    charges_of_inputs = xylo.charge_of(network.weights_in, network.shift_in)
+    charges_of_hidden = xylo.charge_of(network.weights_hidden, network.shift_hidden)
+    return _reach(network.hidden, np.concatenate([charges_of_inputs, charges_of_hidden]))
 
 
 def reach_of_outputs(network: XyloNetwork) -> Reach:
     """Return the bounds of all outputs, whose sources are hidden neurons."""
     # An output has one current, so the axis of currents is added with length 1.
-    spikes = xylo.charge_of(network.weights_out[:, :, None], network.shift_out)
-    return _reach(network.outputs, spikes)
+    charges_of_hidden = xylo.charge_of(network.weights_out[:, :, None], network.shift_out)
+    return _reach(network.outputs, charges_of_hidden)
 
 
 def _reach(population: XyloPopulation, charges: IntArray) -> Reach:
     """Return the bounds of neurons that get ``charges`` (sources, n, currents), one row per source."""
     # In the worst case, only positive or only negative charges arrive.
-    upwards = np.maximum(charges, 0).sum(axis=0)
-    downwards = np.maximum(-charges, 0).sum(axis=0)
-    highest = _largest_currents(upwards, population.dash_syn)
-    lowest = _largest_currents(downwards, population.dash_syn)
+    positive_sums = np.maximum(charges, 0).sum(axis=0)
+    negative_sums = np.maximum(-charges, 0).sum(axis=0)
+    highest_current = _largest_currents(positive_sums, population.dash_syn)
+    lowest_current = _largest_currents(negative_sums, population.dash_syn)
+    largest_current = np.maximum(highest_current, lowest_current)
+    # A negative bias does not raise the potential.
     bias = 0 if population.bias is None else np.maximum(population.bias, 0)
     # After its spikes, a potential is below the threshold. A row then adds each current and the bias once.
-    potential = population.threshold + highest.sum(axis=1) + bias
-    return Reach(np.maximum(highest, lowest).max(axis=1), potential.astype(np.float64))
+    potential = population.threshold + highest_current.sum(axis=1) + bias
+    return Reach(
+        current=largest_current.max(axis=1),
+        potential=potential.astype(np.float64),
+    )
 
 
 def _largest_currents(charges: IntArray, dash_syn: IntArray) -> FloatArray:

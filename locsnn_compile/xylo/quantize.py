@@ -76,8 +76,8 @@ def quantize_xylo(parts: XyloParts) -> QuantizedXylo:
 class ScaledNeurons:
     """Neurons, and the scales (n,) that their incoming ``weights`` (sources, n) allow.
 
-    - ``wanted`` (n,): the scale at level 0
-    - ``most`` (n,): the scale beyond which a threshold or a bias would exceed 16 bits
+    - ``usual_scale`` (n,): the scale at level 0
+    - ``largest_scale`` (n,): the scale beyond which a threshold or a bias would exceed 16 bits
     """
 
     def __init__(self, neurons: XyloNeurons, weights: FloatArray) -> None:
@@ -87,19 +87,19 @@ class ScaledNeurons:
         largest_constant = np.maximum(neurons.threshold, np.abs(neurons.bias))
         # A neuron without inputs has no weights to keep exact, so its threshold or bias sets the scale.
         scaled_to_max = np.where(largest_weight > 0, largest_weight, largest_constant / self.gain)
-        self.wanted = xylo.WEIGHT_MAX / scaled_to_max
+        self.usual_scale = xylo.WEIGHT_MAX / scaled_to_max
         # One unit is left, because a threshold for v > T is stored one unit higher.
-        self.most = (xylo.STATE_MAX - 1) * self.gain / largest_constant
+        self.largest_scale = (xylo.STATE_MAX - 1) * self.gain / largest_constant
 
     def at(self, level: int) -> XyloScales:
-        """Return the scales of a level, limited by ``most``."""
-        current = np.minimum(self.wanted * 2.0**level, self.most)
+        """Return the scales of a level, limited by ``largest_scale``."""
+        current = np.minimum(self.usual_scale * 2.0**level, self.largest_scale)
         return XyloScales(current=current, potential=current / self.gain, level=level)
 
     @property
     def most_level(self) -> int:
         """The highest level that no neuron's threshold or bias limits, so that all keep the full bits of weights."""
-        octaves = math.log2(float(np.min(self.most / self.wanted)))
+        octaves = math.log2(float(np.min(self.largest_scale / self.usual_scale)))
         return max(0, math.floor(octaves))
 
 
