@@ -1,6 +1,7 @@
-"""The same random numbers in every run, one thread for each process, and machine code that checks what it is given.
+"""Settings of every test: the same random numbers in every run, one thread per process, checked arguments.
 
-A run is then good or bad for what changed, not by luck. To look for new examples of hypothesis: ``make soak``.
+With equal random numbers, a test that begins to fail does so because the code changed. ``make soak`` lets
+hypothesis look for new examples.
 """
 
 import os
@@ -12,20 +13,24 @@ from hypothesis import HealthCheck, settings
 from hw_model.engine import compiled
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    # With a process per core, threads of numpy and torch would wait for each other. Commands have one thread as well.
+    # With a process per core, threads of numpy and torch would wait for each other. The commands that tests start
+    # inherit these variables.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def pytest_configure(config):
-    """Let machine code check what it is given, except where it is timed."""
+    """Let compiled functions check the types of their arguments, except in benchmarks, which time them."""
     if config.option.markexpr != "bench":
         os.environ.setdefault(compiled.CHECK_KINDS, "1")
 
 
 @pytest.fixture
 def unchecked(monkeypatch):
-    """Let machine code check nothing, as outside of the tests; what other tests made goes on checking."""
+    """Let compiled functions check nothing, as outside of the tests.
+
+    The cache of compiled functions is replaced, since those that other tests compiled contain the checks.
+    """
     monkeypatch.delenv(compiled.CHECK_KINDS)
     monkeypatch.setattr(compiled, "code_by_function", {})
 
@@ -35,12 +40,14 @@ settings.register_profile("soak", deadline=None, suppress_health_check=list(Heal
 if settings.get_current_profile_name() == "default":
     settings.load_profile("same")
 
-_AT_FIRST: dict[np.random.Generator, object] = {}
+_FIRST_STATES: dict[np.random.Generator, object] = {}
+"""For each generator in a test module: its state before any test drew from it."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    """Let a test draw what it would alone from the generators of its module, whichever tests ran before in its process."""
-    for held in vars(getattr(item, "module", item)).values():
-        if isinstance(held, np.random.Generator):
-            held.bit_generator.state = _AT_FIRST.setdefault(held, held.bit_generator.state)
+    """Reset the random generators of a test's module, so that it draws the same numbers whichever tests ran before."""
+    for value in vars(getattr(item, "module", item)).values():
+        if isinstance(value, np.random.Generator):
+            first_state = _FIRST_STATES.setdefault(value, value.bit_generator.state)
+            value.bit_generator.state = first_state

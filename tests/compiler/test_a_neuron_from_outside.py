@@ -1,4 +1,8 @@
-"""Neuron models that are not part of the package: from ``Network`` to the float reference, and to the chip or not."""
+"""Neuron models that a user defines outside the package: checked, printed, evaluated, and compiled or refused.
+
+A model registers how it steps (``steps_of``), its integers on the chip (``integers_of``), and the exact numbers that the
+error budget needs (``forms_of``). Each part may be missing.
+"""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -57,9 +61,13 @@ class Adaptive(Neuron):
 
 
 class AdaptiveSteps:
+    """The state of adaptive neurons for a batch of recordings, advanced as the equations say."""
+
     def __init__(self, neuron, batch, size, registers=None):
         self.neuron = neuron
-        self.v, self.a, self.fired = np.zeros((3, batch, size))
+        self.v = np.zeros((batch, size))
+        self.a = np.zeros((batch, size))
+        self.fired = np.zeros((batch, size))
 
     def step(self, arriving):
         n = self.neuron
@@ -77,63 +85,63 @@ WEIGHTS = np.array([[0.7, 0.4, -0.2], [0.9, -0.3, 0.6]])
 
 
 def adaptive(**changes):
-    """A network of the neurons of this page, with some parameters changed."""
+    """Return a network of two adaptive neurons, with some parameters changed."""
     return single(replace(NEURON, **changes), WEIGHTS, steps=40)
 
 
 FAULTS = [
-    (
-        "threshold",
+    pytest.param(
         {"threshold": np.array([1.0, 0.0])},
         "population 'n': threshold must be above 0 (0.0). Correct it.",
+        id="threshold",
     ),
-    (
-        "fade",
+    pytest.param(
         {"fade": np.full(2, 1.5)},
         "population 'n': fade must be a fraction from 0 to 1 (1.5). Correct it.",
+        id="fade",
     ),
-    (
-        "shape",
+    pytest.param(
         {"step": np.full(3, 0.5)},
         "population 'n': step has the wrong shape ((3,) against (2,)). Give one number per neuron.",
+        id="shape",
     ),
-    (
-        "size",
+    pytest.param(
         {"threshold": np.full(2, 1e-200)},
         "population 'n': threshold is too small a number to compute with (1e-200 against 1e-100 to 1e+100). "
         "Give it in other units.",
+        id="size",
     ),
 ]
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS]
-)
-def test_its_parameters_are_checked(changes, message):
+@pytest.mark.parametrize(("changes", "message"), FAULTS)
+def test_parameters_of_the_model_are_checked(changes, message):
     check_network(adaptive())
     with pytest.raises(InputError) as caught:
         check_network(adaptive(**changes))
     assert str(caught.value) == message
 
 
-def test_it_is_printed():
+def test_the_model_is_printed():
     assert network_text(adaptive()).splitlines()[2] == (
         "  population n: 2 Adaptive neurons along time, decay 0.1, threshold 1.0 1.5, step 0.5, fade 0.25"
     )
 
 
 def by_hand(network, played):
-    """Return spikes and potentials, neuron by neuron and step by step, as the equations say."""
-    n = network.populations[0].neuron
+    """Return spikes and potentials of :class:`Adaptive`, neuron by neuron and step by step, from its equations."""
+    neuron = network.populations[0].neuron
     spikes = np.zeros((len(played), network.steps, 2), dtype=np.uint8)
     potential = np.zeros(spikes.shape)
     for s, events in enumerate(played):
         for i in range(2):
             v = a = fired = 0.0
             for t in range(network.steps):
-                a = (1 - n.fade[i]) * a + n.step[i] * fired
-                v = (1 - n.decay[i]) * v + (events[t - 1] @ WEIGHTS[i] if t else 0.0)
-                potential[s, t, i], fired = v, float(v > n.threshold[i] + a)
+                arriving = events[t - 1] @ WEIGHTS[i] if t > 0 else 0.0
+                a = (1 - neuron.fade[i]) * a + neuron.step[i] * fired
+                v = (1 - neuron.decay[i]) * v + arriving
+                fired = float(v > neuron.threshold[i] + a)
+                potential[s, t, i] = v
                 spikes[s, t, i] = fired
                 v = 0.0 if fired else v
     return spikes, potential
@@ -142,14 +150,13 @@ def by_hand(network, played):
 def test_the_reference_does_what_the_equations_say():
     network = adaptive()
     played = recordings(network, samples=4, rate=0.6)
-    found, (spikes, potential) = (
-        evaluate(network, played, potentials=True),
-        by_hand(network, played),
-    )
-    assert np.array_equal(found.spikes["n"], spikes)
-    np.testing.assert_allclose(found.potential["n"], potential, atol=1e-12)
-    without = evaluate(adaptive(step=np.zeros(2)), played).spikes["n"]
-    assert 0 < spikes.sum() < without.sum()
+    reference = evaluate(network, played, potentials=True)
+    spikes, potential = by_hand(network, played)
+    assert np.array_equal(reference.spikes["n"], spikes)
+    np.testing.assert_allclose(reference.potential["n"], potential, atol=1e-12)
+    # The rising threshold matters: with a constant one there are more spikes.
+    spikes_without_adaptation = evaluate(adaptive(step=np.zeros(2)), played).spikes["n"]
+    assert 0 < spikes.sum() < spikes_without_adaptation.sum()
 
 
 @pytest.mark.parametrize("strategy", ["auto", "reset"])
@@ -173,7 +180,7 @@ class Unknown(Neuron):
 
 
 class Stepping(Unknown):
-    """A model of which only the steps are."""
+    """A model of which only the steps are registered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +197,11 @@ class Integrator(Neuron):
 
 
 class Explained(Integrator):
-    """The same, of which the exact numbers of the error budget are known."""
+    """An integrator of which the exact numbers for the error budget are registered as well."""
 
 
 def as_cuba(neuron, size):
+    """Return the package's own neurons that do the same."""
     return Cuba.of(size, decay_v=0.0, threshold=neuron.spikes_at)
 
 
@@ -210,23 +218,25 @@ forms_of.register(
 
 
 UNREGISTERED = [
-    (
+    pytest.param(
         Unknown(),
         InputError,
-        "neuron Unknown: nothing says how it steps. Register its state with locsnn_compile.reference.evaluate.steps_of.",
+        "neuron Unknown: nothing says how it steps. "
+        "Register its state with locsnn_compile.reference.evaluate.steps_of.",
+        id="no steps",
     ),
-    (
+    pytest.param(
         Stepping(),
         TargetError,
-        "population 'n': loihi-sim does not have Stepping neurons. Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba.",
+        "population 'n': loihi-sim does not have Stepping neurons. "
+        "Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba.",
+        id="no integers",
     ),
 ]
 
 
-@pytest.mark.parametrize(
-    ("neuron", "error", "message"), UNREGISTERED, ids=["no steps", "no integers"]
-)
-def test_what_is_not_registered_is_named(neuron, error, message):
+@pytest.mark.parametrize(("neuron", "error", "message"), UNREGISTERED)
+def test_an_error_names_the_part_that_is_not_registered(neuron, error, message):
     network = single(neuron, WEIGHTS)
     with pytest.raises(error) as caught:
         lc.compile(network, events=recordings(network))
@@ -234,11 +244,11 @@ def test_what_is_not_registered_is_named(neuron, error, message):
 
 
 @pytest.mark.parametrize(("model", "unexplained"), [(Integrator, True), (Explained, False)])
-def test_a_chip_plays_a_model_that_says_its_integers(model, unexplained):
-    drawn = np.random.default_rng(3).normal(0.05, 0.5, (8, 6))
-    network = single(model(np.ones(8)), drawn, steps=200)
+def test_a_model_with_registered_integers_runs_on_the_chip(model, unexplained):
+    weights = np.random.default_rng(3).normal(0.05, 0.5, (8, 6))
+    network = single(model(np.ones(8)), weights, steps=200)
     compiled = lc.compile(network, events=recordings(network, samples=6, rate=0.5))
     assert compiled.levels.quantized.strategy == "native"
     assert 0.9 < compiled.match.spikes.agreement < 1
-    # Spikes that differ are put down to stages only where exact numbers are registered.
+    # Only with exact numbers registered can differing spikes be attributed to stages of rounding.
     assert (compiled.report["error_budget"]["unexplained_spikes"] > 0) == unexplained

@@ -1,4 +1,8 @@
-"""Networks that start at the first touch: torch, float reference, both engines and the report; what is refused."""
+"""Networks that start at the first touch: the first step of a recording with at least ``align_events`` events.
+
+Torch, the float reference and both engines must agree about where that is; the report says it, and networks for which it
+is not defined are refused.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +33,23 @@ from tests.support.networks import hybrid, on_grid, recordings
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
+"""Events in a step that start a recording; None: it starts at its first step."""
 
 
-def by_hand(recording, events, moved):
-    start = next((t for t, row in enumerate(recording) if row.sum() >= events), len(recording))
-    cut = recording[start:]
-    return np.concatenate((cut, 0 * recording[:start]) if moved else (0 * recording[:start], cut))
+def touch_by_hand(recording, events):
+    """Return the first step with so many events, or the number of steps."""
+    for step, row in enumerate(recording):
+        if row.sum() >= events:
+            return step
+    return len(recording)
+
+
+def cut_by_hand(recording, events, moved):
+    """Return a recording without what precedes the touch; with ``moved`` the touch is at step 0."""
+    start = touch_by_hand(recording, events)
+    rest = recording[start:]
+    silence = 0 * recording[:start]
+    return np.concatenate((rest, silence) if moved else (silence, rest))
 
 
 @settings(max_examples=30, deadline=None)
@@ -42,24 +57,19 @@ def by_hand(recording, events, moved):
 def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
     torch = pytest.importorskip("torch")
     r = np.random.default_rng(seed)
-    played = late(
-        (r.random((4, int(r.integers(1, 9)), int(r.integers(1, 5)))) < 0.4).astype(np.uint8), seed
-    )
-    wanted = np.stack([by_hand(one, events, moved) for one in played])
-    found = from_first_touch(played, events, moved=moved)
-    assert found.dtype == np.uint8
-    assert np.array_equal(found, wanted)
-    of_torch = from_first_touch(torch.tensor(played, dtype=torch.float32), events, moved=moved)
-    assert of_torch.dtype == torch.float32
-    assert np.array_equal(of_torch.numpy(), wanted)
-    starts = [
-        next((t for t, row in enumerate(one) if row.sum() >= events), len(one)) for one in played
-    ]
-    assert (
-        first_touch(played, events).tolist()
-        == first_touch(torch.tensor(played), events).tolist()
-        == starts
-    )
+    steps = int(r.integers(1, 9))
+    channels = int(r.integers(1, 5))
+    played = late((r.random((4, steps, channels)) < 0.4).astype(np.uint8), seed)
+    expected = np.stack([cut_by_hand(recording, events, moved) for recording in played])
+    by_numpy = from_first_touch(played, events, moved=moved)
+    assert by_numpy.dtype == np.uint8
+    assert np.array_equal(by_numpy, expected)
+    by_torch = from_first_touch(torch.tensor(played, dtype=torch.float32), events, moved=moved)
+    assert by_torch.dtype == torch.float32
+    assert np.array_equal(by_torch.numpy(), expected)
+    starts = [touch_by_hand(recording, events) for recording in played]
+    assert first_touch(played, events).tolist() == starts
+    assert first_touch(torch.tensor(played), events).tolist() == starts
 
 
 @pytest.mark.slow
@@ -75,35 +85,33 @@ def test_the_program_does_what_the_integers_do(seed, time, location):
     reference = hw.simulate(levels.program, played, engine="reference")
     assert np.array_equal(reference.scores, evaluate(network, played).scores)
     assert np.array_equal(hw.simulate(levels.program, played).scores, reference.scores)
-    for one, scores in zip(played, reference.scores, strict=True):
-        assert np.array_equal(hw.Session(levels.program).push(one).scores[-1], scores)
+    for recording, scores in zip(played, reference.scores, strict=True):
+        assert np.array_equal(hw.Session(levels.program).push(recording).scores[-1], scores)
 
 
 def test_a_touch_means_the_same_whenever_it_comes():
-    """To the location branch: the time branch has less time left after a later touch."""
+    """Only in the location branch: the time branch has fewer steps left after a later touch."""
     network = aligned(hybrid(3, steps=40, scale=40.0))
     network = replace(network, readout=Readout(("location_output",), (1.0,)))
-    touch = recordings(network, samples=6, seed=1) * (np.arange(40) < 8)[:, None].astype(np.uint8)
+    in_first_eight_steps = (np.arange(40) < 8)[:, None].astype(np.uint8)
+    touch = recordings(network, samples=6, seed=1) * in_first_eight_steps
     touch[:, 0, 0] = 1
     later = np.roll(touch, 7, axis=1)
     program = lower(network, CHIP, weight_bits=8).program
-    early = hw.simulate(program, touch).scores
-    assert np.array_equal(early, hw.simulate(program, later).scores)
+    scores = hw.simulate(program, touch).scores
+    assert scores.any()
+    assert np.array_equal(hw.simulate(program, later).scores, scores)
     assert np.array_equal(evaluate(network, touch).scores, evaluate(network, later).scores)
-    assert early.any()
-    assert not np.array_equal(
-        hw.simulate(lower(aligned(network, None, None), CHIP, weight_bits=8).program, later).scores,
-        early,
-    )
+    # Without the alignment the later touch gives other scores.
+    unaligned = lower(aligned(network, None, None), CHIP, weight_bits=8).program
+    assert not np.array_equal(hw.simulate(unaligned, later).scores, scores)
 
 
 def test_the_report_says_how_late_recordings_start():
     network = aligned(hybrid(2, steps=40, scale=9.0), time=None)
-    played = np.roll(
-        recordings(network, samples=4, seed=1) * (np.arange(40) < 20)[:, None].astype(np.uint8),
-        11,
-        axis=1,
-    )
+    in_first_half = (np.arange(40) < 20)[:, None].astype(np.uint8)
+    played = recordings(network, samples=4, seed=1) * in_first_half
+    played = np.roll(played, 11, axis=1)
     played[:, 11, 0] = 1
     compiled = lc.compile(network, events=played, strategy="dendrite")
     assert compiled.report["input"] == {
@@ -126,22 +134,24 @@ def test_the_report_says_how_late_recordings_start():
 
 def test_steps_before_the_touch_cost_nothing():
     network = aligned(hybrid(2, steps=40, scale=9.0))
-    played = recordings(network, samples=1, seed=1) * (np.arange(40) >= 30)[:, None].astype(
-        np.uint8
-    )
+    in_last_quarter = (np.arange(40) >= 30)[:, None].astype(np.uint8)
+    played = recordings(network, samples=1, seed=1) * in_last_quarter
     played[:, 30, 0] = 1
-    costs = {}
-    for name, its in (("aligned", network), ("whole", aligned(network, None, None))):
-        levels = lower(its, CHIP, weight_bits=8)
-        found = hw.simulate(levels.program, played, probe=("activity",))
-        latency = hw.latency(
-            levels.program, {"time": found.activity["time"][0]}, CHIP.profile("davies2018")
-        )
-        costs[name] = found.counts_by_phase["time"], latency.total_ns
-    (late, late_ns), (whole, whole_ns) = costs["aligned"], costs["whole"]
-    assert late.neuron_updates * 4 == whole.neuron_updates
-    assert (late.synaptic_ops, late.spikes) == (whole.synaptic_ops, whole.spikes)
-    assert late_ns < 0.5 * whole_ns
+
+    def costs_of(network):
+        """Return the counts and the nanoseconds of the time phase."""
+        program = lower(network, CHIP, weight_bits=8).program
+        result = hw.simulate(program, played, probe=("activity",))
+        activity = {"time": result.activity["time"][0]}
+        latency = hw.latency(program, activity, CHIP.profile("davies2018"))
+        return result.counts_by_phase["time"], latency.total_ns
+
+    late_counts, late_ns = costs_of(network)
+    all_counts, all_ns = costs_of(aligned(network, None, None))
+    assert late_counts.neuron_updates * 4 == all_counts.neuron_updates
+    assert late_counts.synaptic_ops == all_counts.synaptic_ops
+    assert late_counts.spikes == all_counts.spikes
+    assert late_ns < 0.5 * all_ns
 
 
 def test_levels_say_where_a_recording_starts():
@@ -157,6 +167,7 @@ def test_levels_say_where_a_recording_starts():
 
 
 def biased():
+    """Return an aligned hybrid whose hidden neurons of the time axis have biases."""
     network = aligned(hybrid())
     first, *others = network.populations
     return replace(
@@ -168,7 +179,8 @@ def biased():
     )
 
 
-def in_a_phase_of_its_own():
+def biased_in_another_phase():
+    """Return the biased hybrid with its time axis in a phase of another name."""
     network = biased()
     view, *views = network.views
     populations = (
@@ -180,6 +192,7 @@ def in_a_phase_of_its_own():
 
 
 def two_starts():
+    """Return a hybrid with two inputs of the time axis that start at different numbers of events."""
     network = aligned(hybrid())
     return replace(network, views=(*network.views, InputView("other", "time", 4, align_events=2)))
 
@@ -193,7 +206,7 @@ def two_starts():
             "Train without biases, or do not align.",
         ),
         (
-            in_a_phase_of_its_own(),
+            biased_in_another_phase(),
             "input 'touch': it starts at the first touch, but population 'time_hidden' has biases, which act before. "
             "Train without biases, or do not align.",
         ),
@@ -208,7 +221,7 @@ def two_starts():
     ],
     ids=["biases", "biases in another phase", "two starts", "no event"],
 )
-def test_what_is_refused(network, message):
+def test_networks_whose_start_is_not_defined_are_refused(network, message):
     with pytest.raises(InputError) as caught:
         check_network(network)
     assert str(caught.value) == message

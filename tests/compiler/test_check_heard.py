@@ -1,4 +1,8 @@
-"""A population that would hear nothing: where one input alone would have reached the threshold, and just not."""
+"""Compiling refuses a population all of whose weights round to 0 if an input alone could have made it spike.
+
+The limit is worked out by hand: a weight w onto a neuron adds up to ``answer * w`` thresholds if its input spikes in
+each of four steps.
+"""
 
 from __future__ import annotations
 
@@ -18,39 +22,43 @@ from locsnn_compile.settings import Setting
 STEPS = 4
 SRM = SrmAlpha(tau_sr=1.0, theta=4.0, tau_ref=1.0, scale_ref=1.0)
 KERNEL = sum(k * np.exp(1 - k) for k in (1.0, 2.0, 3.0))
-"""What one spike in each of four steps adds up to; the last acts after the end."""
+"""The sum of the kernel over the spikes of four steps; the spike of the last step acts after the end."""
+LEAKY_TWICE = Cuba.of(1, decay_u=0.5, decay_v=0.5, threshold=2.0)
+SOFT = SoftCuba.of(1, decay_u=0.5, decay_v=0.5, threshold=2.0, drop=1.0)
 NEURONS = [
-    # name, neuron, how many thresholds a weight of 1 adds up to in four steps
-    ("one step", Cuba.of(1, decay_u=1.0, decay_v=1.0, threshold=2.0), 1 / 2),
-    ("leaky", Cuba.of(1, decay_u=0.5, decay_v=1.0, threshold=2.0), 2 / 2),
-    ("leaky twice", Cuba.of(1, decay_u=0.5, decay_v=0.5, threshold=2.0), 4 / 2),
-    ("integrator", Cuba.of(1, decay_u=1.0, decay_v=0.0, threshold=2.0), 4 / 2),
-    ("soft", SoftCuba(np.array([0.5]), np.array([0.5]), np.array([2.0]), np.array([1.0])), 4 / 2),
-    ("spike response", SRM, KERNEL / 4),
+    pytest.param(Cuba.of(1, decay_u=1.0, decay_v=1.0, threshold=2.0), 1 / 2, id="one step"),
+    pytest.param(Cuba.of(1, decay_u=0.5, decay_v=1.0, threshold=2.0), 2 / 2, id="leaky"),
+    pytest.param(LEAKY_TWICE, 4 / 2, id="leaky twice"),
+    pytest.param(Cuba.of(1, decay_u=1.0, decay_v=0.0, threshold=2.0), 4 / 2, id="integrator"),
+    pytest.param(SOFT, 4 / 2, id="soft"),
+    pytest.param(SRM, KERNEL / 4, id="spike response"),
 ]
+"""Neurons, and the thresholds that a weight of 1 adds up to in four steps, or in any number of steps where states decay."""
 
 
 def check(neuron, weight, mantissa=0):
+    """Check a neuron with one weight that was rounded to ``mantissa``."""
     population = Population("n", "time", 1, neuron)
     weights = np.array([[0.0, weight]])
     rounded = ChipProjection("x", "n", np.array([[0, mantissa]]), exponent=0, weight_bits=8)
-    grid = weight_grid(8, "excitatory")
     task = Task(
-        population,
-        (Projection("x", "n", weights),),
-        hw.chip("loihi-sim"),
-        grid,
-        Setting("dendrite", weight_bits=8),
-        NEAREST,
-        None,
+        population=population,
+        incoming=(Projection("x", "n", weights),),
+        chip=hw.chip("loihi-sim"),
+        grid=weight_grid(8, "excitatory"),
+        setting=Setting("dendrite", weight_bits=8),
+        rounding=NEAREST,
+        calibration=None,
     )
     check_heard(task, [[rounded]], STEPS)
 
 
-@pytest.mark.parametrize(("name", "neuron", "answer"), NEURONS, ids=[row[0] for row in NEURONS])
-def test_one_input_that_would_reach_the_threshold_is_missed(name, neuron, answer):
-    check(neuron, 0.999 / answer)
-    check(neuron, 2 / answer, mantissa=1)
+@pytest.mark.parametrize(("neuron", "answer"), NEURONS)
+def test_a_lost_input_that_would_reach_the_threshold_is_an_error(neuron, answer):
+    just_below = 0.999 / answer
+    check(neuron, just_below)
+    twice_the_limit = 2 / answer
+    check(neuron, twice_the_limit, mantissa=1)
     with pytest.raises(TargetError) as caught:
         check(neuron, 1.0001 / answer)
     fix = "Use larger weights, or smaller biases."
@@ -62,6 +70,6 @@ def test_one_input_that_would_reach_the_threshold_is_missed(name, neuron, answer
     )
 
 
-def test_reaching_it_exactly_is_enough():
+def test_reaching_the_threshold_exactly_is_enough():
     with pytest.raises(TargetError):
-        check(Cuba.of(1, decay_u=0.5, decay_v=0.5, threshold=2.0), 0.5)
+        check(LEAKY_TWICE, 0.5)

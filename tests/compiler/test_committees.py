@@ -1,4 +1,8 @@
-"""Several networks in one program: scores, cores, phases, the report, and files that hold several."""
+"""Committees: several networks of one input in one program, whose class scores are weighted and added.
+
+Tested are the scores against those of the networks alone, which inputs, phases and cores members share, what each member
+costs, and which networks and weights are refused.
+"""
 
 from __future__ import annotations
 
@@ -31,19 +35,32 @@ from tests.support.networks import hybrid, on_grid, recordings
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = st.sampled_from([None, None, 1, 2])
+"""Events in a step at which a view starts; None: at the first step of the recording."""
+POTENTIALS_FROM = st.sampled_from([None, 0, 3])
+"""Step from which a member is read out by its largest potentials; None: by spikes."""
+WEIGHTS = st.sampled_from([1.0, 2.0, 0.37, 5.3])
 
 
-def members(seed, events, first):
-    """Two integer networks of one input and as many classes, aligned each in its own way, read out each in its own."""
-    plain = [without_biases(on_grid(seed + number, channels=5, steps=20)) for number in range(2)]
-    sizes = set.intersection(*({p.size for p in network.populations} for network in plain))
-    assume(sizes)
-    made = []
-    for number, (network, (time, location)) in enumerate(zip(plain, events, strict=True)):
-        read = tuple(p.name for p in network.populations if p.size == max(sizes))
-        readout = Readout(read, (1.0,) * len(read), first[number])
-        made.append(replace(aligned(network, time, location), name=f"m{number}", readout=readout))
-    return made
+def members(seed, events, potentials_from):
+    """Return two random integer networks of one input and equally many classes.
+
+    ``events`` are those at which a member's time and location views start, ``potentials_from`` its first step of
+    potentials, one item for each member.
+    """
+    networks = [without_biases(on_grid(seed + number, channels=5, steps=20)) for number in range(2)]
+    sizes = [{population.size for population in network.populations} for network in networks]
+    common_sizes = sizes[0] & sizes[1]
+    assume(common_sizes)
+    classes = max(common_sizes)
+    finished = []
+    for number, network in enumerate(networks):
+        time_events, location_events = events[number]
+        outputs = tuple(p.name for p in network.populations if p.size == classes)
+        weights = (1.0,) * len(outputs)
+        readout = Readout(outputs, weights, potentials_from=potentials_from[number])
+        network = aligned(network, time_events, location_events)
+        finished.append(replace(network, name=f"m{number}", readout=readout))
+    return finished
 
 
 @pytest.mark.slow
@@ -51,55 +68,65 @@ def members(seed, events, first):
 @given(
     seed=st.integers(0, 2**31),
     events=st.tuples(st.tuples(EVENTS, EVENTS), st.tuples(EVENTS, EVENTS)),
-    first=st.tuples(*[st.sampled_from([None, 0, 3])] * 2),
-    weights=st.tuples(*[st.sampled_from([1.0, 2.0, 0.37, 5.3])] * 2),
+    potentials_from=st.tuples(POTENTIALS_FROM, POTENTIALS_FROM),
+    weights=st.tuples(WEIGHTS, WEIGHTS),
 )
-def test_scores_are_the_weighted_sum_on_every_side(seed, events, first, weights):
-    networks = members(seed, events, first)
+def test_scores_are_the_weighted_sum_on_every_side(seed, events, potentials_from, weights):
+    networks = members(seed, events, potentials_from)
     joined = committee(networks, weights)
     played = late(recordings(joined, samples=4, seed=seed), seed)
+    # The float reference of the committee against the members alone.
     alone = [evaluate(network, played) for network in networks]
-    wanted = sum(w * its.scores for w, its in zip(weights, alone, strict=True))
-    found = evaluate(joined, played)
-    assert np.allclose(found.scores, wanted, rtol=1e-12)
-    for network, its in zip(networks, alone, strict=True):
-        for p in network.populations:
-            assert np.array_equal(found.spikes[f"{network.name}/{p.name}"], its.spikes[p.name])
+    weighted_sum = weights[0] * alone[0].scores + weights[1] * alone[1].scores
+    together = evaluate(joined, played)
+    assert np.allclose(together.scores, weighted_sum, rtol=1e-12)
+    for network, evaluated in zip(networks, alone, strict=True):
+        for population in network.populations:
+            spikes = together.spikes[f"{network.name}/{population.name}"]
+            assert np.array_equal(spikes, evaluated.spikes[population.name])
+    # The program against the reference, with both engines.
     levels = lower(joined, CHIP, weight_bits=8)
-    assert all(weight.is_integer() for weight in levels.program.readout.weights)
     match = compare(Observed(levels, played))
     assert match.spikes.mismatches == 0
-    slow = hw.simulate(levels.program, played, engine="reference")
-    assert np.array_equal(slow.scores, evaluate(levels.quantized.on_grid(), played).scores)
-    assert np.array_equal(slow.scores, hw.simulate(levels.program, played).scores)
-    ratio = [s for s in (slow.scores / np.where(wanted, wanted, 1)).ravel().tolist() if s]
-    assert not ratio or max(ratio) / min(ratio) < 1.01
-    for one, scores in zip(played, slow.scores, strict=True):
-        assert np.array_equal(hw.Session(levels.program).push(one).scores[-1], scores)
+    result = hw.simulate(levels.program, played, engine="reference")
+    assert np.array_equal(result.scores, evaluate(levels.quantized.on_grid(), played).scores)
+    assert np.array_equal(result.scores, hw.simulate(levels.program, played).scores)
+    # The chip weighs by integers: its scores are the weighted sums times a factor, within a percent.
+    assert all(weight.is_integer() for weight in levels.program.readout.weights)
+    factors = result.scores / np.where(weighted_sum, weighted_sum, 1)
+    factors = factors[factors != 0]
+    assert len(factors) == 0 or factors.max() / factors.min() < 1.01
+    # Sessions, which take a recording row by row, and early stops.
+    for recording, scores in zip(played, result.scores, strict=True):
+        assert np.array_equal(hw.Session(levels.program).push(recording).scores[-1], scores)
     stops = hw.stop_when_proven(levels.program, played)
-    assert np.array_equal(stops.prediction, slow.prediction)
+    assert np.array_equal(stops.prediction, result.prediction)
 
 
 def test_scores_that_do_not_vary_are_added_as_they_are():
-    """A spread of 0 counted as 1, and scores were said to vary alike."""
+    """Without calibration of their spreads, equal scores get equal weights, and the report says so."""
     networks = [hybrid(0), replace(hybrid(1), name="other")]
     silent = np.zeros((2, networks[0].steps, networks[0].channels), np.uint8)
     joined = join(networks, calibration=silent)
     assert [member.weight for member in joined.members] == [1.0, 1.0]
-    said = f"Class scores of {networks[0].name} and other are equal on array: scores are added as they are (--weights)."
-    assert joined.assumptions[-1] == said
+    assert joined.assumptions[-1] == (
+        f"Class scores of {networks[0].name} and other are equal on array: "
+        "scores are added as they are (--weights)."
+    )
+
+
+def named_hybrids(*names):
+    """Return hybrids of one input with different weights."""
+    return [replace(hybrid(seed, scale=20.0), name=name) for seed, name in enumerate(names)]
 
 
 def three():
-    """Two that play alike, and one that is aligned: hybrids of one input."""
-    one, two, late = (
-        replace(hybrid(seed, scale=20.0), name=name)
-        for seed, name in enumerate(("one", "two", "late"))
-    )
+    """Return three hybrids of one input, of which the last starts at the first touch."""
+    one, two, late = named_hybrids("one", "two", "late")
     return [one, two, aligned(late)]
 
 
-def test_equal_inputs_and_phases_are_shared_and_no_core_is():
+def test_equal_inputs_and_phases_are_shared_but_no_cores():
     program = lower(committee(three(), (1, 1, 1)), CHIP, weight_bits=8).program
     assert [(phase.name, phase.align_events) for phase in program.phases] == [
         ("time", None),
@@ -113,15 +140,19 @@ def test_equal_inputs_and_phases_are_shared_and_no_core_is():
         ("touch_2", "time_2"),
         ("touch_transposed_2", "location_2"),
     ]
-    on_core = [{piece.group.split("/")[0] for piece in core.slices} for core in program.cores]
-    assert sorted(on_core, key=min) == [{"late"}] * 2 + [{"one"}] * 2 + [{"two"}] * 2
+    members_on_core = []
+    for core in program.cores:
+        members_on_core.append({piece.group.split("/")[0] for piece in core.slices})
+    # Each member has a core for each of its two phases.
+    assert sorted(members_on_core, key=min) == [{"late"}] * 2 + [{"one"}] * 2 + [{"two"}] * 2
 
 
 def test_members_cost_what_they_cost_alone():
-    """Their neurons and synapses; what brings events to them is shared. Side by side takes no longer than the slowest."""
-    networks = [
-        replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")
-    ]
+    """A member has the energy and time of its neurons and synapses; what brings events to members is shared.
+
+    Members run side by side, so that together they take less than the sum of their times.
+    """
+    networks = named_hybrids("a", "b")
     played = recordings(networks[0], samples=5)
     both = lc.compile(networks, events=played, strategy="dendrite", weights=(1, 3), diagnosis=False)
     rows = both.report["model"]["members"]
@@ -133,21 +164,16 @@ def test_members_cost_what_they_cost_alone():
             calibration=both.network.recordings,
             diagnosis=False,
         )
-        its = [found["pj"] for found in alone.report["energy"]["by_population_pj"].values()]
+        by_population = alone.report["energy"]["by_population_pj"]
+        energy_pj = sum(population["pj"] for population in by_population.values())
         assert row["cores"] == alone.report["resources"]["cores"] == 2
-        assert row["per_sample_pj"] == pytest.approx(sum(its))
+        assert row["per_sample_pj"] == pytest.approx(energy_pj)
         assert row["per_sample_ns"] == pytest.approx(alone.report["latency"]["per_sample_ns"])
-        assert (row["name"], row["sha256"], row["weight"]) == (
-            network.name,
-            "0" * 64,
-            1.0 if network.name == "a" else 3.0,
-        )
-    slowest = max(row["per_sample_ns"] for row in rows)
-    assert (
-        slowest
-        <= both.report["latency"]["per_sample_ns"]
-        < sum(row["per_sample_ns"] for row in rows)
-    )
+        assert row["name"] == network.name
+        assert row["sha256"] == network.sha256
+    assert [row["weight"] for row in rows] == [1.0, 3.0]
+    times_ns = [row["per_sample_ns"] for row in rows]
+    assert max(times_ns) <= both.report["latency"]["per_sample_ns"] < sum(times_ns)
     page = render_markdown(compose(both.figures))
     assert "a: " in page
     assert "2 cores, class scores times 3" in page
@@ -155,10 +181,8 @@ def test_members_cost_what_they_cost_alone():
 
 
 def test_on_an_open_core_no_member_has_a_time_of_its_own():
-    """One core hosts them all, one after the other; 0 pJ and the time of a barrier stood there."""
-    networks = [
-        replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")
-    ]
+    """One core hosts all members, one after the other, so energy and time of a member are unknown."""
+    networks = named_hybrids("a", "b")
     played = recordings(networks[0], samples=2)
     both = lc.compile(
         networks, "ecp5-25f", "dendrite", weights=(1, 3), events=played, diagnosis=False
@@ -171,10 +195,10 @@ def test_on_an_open_core_no_member_has_a_time_of_its_own():
     )
 
 
-def test_without_weights_scores_vary_alike():
+def test_without_weights_scores_are_weighted_to_vary_alike():
     networks = [
-        replace(hybrid(seed, scale=scale, steps=40), name=name)
-        for seed, scale, name in ((1, 30.0, "a"), (2, 9.0, "b"))
+        replace(hybrid(1, scale=30.0, steps=40), name="a"),
+        replace(hybrid(2, scale=9.0, steps=40), name="b"),
     ]
     carried = Recordings(
         recordings(networks[0], samples=6),
@@ -183,19 +207,30 @@ def test_without_weights_scores_vary_alike():
         source="few.pt",
         origin="carried",
     )
-    plain, found = join(networks), join([replace(networks[0], recordings=carried), networks[1]])
-    assert [member.weight for member in plain.members] == [1.0, 1.0]
-    assert plain.assumptions == ("Class scores of the networks are added as they are (--weights).",)
+    # Without recordings there is nothing to measure how much scores vary.
+    unmeasured = join(networks)
+    assert [member.weight for member in unmeasured.members] == [1.0, 1.0]
+    assert unmeasured.assumptions == (
+        "Class scores of the networks are added as they are (--weights).",
+    )
+    measured = join([replace(networks[0], recordings=carried), networks[1]])
     spreads = [evaluate(network, carried.spikes).scores.std(axis=1).mean() for network in networks]
-    assert found.members[1].weight == pytest.approx(spreads[0] / spreads[1])
-    assert found.assumptions[0].startswith(
+    assert measured.members[1].weight == pytest.approx(spreads[0] / spreads[1])
+    assert measured.assumptions[0].startswith(
         "Class scores vary alike on 6 recordings of few.pt: weights a 1, b "
     )
-    assert join(networks, calibration=carried).members == found.members
+    assert join(networks, calibration=carried).members == measured.members
 
 
 def other(**changes):
+    """Return two hybrids, of which the second has some fields changed."""
     return [hybrid(), replace(hybrid(1), name="other", **changes)]
+
+
+def grid_and_fingertip():
+    """Return two hybrids of different sensors with four channels."""
+    grid = asked_layout("2x2", polarities=1, channels=None, layout=None)
+    return [replace(hybrid(), sensor=grid), replace(hybrid(1), name="other", sensor=neutouch())]
 
 
 @pytest.mark.parametrize(
@@ -219,12 +254,7 @@ def other(**changes):
             "it differs from 'small-hybrid' in class names (b, a against a, b)",
         ),
         (
-            [
-                replace(
-                    hybrid(), sensor=asked_layout("2x2", polarities=1, channels=None, layout=None)
-                ),
-                other(sensor=neutouch())[1],
-            ],
+            grid_and_fingertip(),
             "it differs from 'small-hybrid' in sensor (neutouch against grid 2x2)",
         ),
     ],
@@ -250,30 +280,30 @@ def test_members_that_disagree_are_refused(networks, message):
         (1, 2, 3),
     ],
 )
-def test_weights_that_are_refused(weights):
+def test_impossible_weights_are_refused(weights):
     with pytest.raises(InputError) as caught:
         lc.compile([hybrid(), hybrid(1)], weights=weights)
-    given = ", ".join(f"{w:g}" for w in weights)
-    what = "each network needs one above 0, at most 1,000,000 times any other"
-    assert (
-        str(caught.value) == f"weights: {what} ({given} for 2 networks). Give numbers such as 1,2."
+    weight_list = ", ".join(f"{weight:g}" for weight in weights)
+    assert str(caught.value) == (
+        "weights: each network needs one above 0, at most 1,000,000 times any other "
+        f"({weight_list} for 2 networks). Give numbers such as 1,2."
     )
 
 
 @pytest.mark.parametrize(
-    ("networks", "given"),
+    ("networks", "types"),
     [([], "none"), (["a.pt", "b.pt"], "str, str"), ([hybrid(), None], "Network, NoneType")],
+    ids=["nothing", "paths", "one network"],
 )
-def test_what_is_not_a_network_is_refused(networks, given):
+def test_a_list_of_anything_but_networks_is_refused(networks, types):
     with pytest.raises(InputError) as caught:
         lc.compile(networks)
-    assert (
-        str(caught.value)
-        == f"networks: they are not networks (got {given}). Read each with lc.load."
+    assert str(caught.value) == (
+        f"networks: they are not networks (got {types}). Read each with lc.load."
     )
 
 
-def test_one_network_has_nothing_to_weigh():
+def test_weights_of_a_single_network_are_refused():
     with pytest.raises(InputError) as caught:
         lc.compile(hybrid(), weights=(1,))
     assert str(caught.value) == "weights: they apply only to several networks. Leave them out."
@@ -284,13 +314,10 @@ def test_a_program_of_several_is_saved_and_loaded(tmp_path):
     levels.program.save(tmp_path)
     played = recordings(levels.network)
     loaded = hw.load_program(tmp_path)
-    assert np.array_equal(
-        hw.simulate(loaded, played).scores, hw.simulate(levels.program, played).scores
-    )
-    assert all(
-        w == int(w)
-        for w in yaml.safe_load((tmp_path / "program.yaml").read_text())["readout"].values()
-    )
+    scores = hw.simulate(levels.program, played).scores
+    assert np.array_equal(hw.simulate(loaded, played).scores, scores)
+    document = yaml.safe_load((tmp_path / "program.yaml").read_text())
+    assert all(weight == int(weight) for weight in document["readout"].values())
 
 
 @pytest.mark.parametrize("kind", ["nir", "net"])

@@ -20,7 +20,8 @@ from faults import Fault, faults_of  # noqa: E402
 
 from hw_model.arithmetic import spinnaker  # noqa: E402
 from hw_model.spinnaker.reference import play_reference  # noqa: E402
-from tests.support.machine_files import RECORDED, case_of, differences, read  # noqa: E402
+from tests.support.machine_files import RECORDED, case_of, differences  # noqa: E402
+from tests.support.numbered_arrays import read  # noqa: E402
 from tests.support.random_spinnaker import PHASE  # noqa: E402
 
 MODULE = "hw_model.arithmetic.spinnaker"

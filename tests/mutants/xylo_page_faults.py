@@ -27,7 +27,8 @@ from tested import reasons  # noqa: E402
 from hw_model.arithmetic import xylo  # noqa: E402
 from hw_model.xylo.reference import play_xylo  # noqa: E402
 from tests.support import xylo_oracle  # noqa: E402
-from tests.support.witness_files import RECORDED, REGISTERS, network_of, read  # noqa: E402
+from tests.support.numbered_arrays import read  # noqa: E402
+from tests.support.witness_files import RECORDED, REGISTERS, network_of  # noqa: E402
 
 MODULE = "hw_model.arithmetic.xylo"
 OF_THE_STEP = {

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.machine_files import RECORDED, read, write_cases
+from tests.support.machine_files import RECORDED, write_cases
+from tests.support.numbered_arrays import read
 from tests.support.random_spinnaker import Case, random_case
 
 DRIVER = Path(__file__).parents[1] / "peers" / "drive_spinnaker.py"

@@ -18,7 +18,8 @@ from hw_model.arithmetic import spinnaker
 from hw_model.arithmetic.spinnaker import ONE, SPAN
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.reference import play_reference
-from tests.support.machine_files import RECORDED, case_of, differences, read
+from tests.support.machine_files import RECORDED, case_of, differences
+from tests.support.numbered_arrays import read
 from tests.support.random_spinnaker import PHASE
 
 WITNESSES = read(RECORDED)

@@ -1,4 +1,7 @@
-"""An engine against the oracle: every register of every step, every event, the busy updates and the scores."""
+"""Check an engine against ``loihi_oracle``, an independent simulator of the same graph.
+
+Compared are every register in every step, wraps and clips, the count of active updates, and the scores.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ def check_oracle(
     steps: int | None,
     engine: str,
 ) -> None:
-    """Play recordings to a program, and to the graph that it was made of."""
+    """Check an engine's play of recordings against the oracle's, which plays the graph of the same program."""
     check_played(program, spikes, steps, engine, play_all(graph, program.chip, spikes, steps))
 
 
@@ -41,22 +44,23 @@ def check_played(
     engine: str,
     expected: Sequence[oracle.Played],
 ) -> None:
-    """Play recordings to a program, of which the oracle has played the graph."""
+    """Check an engine's play of recordings; ``expected`` holds what the oracle played, one item per recording."""
     result = hw.simulate(program, spikes, steps, engine=engine, probe=oracle.KINDS)
     assert len(result.per_recording) == len(expected)
     events: dict[str, dict[str, int]] = {}
-    for b, (counts, wanted) in enumerate(zip(result.per_recording, expected, strict=True)):
+    for b, (counts, expected_play) in enumerate(zip(result.per_recording, expected, strict=True)):
         for kind in oracle.KINDS:
             for name, array in getattr(result, kind).items():
-                assert np.array_equal(array[b], wanted.arrays[kind][name]), (kind, name, b)
+                assert np.array_equal(array[b], expected_play.arrays[kind][name]), (kind, name, b)
         for event in oracle.EVENTS:
-            total = sum(met[event] for met in wanted.events.values())
+            total = sum(occurred[event] for occurred in expected_play.events.values())
             assert counts[event] == total, (event, b)
-        assert counts.neuron_updates_active == wanted.active, b
-        for name, met in wanted.events.items():
+        assert counts.neuron_updates_active == expected_play.active, b
+        # The result's own table counts each population's events over all recordings.
+        for name, occurred in expected_play.events.items():
             sums = events.setdefault(name, dict.fromkeys(oracle.EVENTS, 0))
             for event in oracle.EVENTS:
-                sums[event] += met[event]
-        if wanted.scores is not None:
-            assert np.array_equal(result.scores[b], wanted.scores, equal_nan=True), b
-    assert {name: dict(met) for name, met in result.events.items()} == events
+                sums[event] += occurred[event]
+        if expected_play.scores is not None:
+            assert np.array_equal(result.scores[b], expected_play.scores, equal_nan=True), b
+    assert {name: dict(occurred) for name, occurred in result.events.items()} == events

@@ -1,8 +1,10 @@
-"""Programs of one to four phases over both step axes, from a seed, and recordings for them.
+"""Draw programs of one to four phases, and recordings for them, from a seed.
 
-Phases that end before the recording or after it, that begin at the first touch, or whose length nothing says; one or two
-inputs a phase from one or two streams, as they come or through the transpose buffer; visits of several channels at a
-step; readouts of any populations with weights whose sums depend on their order. Chips have registers of any width.
+A phase is a part of a recording's time on the chip; its steps go over time or over the recording's channels. Drawn are
+phases that end before or after the recording, that begin at the first touch, or whose length is not stated; one or two
+inputs per phase, from one or two streams, either as events arrive or through the transpose buffer; several channels
+per step of the buffer; readouts of any populations, with weights whose sums depend on their order. Chips have registers
+of any width.
 """
 
 from __future__ import annotations
@@ -25,21 +27,22 @@ from tests.support import any_program, hybrids
 WEIGHTS = [0.0, -0.0, 1.0, -1.0, 0.1, 0.2, 0.3, -0.7, 1e-300, 1e100, 3.5, 1 / 3, 1e16, -1e16]
 """Weights of readouts; sums of several depend on their order."""
 PLAIN_WEIGHTS = [0.0, 1.0, 2.0, -1.0, -0.5, 3.5]
-"""Those that the open core can add in integers."""
+"""Weights of readouts that the open core can add in integers."""
 WIDTHS = [9, 10, 12, 15, 16, 21, 23, 31, 32, 40]
+"""Bits of registers: those of the chips that ship (21, 23), and both sides of 16 and of 32 bits, where engines differ."""
 SHAPES = [shape for shape in any_program.SHAPES if shape != "many"]
-"""Ways to join compartments, of so few that they fit on a core of ten."""
+"""Ways to join compartments, except the one with so many that they do not fit on a core of ten."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A program, the graph that it was made of, and recordings by stream, (batch, steps, channels)."""
+    """A program, its graph, and its recordings: arrays (batch, steps, channels) by stream."""
 
     program: hw.ChipProgram
     graph: CompartmentGraph
     spikes: dict[str, np.ndarray]
     steps: int | None
-    """Asked for, of phases that do not say theirs; never None for recordings without rows."""
+    """Steps of the phases that do not state theirs; never None for recordings without rows."""
 
     @property
     def rows(self) -> int:
@@ -52,34 +55,36 @@ class Case:
 
     @property
     def mixed(self) -> list[str]:
-        """The phases that hear inputs both as they come and through the transpose buffer."""
-        kinds = {
-            p.name: {i.positions is None for i in self.program.inputs_of(p.name)}
-            for p in self.program.phases
-        }
-        return [name for name, kind in kinds.items() if len(kind) == 2]
+        """The phases that have both direct inputs and inputs through the transpose buffer."""
+        names = []
+        for phase in self.program.phases:
+            is_direct = {item.positions is None for item in self.program.inputs_of(phase.name)}
+            if len(is_direct) == 2:
+                names.append(phase.name)
+        return names
 
 
 @cache
 def _file_of_loihi() -> dict[str, Any]:
-    """The chip file that others are drawn from, read once: YAML in Python takes longer than a short recording."""
+    """Return the chip file that others are drawn from; it is read once, for parsing takes longer than a short recording."""
     return yaml.safe_load(any_program.LOIHI.document)
 
 
 def _chip(r: np.random.Generator, plain: bool) -> hw.Chip:
-    """A chip as its file would give it; with ``plain`` it has the registers that the open core has."""
-    text = deepcopy(_file_of_loihi())
-    text["limits"] |= {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
-    text["limits"]["synapse_formats_per_core"] = 256
+    """Draw a chip file and parse it; with ``plain`` the chip has the registers of the open core."""
+    fields = deepcopy(_file_of_loihi())
+    # Every compartment has drawn parameters, so it needs profiles and formats of its own.
+    fields["limits"] |= {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
+    fields["limits"]["synapse_formats_per_core"] = 256
     if r.random() < 0.5:
-        text["limits"]["compartments_per_core"] = int(r.choice([8, 10, 13]))
+        fields["limits"]["compartments_per_core"] = int(r.choice([8, 10, 13]))
     if r.random() < 0.5:
         # Tiles of one core on many small chips, so that packets have ways to go.
         columns = int(r.choice([1, 2, 4]))
-        text["mesh"] |= {"columns": columns, "rows": 4 // columns, "cores_per_tile": 1}
-        text["limits"]["cores_per_chip"], text["chips"] = 4, 64
+        fields["mesh"] |= {"columns": columns, "rows": 4 // columns, "cores_per_tile": 1}
+        fields["limits"]["cores_per_chip"], fields["chips"] = 4, 64
     if not plain and r.random() < 0.7:
-        text["registers"] |= {
+        fields["registers"] |= {
             **{f"{name}_bits": int(r.choice(WIDTHS)) for name in ("charge", "current", "voltage")},
             "threshold_mantissa_bits": int(r.integers(1, 35)),
             "bias_mantissa_bits": int(r.integers(1, 25)),
@@ -88,46 +93,51 @@ def _chip(r: np.random.Generator, plain: bool) -> hw.Chip:
             "delay_max": int(r.choice([0, 1, 2, 62, 300])),
             "weight_bits_max": int(r.integers(1, 9)),
         }
-    return parse_chip(yaml.safe_dump(text), "drawn")
+    return parse_chip(yaml.safe_dump(fields), "drawn")
 
 
 def _parameters(
     r: np.random.Generator, size: int, chip: hw.Chip, quiet: bool
 ) -> dict[str, np.ndarray]:
-    given = any_program.parameters(r, size, chip)
+    """Draw the parameters of a population; ``quiet`` compartments rest where nothing arrives."""
+    parameters = any_program.parameters(r, size, chip)
     if quiet:
-        # Few biases, and nothing that stays: or all spike in every step, and no phase would hear another's silence.
-        given |= {name: r.choice([4096, 2000, 390], size) for name in ("decay_u", "decay_v")}
-        given["threshold"] = np.minimum(
+        # Strong biases, or states that never decay, would let all compartments spike in every step.
+        parameters |= {name: r.choice([4096, 2000, 390], size) for name in ("decay_u", "decay_v")}
+        parameters["threshold"] = np.minimum(
             r.choice([0, 1, 30, 300], size), chip.registers.threshold_mantissa_max
         )
-        given["bias"] = given["bias"] * int(r.random() < 0.4)
-    return given
+        parameters["bias"] = parameters["bias"] * int(r.random() < 0.4)
+    return parameters
 
 
 def _branch(
     r: np.random.Generator, chip: hw.Chip, name: str, lines: list[int], classes: int
 ) -> CompartmentGraph:
-    """Populations ``y`` and ``z`` of so many classes and up to two more, with what is joined to them, and synapses."""
+    """Draw the graph of one phase: populations, compartments that are joined to them, and synapses.
+
+    ``lines[i]`` is the size of input i. Populations ``y`` and ``z`` have a compartment per class; up to two more have
+    any size.
+    """
     builder = hw.ProgramBuilder(chip)
     quiet = bool(r.random() < 0.5)
-    narrow = bool(r.random() < 0.5)
+    limited = bool(r.random() < 0.5)  # whether voltages have narrower limits than their register
     senders = [builder.add_input(f"{name}/x{i}", n) for i, n in enumerate(lines)]
     targets = []
     for group in ["y", "z", *(f"h{i}" for i in range(r.integers(3)))]:
         size = classes if group in "yz" else int(r.integers(1, 4))
-        kept = {}
-        if narrow:
-            kept = {
+        voltage_limits = {}
+        if limited:
+            voltage_limits = {
                 "vmin": int(r.choice(voltage_minima(chip.registers))),
                 "vmax": int(r.choice(voltage_maxima(chip.registers))),
             }
         soma = builder.add_compartments(
-            f"{name}/{group}", size, **_parameters(r, size, chip, quiet), **kept
+            f"{name}/{group}", size, **_parameters(r, size, chip, quiet), **voltage_limits
         )
         senders.append(soma)
         shape = str(r.choice(["none", *SHAPES]))
-        targets += [soma, *any_program.add_children(builder, soma, shape, chip, r, kept)]
+        targets += [soma, *any_program.add_children(builder, soma, shape, chip, r, voltage_limits)]
     for _ in range(int(r.choice([0, 3, 6, 12]))):
         source = senders[int(r.integers(len(senders)))]
         target = targets[int(r.integers(len(targets)))]
@@ -139,16 +149,28 @@ def _branch(
 def _visits(
     r: np.random.Generator, channels: int, rows: int, steps: int
 ) -> tuple[int, dict[str, Any]]:
-    """The lines that the transpose buffer fills, and when: channels of one step have lines of their own."""
+    """Draw in which step the transpose buffer plays each channel (a visit), and onto which lines.
+
+    A visit plays ``rows`` rows of a channel at once, each onto a line of its own. Channels that share a step need
+    different lines, so each step numbers its channels, and channel number k has the lines from ``k * rows`` on.
+
+    Returns:
+        The lines in all, and the fields of the input: ``positions`` (channels,) are steps, ``first_lines`` (channels,)
+        lines.
+    """
     if r.random() < 0.6:
         positions = r.integers(0, steps, channels)
-        number = np.array([np.count_nonzero(positions[:c] == at) for c, at in enumerate(positions)])
+        number_in_step = np.array(
+            [np.count_nonzero(positions[:c] == step) for c, step in enumerate(positions)]
+        )
     else:
         positions = np.full(channels, r.integers(steps))
-        number = r.permutation(channels)
-    alone = not number.any() and r.random() < 0.3
-    visits = {"positions": positions, "first_lines": None if alone else number * rows}
-    return (int(number.max()) + 1) * rows, visits
+        number_in_step = r.permutation(channels)
+    # One channel per step needs no first lines; None and zeros must then mean the same.
+    omitted = not number_in_step.any() and r.random() < 0.3
+    first_lines = None if omitted else number_in_step * rows
+    lines = (int(number_in_step.max()) + 1) * rows
+    return lines, {"positions": positions, "first_lines": first_lines}
 
 
 def _phase(
@@ -159,9 +181,10 @@ def _phase(
     touches: list[int],
     alike: bool,
 ) -> tuple[Phase, list[int], list[dict[str, Any]]]:
-    """A phase, the lines of each of its inputs, and what each input hears of which stream.
+    """Draw a phase, the number of lines of each of its inputs, and the stream and visits of each input.
 
-    ``touches``: so many events may begin it; ``alike``: its inputs hear equally many rows.
+    ``streams`` gives the channels of each stream. ``touches`` are the numbers of events in a row that may begin the
+    phase. With ``alike`` its transposed inputs hear equally many rows, as the open core's do.
     """
     axis = str(r.choice(AXES))
     mixed = bool(r.random() < 0.1)
@@ -169,19 +192,21 @@ def _phase(
     align = None if mixed or r.random() < 0.5 else int(r.choice(touches))
     lines = []
     feeds = []
-    heard = [1, 2, max(rows, 1), rows + 3, max(1, rows - 2)]
+    rows_heard = [1, 2, max(rows, 1), rows + 3, max(1, rows - 2)]
     if alike:
-        heard = [int(r.choice(heard))]
+        rows_heard = [int(r.choice(rows_heard))]
     for i in range(int(r.choice([1, 1, 2]))):
         stream = str(r.choice(list(streams)))
         channels = streams[stream]
-        size = streams[stream]
+        size = channels
         visits = {}
-        if (axis == "location") != (mixed and i == 1):
+        # Phases over channels read the buffer, phases over time do not; the second input of a mixed phase is the other.
+        is_transposed = (axis == "location") != (mixed and i == 1)
+        if is_transposed:
             size, visits = _visits(
                 r,
                 channels,
-                int(r.choice(heard)),
+                int(r.choice(rows_heard)),
                 steps or int(r.choice([1, channels, channels + 5])),
             )
         lines.append(size)
@@ -190,29 +215,32 @@ def _phase(
 
 
 def _readout(r: np.random.Generator, names: list[str], plain: bool) -> Readout:
-    """Some of the populations in any order, by spikes or potentials."""
-    read = [str(name) for name in r.permutation(names)[: int(r.integers(1, len(names) + 1))]]
-    weights = (
-        r.choice(PLAIN_WEIGHTS if plain else WEIGHTS, len(read))
-        if r.random() < 0.6
-        else np.ones(len(read))
-    )
-    first: int | tuple[int | None, ...] | None = None
+    """Draw a readout of some populations in any order, by spikes, or by potentials from a step on."""
+    populations = [str(name) for name in r.permutation(names)[: int(r.integers(1, len(names) + 1))]]
+    weights = np.ones(len(populations))
+    if r.random() < 0.6:
+        weights = r.choice(PLAIN_WEIGHTS if plain else WEIGHTS, len(populations))
+    potentials_from: int | tuple[int | None, ...] | None = None
     if not plain and r.random() < 0.4:
-        first = tuple(None if r.random() < 0.4 else int(r.choice([0, 1, 3, 100])) for _ in read)
+        potentials_from = tuple(
+            None if r.random() < 0.4 else int(r.choice([0, 1, 3, 100])) for _ in populations
+        )
     elif r.random() < 0.2:
-        first = int(r.choice([0, 1, 3, 100]))
-    return Readout(tuple(read), tuple(weights.tolist()), first)
+        potentials_from = int(r.choice([0, 1, 3, 100]))
+    return Readout(tuple(populations), tuple(weights.tolist()), potentials_from)
 
 
 @lru_cache(maxsize=64)
 def case(seed: int, plain: bool = False) -> Case:
-    """Return :func:`drawn`, and keep it: several tests play the same seeds, and to draw one takes longer than to play."""
+    """Return :func:`drawn` from a cache: several tests play the same seeds, and drawing takes longer than playing."""
     return drawn(seed, plain)
 
 
 def drawn(seed: int, plain: bool = False) -> Case:
-    """A program of several phases and up to nine recordings for it; with ``plain`` mostly one that the open core has."""
+    """Draw a program of one to four phases and up to nine recordings for it.
+
+    With ``plain`` the open core can run most of them: registers of its widths, equal alignment of all phases.
+    """
     r = np.random.default_rng(seed)
     chip = _chip(r, plain)
     rows = int(r.choice([0, 1, 1, 2, 3, 7, 20, 40, 70]))
@@ -242,14 +270,13 @@ def drawn(seed: int, plain: bool = False) -> Case:
 
 
 LARGE = (1, 9)
-"""Seeds of programs that the reference engine takes long for."""
-
+"""Seeds of programs that take the reference engine long."""
 
 QUICK = [seed for seed in range(36) if seed not in LARGE]
-
+"""Seeds for tests that every run takes."""
 
 MANY = [*LARGE, *range(36, 200)]
-
+"""Seeds for slow tests."""
 
 FEW_ON_CORE = (8, 10, 15, 17, 22, 25, 29, 30, 33, 35, 38, 39)
 """Seeds of programs that the core runs, short enough for Icarus Verilog."""

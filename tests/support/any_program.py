@@ -1,7 +1,9 @@
-"""Programs from everything that a chip file and the builder allow: a strategy, and what it has reached so far.
+"""Strategies of hypothesis that draw programs from everything that a chip file and the builder allow.
 
-Widths, limits, biases, thresholds, voltage limits, weight formats, delays, refractory periods, joins as fans, chains and
-trees, recurrence, several synapses between the same two compartments, cores that hold one family only.
+Drawn are register widths, biases, thresholds, voltage limits, weight formats, delays, refractory periods, compartments
+joined as fans, chains and trees, recurrence, several synapses between the same two compartments, and cores that hold
+only one family (a compartment with all that are joined to it). Each program comes with counts of what was drawn, by
+which tests check that nothing rare is missing.
 """
 
 from __future__ import annotations
@@ -24,12 +26,12 @@ from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 LOIHI = hw.chip("loihi-sim")
 MANY_CHILDREN = 260
-"""More than the voltages of so many fit into 32 bits at the widths of the chips that ship."""
+"""Children of one compartment: 260 voltages of 23 bits and a sign have a sum that 32 bits do not hold."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drawn:
-    """A program, the graph that it was made of, recordings (batch, steps, channels) for it, and what was drawn, by name."""
+    """A program, its graph, its recordings (batch, steps, channels), and counts of what was drawn, by name."""
 
     program: hw.ChipProgram
     graph: CompartmentGraph
@@ -40,29 +42,31 @@ class Drawn:
         return f"Drawn({self.program.chip.registers}, {dict(self.drawn)})"
 
 
-def _bits(usual: int, other: st.SearchStrategy[int]) -> st.SearchStrategy[int]:
-    """Draw the usual width of a register, or another one."""
-    return st.one_of(st.just(usual), other)
+def _usual_or(usual: int, others: st.SearchStrategy[int]) -> st.SearchStrategy[int]:
+    """Draw the value of the chips that ship, or one of ``others``."""
+    return st.one_of(st.just(usual), others)
 
 
 @st.composite
 def chips(draw: st.DrawFn, widths: bool = True) -> hw.Chip:
-    """A chip; with ``widths`` off its charge, current and voltage are those of the chips that ship."""
+    """Draw a chip; without ``widths`` its charge, current and voltage registers are those of the chips that ship."""
     any_width = st.sampled_from([9, 10, 15, 16, 20, 21, 22, 23, 24, 28, 29, 30, 31, 32, 33, 39, 40])
-    own = {
-        "charge_bits": _bits(21, any_width),
-        "current_bits": _bits(23, any_width),
-        "voltage_bits": _bits(23, any_width),
+    register_widths = {
+        "charge_bits": _usual_or(21, any_width),
+        "current_bits": _usual_or(23, any_width),
+        "voltage_bits": _usual_or(23, any_width),
     }
-    settings = {
-        "threshold_mantissa_bits": _bits(17, st.integers(1, 34)),
-        "bias_mantissa_bits": _bits(12, st.integers(1, 24)),
-        "bias_exponent_max": _bits(7, st.integers(0, 24)),
+    ranges = {
+        "threshold_mantissa_bits": _usual_or(17, st.integers(1, 34)),
+        "bias_mantissa_bits": _usual_or(12, st.integers(1, 24)),
+        "bias_exponent_max": _usual_or(7, st.integers(0, 24)),
         "refractory_max": st.sampled_from([1, 2, 7, 63, 65_535]),
         "delay_max": st.sampled_from([0, 1, 10, 62, 300]),
     }
-    given = settings | (own if widths else {})
-    drawn = {name: draw(strategy, label=name) for name, strategy in given.items()}
+    if widths:
+        ranges |= register_widths
+    drawn = {name: draw(strategy, label=name) for name, strategy in ranges.items()}
+    # Every compartment has drawn parameters, so it needs profiles and formats of its own.
     profiles = {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
     limits = replace(LOIHI.limits, **profiles, synapse_formats_per_core=256)
     chip = replace(LOIHI, registers=replace(LOIHI.registers, **drawn), limits=limits)
@@ -71,18 +75,20 @@ def chips(draw: st.DrawFn, widths: bool = True) -> hw.Chip:
 
 
 def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np.ndarray]:
-    """Every parameter at its ends or in between, and more often where something happens."""
+    """Draw every parameter at its ends or in between, with more weight on values at which compartments spike."""
     limits = chip.registers
-    span = 1 << limits.bias_mantissa_bits
+    span = 1 << limits.bias_mantissa_bits  # mantissas go from -span to span - 1
     mantissa = r.choice([0, 0, 0, 1, -2, span - 1, -span, r.integers(-span, span)], size)
     exponent = r.choice(
         [0, 0, limits.bias_exponent_max, r.integers(0, limits.bias_exponent_max + 1)], size
     )
-    reached = min(limits.threshold_mantissa_max, limits.voltage_max >> 6)
+    # The highest threshold that a voltage can exceed: thresholds are stored in units of 64.
+    reachable = min(limits.threshold_mantissa_max, limits.voltage_max >> 6)
     return {
         "decay_u": r.choice([0, 1, 390, 2048, 4095, 4096, r.integers(0, 4097)], size),
         "decay_v": r.choice([0, 1, 128, 2589, 4095, 4096, r.integers(0, 4097)], size),
-        "threshold": r.choice([0, 1, min(300, reached), reached // 2, reached, limits.threshold_mantissa_max], size),
+        "threshold": r.choice([0, 1, min(300, reachable), reachable // 2, reachable, limits.threshold_mantissa_max],
+                              size),
         "bias": mantissa << exponent,
         "refractory": r.choice([1, 1, 1, min(2, limits.refractory_max), min(5, limits.refractory_max),
                                 limits.refractory_max], size),
@@ -90,9 +96,9 @@ def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np
 
 
 POTENTIALS_FROM = st.sampled_from([None, None, 0, 2, 7])
-"""From which step on the readout predicts by potentials; None: by spikes."""
+"""The step from which the readout predicts by potentials; None: it predicts by spikes."""
 OF_EACH = st.one_of(POTENTIALS_FROM, st.tuples(POTENTIALS_FROM, POTENTIALS_FROM))
-"""The same for all populations of a readout, or for each of two."""
+"""One such step for all populations of a readout, or one for each of two."""
 
 SHAPES = {
     "none": (0, 0),
@@ -101,7 +107,7 @@ SHAPES = {
     "tree": (3, 6),
     "many": (MANY_CHILDREN,) * 2,
 }
-"""Ways to join compartments, and how many at least and at most."""
+"""Ways to join compartments to a population, each with the least and the most joined compartments."""
 
 
 def add_children(
@@ -110,9 +116,12 @@ def add_children(
     shape: str,
     chip: hw.Chip,
     r: np.random.Generator,
-    kept: dict[str, int],
+    voltage_limits: dict[str, int],
 ) -> list[Node]:
-    """Join compartments to a population; often alike, and many at the end of their range more often than not."""
+    """Join compartments to a population in a way of :data:`SHAPES`; they often have equal parameters.
+
+    The many of the widest fan mostly sit at the end of their range, so that the sum of their voltages is largest.
+    """
     alike = bool(r.random() < (0.9 if shape == "many" else 0.7))
     first = parameters(r, soma.size, chip)
     if shape == "many" and alike:
@@ -121,20 +130,23 @@ def add_children(
     nodes = [soma]
     least, most = SHAPES[shape]
     for i in range(int(r.integers(least, most + 1))):
-        parent = {"chain": nodes[-1], "tree": nodes[int(r.integers(len(nodes)))]}.get(shape, soma)
-        given = first if alike else parameters(r, soma.size, chip)
-        nodes.append(
-            builder.add_compartments(
-                f"{soma.name}/{i}", soma.size, **given, **kept, joined_to=parent
-            )
+        any_node = nodes[int(r.integers(len(nodes)))]  # drawn for each shape, so that seeds agree
+        parent = {"chain": nodes[-1], "tree": any_node}.get(shape, soma)
+        child = builder.add_compartments(
+            f"{soma.name}/{i}",
+            soma.size,
+            **(first if alike else parameters(r, soma.size, chip)),
+            **voltage_limits,
+            joined_to=parent,
         )
+        nodes.append(child)
     return nodes[1:]
 
 
 def connect(
     r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip
 ) -> None:
-    """Add synapses of any format, weights, exponent and delays; some pairs of compartments have none."""
+    """Add synapses with a drawn format, weights, exponent and delays; a weight of 0 makes no synapse."""
     bits = int(r.choice(chip.registers.weight_bits))
     mode = str(r.choice(SIGN_MODES))
     grid = weight_grid(bits, mode)
@@ -153,49 +165,63 @@ def connect(
 def graphs(
     draw: st.DrawFn, chip: hw.Chip, lines: int, classes: int, prefix: str = ""
 ) -> tuple[CompartmentGraph, Counter]:
-    """Populations of which ``y`` has ``classes`` compartments, with what is joined to them, and synapses."""
+    """Draw one to three populations with joined compartments and synapses, and count what was drawn.
+
+    Population ``y`` has a compartment per class.
+    """
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="seed"))
     builder = hw.ProgramBuilder(chip)
     senders = [builder.add_input(f"{prefix}x", lines)]
-    kept = {
+    voltage_limits = {
         "vmin": int(r.choice(voltage_minima(chip.registers))),
         "vmax": int(r.choice(voltage_maxima(chip.registers))),
     }
     if r.random() < 0.7:
-        kept = {}
+        voltage_limits = {}
     names = ["y", *(f"h{i}" for i in range(draw(st.integers(0, 2), label="hidden")))]
-    seen: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     joined: list[Node] = []
     for name in names:
-        # Once is enough, for many take long.
-        shapes = [shape for shape in SHAPES if shape != "many" or not seen["fans of more than 255"]]
+        # At most one wide fan per graph, since it takes long to play.
+        has_wide_fan = bool(counts["fans of more than 255"])
+        shapes = [shape for shape in SHAPES if shape != "many" or not has_wide_fan]
         shape = draw(st.sampled_from(shapes), label="joins")
-        size = classes if name == "y" else 1 if shape == "many" else int(r.integers(1, 6))
+        if name == "y":
+            size = classes
+        elif shape == "many":
+            size = 1
+        else:
+            size = int(r.integers(1, 6))
         soma = builder.add_compartments(
-            f"{prefix}{name}", size, **parameters(r, size, chip), **kept
+            f"{prefix}{name}", size, **parameters(r, size, chip), **voltage_limits
         )
         senders.append(soma)
-        children = add_children(builder, soma, shape, chip, r, kept)
+        children = add_children(builder, soma, shape, chip, r, voltage_limits)
         joined += children
-        seen["joined compartments"] += len(children) * size
-        seen["fans of more than 255"] += len(children) > 255
-    targets = senders[1:] + joined[:12]
+        counts["joined compartments"] += len(children) * size
+        counts["fans of more than 255"] += len(children) > 255
+    targets = (
+        senders[1:] + joined[:12]
+    )  # of a wide fan only some, or populations would seldom be drawn
     for _ in range(draw(st.integers(1, 8), label="links")):
         source = senders[int(r.integers(len(senders)))]
         target = targets[int(r.integers(len(targets)))]
         for _ in range(int(r.choice([1, 1, 2, 4]))):
             connect(r, builder, source, target, chip)
-        seen["links"] += 1
-        seen["recurrent links"] += source.name == target.name
+        counts["links"] += 1
+        counts["recurrent links"] += source.name == target.name
     biases = np.concatenate(
         [group.bias_mantissa << group.bias_exponent for group in builder.graph().groups]
     )
-    seen["biases of more than 31 bits"] += int((np.abs(biases) >= 1 << 31).sum())
-    return builder.graph(), seen
+    counts["biases of more than 31 bits"] += int((np.abs(biases) >= 1 << 31).sum())
+    return builder.graph(), counts
 
 
 def small_cores(draw: st.DrawFn, chip: hw.Chip, *parts: CompartmentGraph) -> hw.Chip:
-    """Cores that hold little more than the largest family of joined compartments, or the usual ones."""
+    """Return the chip, or one whose cores hold little more than the largest family.
+
+    A family is a compartment with all that are joined to it; a core holds whole families only.
+    """
     if draw(st.booleans(), label="usual cores"):
         return chip
     families: Counter[str] = Counter()
@@ -214,29 +240,29 @@ def small_cores(draw: st.DrawFn, chip: hw.Chip, *parts: CompartmentGraph) -> hw.
 def programs(
     draw: st.DrawFn, widths: bool = True, given: st.SearchStrategy[hw.Chip] | None = None
 ) -> Drawn:
-    """A program of one phase, out of the builder, and a batch of recordings; ``given``: for which chips."""
+    """Draw a program of one phase and two recordings for it; ``given`` draws the chip."""
     chip = draw(chips(widths) if given is None else given)
     lines = draw(st.integers(1, 5), label="lines")
     classes = draw(st.integers(1, 4), label="classes")
-    graph, seen = draw(graphs(chip, lines, classes))
+    graph, counts = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
     graph = replace(graph, readout=Readout(("y",), (1.0,), draw(POTENTIALS_FROM)))
     program = hybrids.program_of_graphs(chip, graph.readout, graph)
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
     shape = (2, draw(st.sampled_from([40, 20, 20, 5, 1]), label="steps"), lines)
     spikes = (r.random(shape) < r.choice([0.0, 0.05, 0.3, 1.0], (2, 1, 1))).astype(np.uint8)
-    return Drawn(program, graph, spikes, seen + _of_chip(program))
+    return Drawn(program, graph, spikes, counts + _counts_of_chip(program))
 
 
 @st.composite
 def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = None) -> Drawn:
-    """A program of a time phase and a transposed location phase, and one recording (1, steps, channels)."""
+    """Draw a program of a time phase and a transposed location phase, and one recording (1, steps, channels)."""
     chip = draw(chips() if given is None else given)
     steps = draw(st.integers(1, 16), label="steps")
     channels = draw(st.integers(1, 5), label="channels")
     classes = draw(st.integers(1, 3), label="classes")
-    time, seen = draw(graphs(chip, channels, classes, "time/"))
-    location, more = draw(graphs(chip, steps, classes, "location/"))
+    time, time_counts = draw(graphs(chip, channels, classes, "time/"))
+    location, location_counts = draw(graphs(chip, steps, classes, "location/"))
     chip = small_cores(draw, chip, time, location)
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
     silence = int(r.integers(0, 3))
@@ -248,10 +274,12 @@ def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = 
     graph = replace(hybrids.graphs_side_by_side(*branches), readout=readout)
     program = hybrids.program_of_graphs(chip, readout, *branches)
     spikes = (r.random((1, steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
-    return Drawn(program, graph, spikes, seen + more + _of_chip(program))
+    counts = time_counts + location_counts + _counts_of_chip(program)
+    return Drawn(program, graph, spikes, counts)
 
 
-def _of_chip(program: hw.ChipProgram) -> Counter[str]:
+def _counts_of_chip(program: hw.ChipProgram) -> Counter[str]:
+    """Count a program, and whether its chip has other widths than those that ship or its phases several cores."""
     limits = program.chip.registers
     widths = (limits.charge_bits, limits.current_bits, limits.voltage_bits)
     return Counter({
@@ -261,6 +289,7 @@ def _of_chip(program: hw.ChipProgram) -> Counter[str]:
     })  # fmt: skip
 
 
+# A program takes long to draw, and its first example is large: hypothesis would call either an error.
 SETTINGS = settings(
     deadline=None,
     suppress_health_check=[

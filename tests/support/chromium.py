@@ -1,6 +1,7 @@
-"""Headless Chromium driven over a pipe by the DevTools protocol: no package, no port, no network.
+"""Drive a headless Chromium over a pipe by the DevTools protocol, without a package, a port or a network.
 
-As a script it takes the pictures of a report that the documentation shows, and, with ``whole``, whole pages:
+Tests of the HTML report look at its page in it. As a script, this module takes the pictures of a report that the
+documentation shows, and with ``whole`` also pictures of whole pages and a PDF:
 ``python tests/support/chromium.py build/objects-hybrid/report.html docs/images``.
 The README shows the first of them, taken of ``objects-best``, as ``report-best.png``.
 """
@@ -22,9 +23,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-_ALL = "return {x: 0, y: 0, width: document.documentElement.clientWidth, height: HEIGHT}"
-_WHOLE = _ALL.replace("HEIGHT", "document.documentElement.scrollHeight")
-_PART = """
+_FROM_THE_TOP = "return {x: 0, y: 0, width: document.documentElement.clientWidth, height: HEIGHT}"
+_WHOLE_PAGE = _FROM_THE_TOP.replace("HEIGHT", "document.documentElement.scrollHeight")
+# The sections from FROM to TO, with their foldable parts opened.
+_SECTIONS = """
   const shown = name => {
     const section = document.getElementById(name).closest('section')
     section.querySelectorAll(':scope > details').forEach(details => { details.open = true })
@@ -35,36 +37,39 @@ _PART = """
   return {x: 0, y: from.top + scrollY, width: document.documentElement.clientWidth, height: to.bottom - from.top}
 """
 PICTURES = (
-    ("report", 1120, False, "screen", _ALL.replace("HEIGHT", "950")),
+    ("report", 1120, False, "screen", _FROM_THE_TOP.replace("HEIGHT", "950")),
     (
         "report-dark",
         1120,
         True,
         "screen",
-        _PART.replace("FROM", "'over-time'").replace("TO", "'over-time'"),
+        _SECTIONS.replace("FROM", "'over-time'").replace("TO", "'over-time'"),
     ),
     (
         "report-spikes",
         1120,
         False,
         "screen",
-        _PART.replace("FROM", "'spikes'").replace("TO", "'spikes'"),
+        _SECTIONS.replace("FROM", "'spikes'").replace("TO", "'spikes'"),
     ),
     (
         "report-potential",
         1120,
         False,
         "screen",
-        _PART.replace("FROM", "'potential'").replace("TO", "'potential'"),
+        _SECTIONS.replace("FROM", "'potential'").replace("TO", "'potential'"),
     ),
-    ("report-phone", 360, True, "screen", _ALL.replace("HEIGHT", "1400")),
+    ("report-phone", 360, True, "screen", _FROM_THE_TOP.replace("HEIGHT", "1400")),
     ("report-paper", 700, False, "print", "return {x: 0, y: 0, width: innerWidth, height: 990}"),
 )
-"""Name, width, dark, medium, and the JavaScript that finds the place."""
-WHOLE = (("wide", 1280, False, "screen", _WHOLE), ("narrow", 360, False, "screen", _WHOLE))
+"""Rows of (file name, width in pixels, dark, medium, JavaScript that returns the rectangle)."""
+WHOLE = (
+    ("wide", 1280, False, "screen", _WHOLE_PAGE),
+    ("narrow", 360, False, "screen", _WHOLE_PAGE),
+)
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 PATIENCE = 120
-"""Seconds until an answer is no longer waited for."""
+"""Seconds to wait for an answer."""
 Message = dict[str, Any]
 
 
@@ -74,11 +79,18 @@ def find_chromium() -> str | None:
 
 
 class Chromium:
-    """One tab. ``events`` are all that the browser told, in order."""
+    """One tab of a browser at the other end of two pipes.
+
+    Messages are JSON texts that end with a zero byte. ``events`` are the messages of the browser that answer no call,
+    in order.
+    """
 
     def __init__(self, send: int, receive: int) -> None:
-        self._send, self._receive = send, receive
-        self._last, self._session, self._rest = 0, None, b""
+        self._send = send
+        self._receive = receive
+        self._last_id = 0
+        self._session: str | None = None
+        self._unread = b""
         self.events: list[Message] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
@@ -89,30 +101,31 @@ class Chromium:
 
     def call(self, method: str, **params: Any) -> Any:
         """Call a method and return its result."""
-        self._last += 1
-        message = {"id": self._last, "method": method, "params": params}
+        self._last_id += 1
+        message = {"id": self._last_id, "method": method, "params": params}
         if self._session:
             message["sessionId"] = self._session
         os.write(self._send, json.dumps(message).encode() + b"\0")
-        while (answer := self._read()).get("id") != self._last:
+        while (answer := self._read()).get("id") != self._last_id:
             self.events.append(answer)
         assert "error" not in answer, answer["error"]
         return answer["result"]
 
     def _read(self) -> Message:
-        while b"\0" not in self._rest:
+        """Return the next message of the browser."""
+        while b"\0" not in self._unread:
             assert select.select([self._receive], [], [], PATIENCE)[0], "Chromium does not answer"
-            part = os.read(self._receive, 1 << 20)
-            assert part, "Chromium went away"
-            self._rest += part
-        line, self._rest = self._rest.split(b"\0", 1)
+            chunk = os.read(self._receive, 1 << 20)
+            assert chunk, "Chromium went away"
+            self._unread += chunk
+        line, self._unread = self._unread.split(b"\0", 1)
         message: Message = json.loads(line)
         return message
 
     def open(
         self, page: Path, *, width: int = 1280, dark: bool = False, media: str = "screen"
     ) -> None:
-        """Show a page as a screen of that width, or another medium, shows it."""
+        """Show a page on a screen of ``width`` pixels, or on another medium such as ``print``."""
         self.events.clear()
         self.call(
             "Emulation.setDeviceMetricsOverride",
@@ -129,12 +142,12 @@ class Chromium:
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of a JavaScript expression on the page."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
-        assert "exceptionDetails" not in found, found
-        return found["result"].get("value")
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
 
     def press(self, key: str, code: int) -> None:
-        """Press a key and let it go."""
+        """Press and release a key; ``code`` is its virtual key code."""
         text = {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
             self.call(
@@ -148,24 +161,23 @@ class Chromium:
 
     def picture(self, clip: Message) -> bytes:
         """Return a PNG of the rectangle ``clip`` of the page: x, y, width, height."""
-        found = self.call(
+        screenshot = self.call(
             "Page.captureScreenshot",
             format="png",
             clip={**clip, "scale": 1},
             captureBeyondViewport=True,
         )
-        return base64.b64decode(found["data"])
+        return base64.b64decode(screenshot["data"])
 
     def pdf(self) -> bytes:
-        """Return the page as it is printed."""
-        return base64.b64decode(
-            self.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]
-        )
+        """Return the page printed on A4 (paper is given in inches) as a PDF."""
+        printed = self.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)
+        return base64.b64decode(printed["data"])
 
 
 @contextmanager
 def started(path: str) -> Iterator[Chromium]:
-    """Start a Chromium with a profile of its own, and end it."""
+    """Start a Chromium with a temporary profile, and kill it at the end."""
     to_browser, from_us = os.pipe()
     to_us, from_browser = os.pipe()
     with (
@@ -174,7 +186,8 @@ def started(path: str) -> Iterator[Chromium]:
     ):
         options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
         options += ["--no-first-run", "--remote-debugging-pipe"]
-        # The protocol is spoken on descriptors 3 and 4; ours go there by way of higher ones, for they may be these.
+        # Chromium reads the protocol from descriptor 3 and writes it to 4. Our ends may have these very numbers, so that
+        # moving one would close the other: they are duplicated to numbers from 64 on first.
         high = [
             (fcntl.fcntl(fd, fcntl.F_DUPFD, 64), place)
             for fd, place in ((to_browser, 3), (from_browser, 4))
@@ -200,7 +213,10 @@ def started(path: str) -> Iterator[Chromium]:
 
 
 def main(page: Path, folder: Path, *, whole: bool) -> None:
-    """Write the pictures of a report in few colours; whole pages, too, and how it is printed, if asked for."""
+    """Write the pictures of a report; with ``whole`` also whole pages and the printed report.
+
+    Pictures have 96 colours, which keeps their files small.
+    """
     from PIL import Image, ImageOps
 
     path = find_chromium()

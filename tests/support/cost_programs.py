@@ -1,7 +1,8 @@
-"""Three programs so small that their energy and time are worked out by hand, with the working beside the figures.
+"""Three programs so small that their energy and time are worked out by hand, with the working next to the figures.
 
-All compartments forget at once (decays 4096), so that one spike in makes one spike out, and a compartment is active in
-the step of its charge and in the next, in which its current is taken off.
+The constants are those of the chip file ``loihi-sim`` for its two cost profiles, in picojoules and nanoseconds.
+All compartments forget at once (decays 4096), so that one input spike makes one output spike. A compartment is active
+in the step in which a charge arrives and in the next, in which its current decays to 0.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ FORGETS = {"decay_u": FORGETS_AT_ONCE, "decay_v": FORGETS_AT_ONCE, "threshold": 
 
 @dataclass(frozen=True)
 class Worked:
-    """A program, its recording, and by profile: picojoules, nanoseconds of each phase, and after the last row."""
+    """A program, its recording, and by cost profile: its energy, the time of each phase, and the time after the last row."""
 
     program: hw.ChipProgram
     recording: np.ndarray
@@ -40,30 +41,34 @@ def chain() -> Worked:
     """
     builder = hw.ProgramBuilder(CHIP, name="chain")
     x = builder.add_input("x", 1)
-    a, b = (builder.add_compartments(name, 1, **FORGETS) for name in "ab")
+    a = builder.add_compartments("a", 1, **FORGETS)
+    b = builder.add_compartments("b", 1, **FORGETS)
     builder.connect(x, a, [[20]])
     builder.connect(a, b, [[20]])
+    # Each step: updates of active compartments (8.4 ns) and of those at rest (5.3), packets, synapses; then the
+    # barrier at which tiles wait for each other (113 for one tile).
     davies = (
         (5.3 * 2 + 3.5)  # both at rest, one synapse
         + (8.4 + 5.3 + 2.1 + 3.5)  # a active, b at rest, a packet within the tile, one synapse
-        + (8.4 * 2)
-        + (8.4 + 5.3)
-        + 4 * 113.0  # one tile
+        + (8.4 * 2)  # both active
+        + (8.4 + 5.3)  # b active, a at rest
+        + 4 * 113.0  # four barriers
     )
     sanafe = (
         (6.0 * 2 + 16.0 + 4.7)  # two visits, the input packet, one synapse
-        + (
-            6.0 * 2 + 3.7 + 30.0 + 5.1 + 16.0 + 4.7
-        )  # a updated, spikes, its packet out and in, one synapse
-        + (6.0 * 2 + 3.7 * 2 + 30.0)
-        + (6.0 * 2 + 3.7)
-        + 4 * 600.0
+        # a updated, spikes, its packet out and in, one synapse
+        + (6.0 * 2 + 3.7 + 30.0 + 5.1 + 16.0 + 4.7)
+        + (6.0 * 2 + 3.7 * 2 + 30.0)  # both updated, b spikes
+        + (6.0 * 2 + 3.7)  # b updated
+        + 4 * 600.0  # four barriers
     )
     return Worked(
         builder.build(),
         np.array([[1], [0], [0], [0]]),
         pj={
+            # 2 synapses, 4 active updates, 4 updates at rest, 1 packet within the tile
             "davies2018": 2 * 23.6 + 4 * 81.0 + 4 * 52.0 + 1 * 1.7,
+            # 2 synapses, 8 visits of compartments, 4 updates, 2 spikes, 1 packet
             "sanafe": 2 * 35.5 + 8 * 51.2 + 4 * 21.6 + 2 * 69.3 + 1 * 111.0,
         },
         phase_ns={"davies2018": {"time": davies}, "sanafe": {"time": sanafe}},
@@ -72,11 +77,11 @@ def chain() -> Worked:
 
 
 def crossroads() -> Worked:
-    """x -> first -> three others, one compartment a core and one core a tile of a mesh of 3 by 2, three steps.
+    """x -> first -> three others, one compartment per core and one core per tile of a mesh of 3 by 2, three steps.
 
     Tiles: first (0, 0), others (1, 0), (2, 0) and (0, 1). The spike of step 1 sends three packets: two over the link
     from (0, 0) to (1, 0), one of them on to (2, 0), and one over the link to (0, 1). Where two share a link, each is
-    taken to wait for the other: once the time of a hop. The farthest core is the last to be done.
+    assumed to wait for the other, for the time of one hop. The farthest core finishes last.
     """
     chip = replace(
         CHIP,
@@ -85,9 +90,8 @@ def crossroads() -> Worked:
     )
     builder = hw.ProgramBuilder(chip, name="crossroads")
     x = builder.add_input("x", 1)
-    first, others = (
-        builder.add_compartments(name, n, **FORGETS) for name, n in (("first", 1), ("others", 3))
-    )
+    first = builder.add_compartments("first", 1, **FORGETS)
+    others = builder.add_compartments("others", 3, **FORGETS)
     builder.connect(x, first, [[20]])
     builder.connect(first, others, [[20], [20], [20]])
     mesh = 2 * 4.1 + 4.1  # two hops east, and a wait on the first
@@ -95,7 +99,8 @@ def crossroads() -> Worked:
         (5.3 + 3.5)  # first at rest, and its synapse
         + (8.4 + mesh + 3.5)  # first active; at (2, 0) one synapse
         + 8.4  # all active
-        + 3 * (113.0 + 3 / 5 * (465.0 - 113.0))  # four of six tiles
+        # The barrier grows linearly from one tile (113) to all six (465); four take part.
+        + 3 * (113.0 + 3 / 5 * (465.0 - 113.0))
     )
     sanafe = (
         (6.0 + 16.0 + 4.7)
@@ -103,13 +108,13 @@ def crossroads() -> Worked:
         + (6.0 + 3.7 + 30.0)  # the others spike, without a target
         + 3 * (600.0 + 3 / 5 * 1200.0)
     )
+    # Placing keeps the order of the groups, so `first` lies on core 0, unlike in a program that the builder optimises.
+    program = program_of_graphs(chip, None, builder.graph())
     return Worked(
-        program_of_graphs(
-            chip, None, builder.graph()
-        ),  # cores in their order: first, then the others
+        program,
         np.array([[1], [0], [0]]),
         pj={
-            # 1 + 3 synapses; first is active in two steps and the others in one: 5 of 12 updates; 3 hops east, 1 south
+            # 1 + 3 synapses; first is active in two steps and the others in one: 5 of 12 updates; 3 hops east, 1 south.
             "davies2018": 4 * 23.6 + 5 * 81.0 + 7 * 52.0 + 3 * 3.0 + 1 * 4.0,
             "sanafe": 4 * 35.5 + 12 * 51.2 + 5 * 21.6 + 4 * 69.3 + 3 * 111.0 + 3 * 3.0 + 1 * 4.2,
         },

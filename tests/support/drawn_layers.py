@@ -1,4 +1,4 @@
-"""Layers with random weights."""
+"""Torch layers with random weights, for the tests of models and of training."""
 
 import torch
 
@@ -6,9 +6,11 @@ from locsnn_compile.models.touch_model import INITIAL_SCALE, draw_weights
 
 
 def drawn(layer, generator, scale=INITIAL_SCALE):
-    """Return a layer with weights as a network of this initial scale draws them."""
-    generator = (
-        torch.Generator().manual_seed(generator) if isinstance(generator, int) else generator
-    )
+    """Draw the weights of a layer as those of a network with this initial scale, and return the layer.
+
+    ``generator`` is a torch generator or a seed.
+    """
+    if isinstance(generator, int):
+        generator = torch.Generator().manual_seed(generator)
     draw_weights(layer.weight, scale, generator)
     return layer

@@ -1,4 +1,8 @@
-"""Programs that stop early, recordings for them, and what may follow those."""
+"""Programs for the tests of early stops, and recordings for them.
+
+A run may stop early once no continuation of the recording can change its class. Tests draw such continuations here and
+check that the class stays.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def with_stream_per_phase(program: hw.ChipProgram) -> hw.ChipProgram:
-    """The same program with a recording of its own for each phase, so that they can be varied apart."""
+    """Return the program with a stream for each phase, so that the recordings of the phases can vary separately."""
     return replace(
         program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
     )
@@ -29,16 +33,18 @@ def possible_futures(
     r: np.random.Generator,
     batch: int = 64,
 ):
-    """Recordings of both streams that are as given until ``done`` steps of the phases in order have run.
+    """Draw recordings of both streams that agree with ``recording`` in all that ``done`` steps have played.
 
-    When the time phase has ended the recording is over, and the buffer of the location phase holds all of it.
+    The time phase runs first, a step per row, then the location phase, which plays whole channels from the buffer.
+    While the time phase runs, rows that have not arrived may differ for the location phase as well. Once the time phase
+    has ended the whole recording is in the buffer, so nothing may differ.
     """
     steps = len(recording)
     density = r.choice([0.0, 0.1, 0.5, 1.0], (2, batch, 1, 1))
     time, location = (r.random((2, batch, *recording.shape)) < density).astype(np.uint8)
     time[:, :done] = recording[:done]
-    played = program.inputs_of("location")[0].positions < done - steps
-    location[:, :, played] = recording[:, played]
+    was_played = program.inputs_of("location")[0].positions < done - steps
+    location[:, :, was_played] = recording[:, was_played]
     if done >= steps:
         location[:] = recording
     return {"time": time, "location": location}
@@ -47,14 +53,17 @@ def possible_futures(
 def by_potentials(
     program: hw.ChipProgram, first: int | tuple[int | None, ...] | None
 ) -> hw.ChipProgram:
-    """The program with a readout of potentials from that step on, or of spikes."""
+    """Return the program with a readout of potentials from step ``first`` on, or of spikes where it is None."""
     return replace(program, readout=replace(program.readout, potentials_from=first))
 
 
 def one_layer(
     weights, *, decay_u=1024, decay_v=512, threshold=30, bias=0, refractory=1, vmin=None, exponent=0
 ) -> tuple[hw.ProgramBuilder, hw.ProgramBuilder]:
-    """A builder with input ``x`` and its compartments ``y``, one a class."""
+    """Return a builder with an input ``x`` and compartments ``y``, one per class, and the node of ``y``.
+
+    ``weights`` are (classes, channels).
+    """
     builder = hw.ProgramBuilder(CHIP)
     classes, channels = np.shape(weights)
     x = builder.add_input("x", channels)
@@ -74,7 +83,10 @@ def one_layer(
 
 
 def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
-    """A program of one or two channels and up to three classes, some with a dendrite, and a short recording."""
+    """Return a program of one or two channels and two or three classes, half of them with dendrites, and a recording.
+
+    Recordings have three to six steps, so that a test can try every continuation of them.
+    """
     r = np.random.default_rng(seed)
     channels = int(r.integers(1, 3))
     classes = int(r.integers(2, 4))
@@ -90,9 +102,10 @@ def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
         vmin=r.choice([0, 1 - 2**15]),
     )
     if r.random() < 0.5:
+        vmin = builder.graph().groups[0].vmin[0]  # as all compartments of a core
         dendrite = builder.add_compartments(
             "y/dendrite", classes, decay_u=r.choice([1024, 4096]), decay_v=r.choice([512, 4096]), threshold=0,
-            bias=r.choice([0, -640, 640], classes), vmin=builder._groups[0].vmin[0], joined_to=y,
+            bias=r.choice([0, -640, 640], classes), vmin=vmin, joined_to=y,
         )  # fmt: skip
         builder.connect(
             y, dendrite, 2 * r.integers(-60, 20, (classes, classes)), delay=int(r.integers(3))
@@ -103,13 +116,14 @@ def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
 
 
 def counts_by_core(counts: hw.Counts) -> dict[str, int]:
-    """The counts that belong to cores; those of the whole phase, as skipped steps, differ between ways to play."""
+    """Return the counts that belong to cores; counts of whole phases, as skipped steps, depend on how steps are played."""
     return {name: counts[name] for name in BY_CORE}
 
 
 def program_and_batch(seed: int, batch: int = 4) -> tuple[hw.ChipProgram, np.ndarray]:
+    """Return a random hybrid program and recordings (batch, steps, channels), sparse and dense ones."""
     program, recording = random_hybrid(seed)
     r = np.random.default_rng(seed + 1)
-    return program, (
-        r.random((batch, *recording.shape)) < r.choice([0.1, 0.5, 1.0], (batch, 1, 1))
-    ).astype(np.uint8)
+    uniform = r.random((batch, *recording.shape))
+    density = r.choice([0.1, 0.5, 1.0], (batch, 1, 1))
+    return program, (uniform < density).astype(np.uint8)

@@ -1,4 +1,7 @@
-"""Programs for the emitters' tests: small chips, so that a few compartments fill several cores and tiles."""
+"""Programs for the tests of the emitters, on small chips, so that a few compartments fill several cores and tiles.
+
+An emitter writes a program as files for another tool.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ CHIP = hw.chip("loihi-sim")
 
 
 def small_chip(compartments=6, cores_per_tile=1, columns=2, rows=2):
-    """Return the chip with few compartments a core and few cores a tile."""
+    """Return the chip with few compartments per core and few cores per tile."""
     return replace(
         CHIP,
         limits=replace(
@@ -29,20 +32,21 @@ def small_chip(compartments=6, cores_per_tile=1, columns=2, rows=2):
 
 
 def everything(seed=0, chip=None):
-    """Return a program with all that the chip has: delays, biases, refractory steps, joined compartments, every format."""
+    """Return a program with delays, biases, refractory steps, joined compartments and all kinds of weight formats."""
     r = np.random.default_rng(seed)
     chip = chip or small_chip()
     b = hw.ProgramBuilder(chip, name="everything")
-    x, y = b.add_input("x", 9), b.add_input("y", 3)
+    x = b.add_input("x", 9)
+    y = b.add_input("y", 3)
     names = {"h": 7, "o": 5}
     nodes = {}
     for name, size in names.items():
+        # The first compartment keeps almost all of its current, so that it grows until it wraps.
+        decay_u = np.append(1, r.integers(0, 4097, size - 1))
         nodes[name] = b.add_compartments(
             name,
             size,
-            decay_u=np.append(
-                1, r.integers(0, 4097, size - 1)
-            ),  # the first one holds its current until it wraps
+            decay_u=decay_u,
             decay_v=r.integers(0, 4097, size),
             threshold=r.integers(0, 3, size) * 150,
             bias=r.choice([0, 0, 64, -128, 4095 << 7], size),
@@ -56,6 +60,7 @@ def everything(seed=0, chip=None):
     )  # fmt: skip
 
     def weights(shape, step, low, high):
+        """Draw weights from low to high that are multiples of a format's step, about 40 % of them 0."""
         drawn = r.integers(low // step, high // step + 1, shape) * step
         drawn[r.random(shape) < 0.4] = 0
         return drawn
@@ -91,27 +96,48 @@ def played_streams(program, steps=40, rate=0.3, seed=0):
 
 
 def two_phases(align_events=None, bias=0):
-    """Return a program of a time phase and a location phase, a neuron each; four channels, five time steps."""
-    axes = ("time", "location")
+    """Return a program of a time phase and a location phase with a neuron each, for four channels and five time steps.
+
+    The location phase visits the channels in the order 2, 1, 3, 0.
+    """
 
     def column(value):
         return read_only([value])
 
-    groups = tuple(
-        Compartments(
-            name, axis, 1, column(4096), column(128), column(100), column(bias), column(0), column(1),
-            column(-CHIP.registers.voltage_max), column(CHIP.registers.voltage_max),
+    def neuron(name, phase):
+        return Compartments(
+            name=name,
+            phase=phase,
+            size=1,
+            decay_u=column(4096),
+            decay_v=column(128),
+            threshold=column(100),
+            bias_mantissa=column(bias),
+            bias_exponent=column(0),
+            refractory=column(1),
+            vmin=column(-CHIP.registers.voltage_max),
+            vmax=column(CHIP.registers.voltage_max),
         )
-        for name, axis in zip("ab", axes, strict=True)
-    )  # fmt: skip
-    inputs = (Input("x", 4, "time", "x"), Input("xt", 5, "location", "x", read_only([3, 1, 0, 2])))
-    synapses = tuple(
-        Synapses(
-            item.name, group.name, read_only(range(item.size)), read_only([0] * item.size),
-            read_only([60] * item.size), read_only([0] * item.size), 0, 8, "mixed",
+
+    def synapses_onto(group, item):
+        return Synapses(
+            source=item.name,
+            target=group.name,
+            source_index=read_only(range(item.size)),
+            target_index=read_only([0] * item.size),
+            mantissa=read_only([60] * item.size),
+            delay=read_only([0] * item.size),
+            exponent=0,
+            weight_bits=8,
+            sign_mode="mixed",
         )
-        for item, group in zip(inputs, groups, strict=True)
-    )  # fmt: skip
+
+    groups = (neuron("a", "time"), neuron("b", "location"))
+    inputs = (
+        Input("x", 4, "time", "x"),
+        Input("xt", 5, "location", "x", positions=read_only([3, 1, 0, 2])),
+    )
+    synapses = tuple(synapses_onto(group, item) for group, item in zip(groups, inputs, strict=True))
     phases = (
         Phase("time", "time", steps=5, align_events=align_events),
         Phase("location", "location", steps=4, align_events=align_events),

@@ -1,4 +1,8 @@
-"""Faults that an emitter could have, planted in the arrays of a network that it wrote."""
+"""Faults that the Lava emitter could have, planted in the arrays of a network that it wrote.
+
+Keys of the arrays are ``run/part/name``, as in ``network.npz``. Tests check that each fault shows in the spikes or
+registers of some program.
+"""
 
 from __future__ import annotations
 
@@ -12,40 +16,40 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def changed(name: str, change: Callable[[NDArray[Any]], Any]) -> Callable[[Arrays], Arrays]:
-    """Return a fault that changes all arrays of a name."""
+    """Return a fault that applies ``change`` to all arrays of a name."""
 
     def fault(arrays: Arrays) -> Arrays:
-        return {
-            key: np.asarray(change(array)) if key.endswith(f"/{name}") else array
-            for key, array in arrays.items()
-        }
+        faulty = dict(arrays)
+        for key, array in arrays.items():
+            if key.endswith(f"/{name}"):
+                faulty[key] = np.asarray(change(array))
+        return faulty
 
     return fault
 
 
 def _later_rows(spikes: NDArray[Any]) -> NDArray[Any]:
+    """Move all input spikes by one row."""
     late = np.roll(spikes, 1, axis=0)
     late[0] = 0
     return late
 
 
 def _first_delay(delays: NDArray[Any]) -> NDArray[Any]:
-    """One delay for all synapses of a sender, as an axon has it."""
+    """Give all synapses of a sender the same delay, as if an axon had one delay."""
     return np.broadcast_to(delays[:1], delays.shape)
 
 
 def _without_repeats(arrays: Arrays) -> Arrays:
     """Lose the last block of synapses of every run."""
-    last = {}
+    last_number: dict[str, int] = {}
     for key in arrays:
         run, part, *_ = key.split("/")
         if part.startswith("synapses"):
-            last[run] = max(last.get(run, 0), int(part.removeprefix("synapses")))
-    return {
-        key: array
-        for key, array in arrays.items()
-        if not any(key.startswith(f"{run}/synapses{number}/") for run, number in last.items())
-    }
+            number = int(part.removeprefix("synapses"))
+            last_number[run] = max(last_number.get(run, 0), number)
+    lost_prefixes = tuple(f"{run}/synapses{number}/" for run, number in last_number.items())
+    return {key: array for key, array in arrays.items() if not key.startswith(lost_prefixes)}
 
 
 FAULTS: Mapping[str, Callable[[Arrays], Arrays]] = {
@@ -66,4 +70,7 @@ FAULTS: Mapping[str, Callable[[Arrays], Arrays]] = {
     "inputs act one step late": changed("spikes", _later_rows),
     "the last synapses are lost": _without_repeats,
 }
-"""Each returns other arrays; on some program its spikes or registers must differ from ours."""
+"""Faults by description; each takes the arrays of a network and returns faulty ones.
+
+``du`` and ``dv`` are Lava's decays: a ``du`` of d keeps 1 - (d + 1) / 4096 of a current.
+"""

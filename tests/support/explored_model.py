@@ -1,6 +1,11 @@
-"""A small network, recordings for it, and explorations of it from the command line."""
+"""A small network, recordings for it, and helpers to explore it from the command line.
+
+``locsnn explore`` compiles a network with every combination (setting) of strategy, weight bits and other dials, and
+measures each as a point.
+"""
 
 import json
+import logging
 import os
 
 import dask
@@ -17,18 +22,24 @@ from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.typed import typed
 from locsnn_compile.settings import DIALS, Setting
 
+OTHER_DIALS = DIALS[2:]
+"""All dials but the strategy and the weight bits, which come first."""
+
 STEPS = 40
+TAXELS = 39
+"""Touch-sensitive points of one fingertip of the NeuTouch sensor; each has a channel per polarity."""
+CHANNELS = 2 * TAXELS
 
 
 def figures_of(build):
-    """The figures of a build, as its report.json has them."""
+    """Return the figures of a compiled network from the report.json in its folder."""
     document = json.loads((build / "report.json").read_text())
     return Figures.of(typed(ReportFigures, document))
 
 
 @pytest.fixture(scope="session")
 def model(tmp_path_factory):
-    """A time branch of random weights that spikes on random events."""
+    """Path of a network of the time branch only, whose random weights make it spike on random events."""
     description = NetworkDescription(
         "tactile-snn",
         InputLayout(neutouch(1), STEPS, step_seconds=0.02),
@@ -48,74 +59,84 @@ def model(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def events(tmp_path_factory):
+    """Path of a file of five labelled recordings."""
     return labelled(tmp_path_factory.mktemp("events") / "few.npz", seed=1)
 
 
 @pytest.fixture(scope="session")
 def divided(tmp_path_factory):
-    """A folder of recordings with a train and a test part."""
+    """Path of a folder of recordings with a train and a test part."""
     folder = tmp_path_factory.mktemp("divided") / "touches"
     r = np.random.default_rng(2)
-    for part, many in (("train", 6), ("test", 4)):
+    for part, count in (("train", 6), ("test", 4)):
         (folder / part).mkdir(parents=True)
-        for i in range(many):
-            touch = (r.random((39, 2, STEPS)) < 0.2).astype(np.float32)
+        for i in range(count):
+            touch = (r.random((TAXELS, 2, STEPS)) < 0.2).astype(np.float32)
             np.save(folder / part / f"sample_{i}_label_{i % 3}.npy", touch)
     return folder
 
 
 @pytest.fixture(scope="session")
 def cluster():
-    """Two workers of this machine, each a process that is started again when it dies.
+    """Two Dask workers on this machine, each a process that is started again when it dies.
 
-    Whoever asks a dead one for a result would wait for an answer for half a minute.
+    Connections time out after 5 s, since a task that needs a result of a dead worker would wait for half a minute.
     """
-    soon = dask.config.set({"distributed.comm.timeouts.connect": "5s"})
+    short_timeout = dask.config.set({"distributed.comm.timeouts.connect": "5s"})
     with (
-        soon,
+        short_timeout,
         LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
-        ) as made,
+            n_workers=2,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+        ) as local_cluster,
     ):
-        yield made
+        yield local_cluster
 
 
 def workers_of(cluster):
+    """Return the process ids of a cluster's workers."""
     with Client(cluster.scheduler_address, set_as_default=False) as client:
         return list(client.run(os.getpid).values())
 
 
 def labelled(path, *, seed, many=5):
+    """Write ``many`` random recordings of three classes to a file, and return its path."""
     r = np.random.default_rng(seed)
     np.savez(
         path,
-        spikes=(r.random((many, 78, STEPS)) < 0.2).astype(np.uint8),
+        spikes=(r.random((many, CHANNELS, STEPS)) < 0.2).astype(np.uint8),
         labels=np.arange(many) % 3,
     )
     return path
 
 
 def explore(*arguments):
+    """Run ``locsnn explore``, and return its exit code."""
     return main(["explore", *map(str, arguments)])
 
 
 def narrow(*strategies, bits=(8,)):
-    """Options of a grid of some strategies and weight bits; every other dial has its neutral value."""
-    others = [text for dial in DIALS[2:] for text in (dial.option, dial.neutral)]
-    return ["--strategy", *strategies, "--weight-bits", *bits, *others]
+    """Return the options of a small grid: these strategies and weight bits, every other dial at its neutral value."""
+    other_options = []
+    for dial in OTHER_DIALS:
+        other_options += [dial.option, dial.neutral]
+    return ["--strategy", *strategies, "--weight-bits", *bits, *other_options]
 
 
 def setting(strategy, bits):
-    """A setting whose other values are neutral."""
-    return Setting(strategy, bits, *(dial.neutral for dial in DIALS[2:]))
+    """Return a setting whose other values are neutral."""
+    return Setting(strategy, bits, *(dial.neutral for dial in OTHER_DIALS))
 
 
 def explored(folder):
+    """Return the document explore.json of a folder."""
     return json.loads((folder / "explore.json").read_text())
 
 
 def lasting(folder):
-    """The files that must not depend on where and when points were measured."""
+    """Return the contents of the files that must not depend on where and when points were measured."""
     return {
         name: (folder / name).read_bytes()
         for name in ("explore.json", "explore.csv", "explore.svg")
@@ -123,6 +144,7 @@ def lasting(folder):
 
 
 def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6, scores=0.0):
+    """Return figures of a point by hand: agreement of spikes and predictions, picojoules, nanoseconds, score error."""
     return Figures(
         prediction_agreement=predictions,
         spike_agreement=spikes,
@@ -142,10 +164,9 @@ def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6, scores=0.0):
 
 
 def point(name="dendrite", bits=8, found=None, refusal=None, timings=None):
-    return Point(
-        setting(name, bits),
-        None if refusal else found or figures(),
-        refusal,
-        timings or {},
-        "1+code",
-    )
+    """Return a point of strategy ``name`` with the figures ``found``, or with the reason why it was refused."""
+    if refusal:
+        found = None
+    elif found is None:
+        found = figures()
+    return Point(setting(name, bits), found, refusal, timings or {}, code="1+code")

@@ -1,4 +1,4 @@
-"""Pages of the documentation, and the fenced code in them."""
+"""The pages of the documentation, and the fenced code blocks and links in them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ PAGES = [
 
 @dataclass(frozen=True)
 class Fence:
-    """A fenced block: ``line`` is that of its first line of code; ``words`` follow the language."""
+    """A fenced code block.
+
+    ``line`` is the number of its first line of code; ``words`` are those that follow the language on the fence.
+    """
 
     page: Path
     line: int
@@ -35,7 +38,7 @@ def name(page: Path) -> str:
 
 def fences(page: Path) -> list[Fence]:
     """Return the fenced blocks of a page, in order."""
-    found: list[Fence] = []
+    blocks: list[Fence] = []
     lines: list[str] = []
     opening: re.Match[str] | None = None
     for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
@@ -44,18 +47,18 @@ def fences(page: Path) -> list[Fence]:
             lines = []
         elif line.rstrip() == opening["mark"]:
             language, *words = opening["info"].split() or [""]
-            found.append(
-                Fence(page, number - len(lines), language, tuple(words), "\n".join(lines) + "\n")
-            )
+            first_line = number - len(lines)
+            code = "\n".join(lines) + "\n"
+            blocks.append(Fence(page, first_line, language, tuple(words), code))
             opening = None
         else:
             lines.append(line)
     assert opening is None, f"{name(page)} ends within a fence"
-    return found
+    return blocks
 
 
 def prose(page: Path) -> str:
-    """Return a page without its fenced blocks and code spans: there, brackets are no links."""
+    """Return a page without its fenced blocks and code spans, since brackets in code are not links."""
     text = re.sub(
         r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
     )

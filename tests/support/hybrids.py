@@ -1,4 +1,8 @@
-"""Programs of a time phase and a transposed location phase, put together from two that a builder makes."""
+"""Hybrid programs: a time phase, and a location phase that reads the recording channel by channel.
+
+``ProgramBuilder`` makes graphs of one phase over time. The functions here move such graphs into phases and join them,
+and draw random ones.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=7))
 
 
 def graphs_side_by_side(*graphs: CompartmentGraph) -> CompartmentGraph:
-    """All phases, inputs, groups and synapses of several graphs."""
+    """Return one graph with the phases, inputs, groups and synapses of several graphs."""
     return replace(
         graphs[0],
         phases=tuple(phase for graph in graphs for phase in graph.phases),
@@ -36,16 +40,19 @@ def graphs_side_by_side(*graphs: CompartmentGraph) -> CompartmentGraph:
 def program_of_graphs(
     chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph
 ) -> ChipProgram:
-    """One program of several graphs, a phase each; cores are left where they come, which saves most of the time."""
-    return assemble(
-        route_axons(place_cores(replace(graphs_side_by_side(*graphs), readout=readout), chip))
-    )
+    """Return one program of several graphs, a phase each.
+
+    Cores stay in the order of the groups: to optimise their places would take most of the time.
+    """
+    graph = replace(graphs_side_by_side(*graphs), readout=readout)
+    return assemble(route_axons(place_cores(graph, chip)))
 
 
 def moved(graph: CompartmentGraph, phase: Phase, *feeds: Mapping[str, Any]) -> CompartmentGraph:
-    """Move a graph of a builder into a phase; ``feeds[i]``: stream, positions and first lines of its input i.
+    """Move a graph of a builder into a phase.
 
-    The stream is "touch" where none is named.
+    ``feeds[i]`` has the fields ``stream``, ``positions`` and ``first_lines`` of input i, see
+    :class:`hw_model.mapping.graph.Input`. The stream is "touch" unless it is given.
     """
     feed_of_input = [*feeds, *[{}] * (len(graph.inputs) - len(feeds))]
     inputs = []
@@ -67,10 +74,11 @@ def graph_in_phase(
 def random_branch(
     r: np.random.Generator, axis: Axis, lines: int, classes: int, chip: hw.Chip
 ) -> CompartmentGraph:
-    """Two populations and joined dendrites, with recurrence, delays, biases, refractory periods, every link format.
+    """Draw a graph of two populations with joined dendrites, recurrence, delays, biases, refractory periods and formats.
 
-    Constants are drawn from extremes (a decay that keeps all or nothing, a threshold of 0) and from values between them
-    that no network needs to have; ``big`` adds decays, exponents and vmin with which registers wrap and clip.
+    Population ``y`` has a compartment per class. Constants are extremes (a decay that keeps all or nothing, a threshold
+    of 0) and values in between. A fifth of the graphs is ``big``: with decays, exponents and a vmin with which registers
+    wrap and clip.
     """
     big = bool(r.random() < 0.2)
     vmin = [None, 0, 1 - 2**15][r.integers(3)] if big else None
@@ -106,15 +114,15 @@ def random_branch(
         shape = (nodes[target].size, nodes[source].size)
         weights = weight_grid(bits, "mixed").round(r.uniform(-150, 250, shape))
         weights[r.random(shape) < r.choice([0.0, 0.9])] = 0
-        delay = (
-            r.integers(0, r.choice([1, 3, 63]), shape)
-            if r.random() < 0.5
-            else int(r.integers(0, 4))
-        )
-        given = sparse.csr_array(weights) if r.random() < 0.5 else weights
+        if r.random() < 0.5:
+            delay = r.integers(0, r.choice([1, 3, 63]), shape)
+        else:
+            delay = int(r.integers(0, 4))
+        if r.random() < 0.5:
+            weights = sparse.csr_array(weights)  # the builder takes dense and sparse weights
         exponent = int(r.integers(0, 8)) if big else int(r.integers(-2, 2))
         builder.connect(
-            nodes[source], nodes[target], given, exponent=exponent, delay=delay, weight_bits=bits
+            nodes[source], nodes[target], weights, exponent=exponent, delay=delay, weight_bits=bits
         )
     return builder.graph()
 
@@ -122,12 +130,15 @@ def random_branch(
 def random_hybrid(
     seed: int, channels_per_step: int = 1, silence: int = 0
 ) -> tuple[ChipProgram, np.ndarray]:
-    """A random hybrid program and a recording (steps, channels) for it.
+    """Return a random hybrid program and a recording (steps, channels) for it.
 
-    Its location phase visits ``channels_per_step`` channels at a step, or all where there are fewer, and adds silent steps.
+    Its location phase visits ``channels_per_step`` channels per step, or all if there are fewer, and ends with
+    ``silence`` steps without events.
     """
     r = np.random.default_rng(seed)
-    steps, channels, classes = (int(r.integers(1, high)) for high in (30, 9, 5))
+    steps = int(r.integers(1, 30))
+    channels = int(r.integers(1, 9))
+    classes = int(r.integers(1, 5))
     channels_per_step = min(channels_per_step, channels)
     chip = CHIP if r.random() < 0.5 else SMALL
     weights = [(1.0, 1.0), (0.5, -2.0)][int(r.random() < 0.3)]
@@ -146,18 +157,21 @@ def random_hybrid(
 
 
 def _location_phase(
-    branch: CompartmentGraph, at: np.ndarray, channels_per_step: int, silence: int
+    branch: CompartmentGraph, order: np.ndarray, channels_per_step: int, silence: int
 ) -> CompartmentGraph:
-    """Move a branch into a location phase that visits channel c as number ``at[c]``, then is silent for some steps."""
-    first_lines = (
-        None
-        if channels_per_step == 1
-        else at % channels_per_step * (branch.inputs[0].size // channels_per_step)
-    )
+    """Move a branch into a location phase that visits channel c as number ``order[c]``, then is silent for some steps.
+
+    Channels that are visited in the same step get separate lines, one per row of the recording for each.
+    """
+    first_lines = None
+    if channels_per_step > 1:
+        rows = branch.inputs[0].size // channels_per_step
+        first_lines = order % channels_per_step * rows
+    steps_of_visits = -(-len(order) // channels_per_step)
     return graph_in_phase(
         branch,
         "location",
-        -(-len(at) // channels_per_step) + silence,
-        at // channels_per_step,
-        first_lines,
+        steps=steps_of_visits + silence,
+        positions=order // channels_per_step,
+        first_lines=first_lines,
     )

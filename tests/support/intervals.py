@@ -1,4 +1,8 @@
-"""The step of ``loihi`` on intervals: all that registers may hold, whatever arrives."""
+"""Run the chip's step (:mod:`hw_model.arithmetic.loihi`) on intervals of numbers.
+
+An interval holds every value that a register may have, whatever spikes arrive. Tests compare it with the bounds that
+the range proof states and with what the simulator reaches.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,7 @@ class Interval:
         return Interval(self.low + other, self.high + other)
 
     def with_zero(self) -> Interval:
+        """Return the smallest interval that also holds 0, the value after a reset."""
         return Interval(np.minimum(self.low, 0), np.maximum(self.high, 0))
 
     def holds(self, values: np.ndarray) -> bool:
@@ -33,7 +38,10 @@ class Interval:
 
 
 class OnIntervals:
-    """The operations that come before a threshold; what may wrap may be anything that its register holds."""
+    """The operations of a step before the threshold, on intervals.
+
+    A value that may wrap becomes the whole range of its register, which is larger than necessary but holds every result.
+    """
 
     def __init__(self, registers: Registers) -> None:
         self._registers = registers
@@ -55,13 +63,14 @@ class OnIntervals:
 
 
 def _wrapped(x: Interval, bits: int) -> Interval:
+    """Return the interval, or the whole range of a register of ``bits`` and a sign where x leaves that range."""
     half = 1 << bits
     inside = (x.low >= -half) & (x.high < half)
     return Interval(np.where(inside, x.low, -half), np.where(inside, x.high, half - 1))
 
 
 class CoreIntervals:
-    """What the registers of a core may hold after each step, from rest on."""
+    """What the registers of a core may hold after each step, starting from 0."""
 
     def __init__(self, core: Core, registers: Registers) -> None:
         zeros = np.zeros(core.compartments, dtype=np.int64)
@@ -73,9 +82,10 @@ class CoreIntervals:
         self.v = Interval(zeros, zeros)
 
     def step(self) -> None:
-        """Take a step in which any sources spike, and any compartment that can may be reset."""
+        """Take a step in which any sources may spike, and any compartment that can spike may be reset."""
         joined = Interval(np.zeros_like(self.u.low), np.zeros_like(self.u.low))
-        # Each turn needs the children of those before; the others are computed once more than needed.
+        # Compartments take turns, children before their parents, and a turn needs the voltages of the turns before it.
+        # Each turn computes the whole core for simplicity; the last one is the result.
         for members in self.core.turns:
             response = loihi.respond(
                 self.arithmetic, self.core.step_parameters, self.u, self.v, self.charge, joined

@@ -1,4 +1,7 @@
-"""Emitted folders on disk, and a package ``lava`` that stands in for the real one."""
+"""Folders that ``--emit lava`` writes, run with a package that stands in for Lava, since Lava is not installed.
+
+The script in such a folder imports ``lava``; here its imports lead to ``tests/support/lava_stand_in.py``.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ MODULES = {
 
 
 def write_folder(folder: Path, case: Case) -> Path:
-    """Write what ``--emit lava`` does for a case, and return the folder."""
+    """Write the files that ``--emit lava`` writes for a case, and return the folder."""
     program, spikes = case
     folder.mkdir(parents=True)
     for name, content in bench_files(program, ["lava"], spikes).items():
@@ -64,19 +67,20 @@ def arrays_of(path: Path) -> Arrays:
 
 
 def cases(seeds: Iterable[int]) -> dict[str, Case]:
-    """Return the programs at the edges, and random ones, by name."""
+    """Return the programs of the edge cases, and a random one per seed, by name."""
     edges = {f"edge-{number}": case for number, case in enumerate(edge_cases().values())}
-    return edges | {f"random-{seed}": random_case(seed) for seed in seeds}
+    random_programs = {f"random-{seed}": random_case(seed) for seed in seeds}
+    return edges | random_programs
 
 
 def differences(played: Arrays, expected: Arrays) -> int:
-    """Count the spikes and registers that differ; both have the same keys."""
+    """Return how many spikes and registers differ."""
     assert played.keys() == expected.keys()
     return sum(int((played[key] != expected[key]).sum()) for key in expected)
 
 
 def stand_in_script(folder: Path) -> Any:
-    """Return the emitted script as a module that has the stand-in for Lava."""
+    """Return the emitted script as a module that imports the stand-in for Lava."""
     path = write_folder(folder / "script", random_case(0)) / "network.py"
     spec = importlib.util.spec_from_file_location("network", path)
     assert spec is not None
@@ -92,7 +96,7 @@ def stand_in_script(folder: Path) -> Any:
 
 
 def play_file(script: Any, path: Path) -> Arrays:
-    """Play the network of a file, and return what it gives by the keys of ``expected.npz``."""
+    """Run the network of a file by the script, and return its spikes and registers by the keys of ``expected.npz``."""
     return {
         f"run{number}/neurons{group}/{name}": values
         for number, run in enumerate(script.numbered(script.load(path), "run"))

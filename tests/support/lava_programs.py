@@ -1,4 +1,7 @@
-"""Random programs over all that ``--emit lava`` allows, and programs that meet the edges of registers."""
+"""Random programs of everything that ``--emit lava`` accepts, and programs that reach the ends of registers.
+
+Lava's neurons differ from the chip where a register wraps, so the emitter refuses a program that wraps in the recording.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,10 @@ DECAYS_U = (1, 2, 390, 1024, 2589, 4095, 4096)
 DECAYS_V = (0, 1, 128, 390, 1024, 4095)
 BIASES = (0, 0, 0, -7, 3, 4095, -4096, 4095 * 128)
 THRESHOLDS_IN_WEIGHTS = (0.2, 0.5, 1.0, 3.0, 10.0)
+"""Thresholds as multiples of a middle weight (mantissa 128), so that populations neither stay silent nor always spike."""
 THRESHOLD_MAX = 2**17 - 1
 CURRENT_LIMIT = 2**23
+"""The first magnitude that a current of 23 bits and a sign does not reach."""
 DELAY_MAX = 62
 SIGN_MODES: tuple[SignMode, ...] = ("mixed", "excitatory", "inhibitory")
 SIGN_MODE_SHARES = (0.5, 0.35, 0.15)
@@ -30,7 +35,7 @@ Case = tuple[hw.ChipProgram, NDArray[np.uint8]]
 
 
 def random_case(seed: int) -> Case:
-    """Draw programs until one is allowed: registers of the others wrap in their recording."""
+    """Draw programs until the emitter accepts one, since it refuses those whose registers wrap in the recording."""
     for attempt in count():
         generator = np.random.default_rng([seed, attempt])
         program, spikes = _draw(generator)
@@ -45,6 +50,7 @@ def random_case(seed: int) -> Case:
 
 
 def _draw(generator: Generator) -> Case:
+    """Draw two populations, up to six connections, and a recording."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"), "random")
     exponent = int(generator.integers(0, 8))
     lines = int(generator.integers(3, 9))
@@ -64,9 +70,10 @@ def _draw(generator: Generator) -> Case:
 
 
 def _population(builder: hw.ProgramBuilder, generator: Generator, name: str, exponent: int) -> Node:
+    """Add a population of two to eight compartments, whose thresholds suit weights of an exponent."""
     size = int(generator.integers(2, 9))
-    weights = np.array(THRESHOLDS_IN_WEIGHTS) * 128 * 2.0**exponent
-    thresholds = [0, 1, THRESHOLD_MAX, *np.minimum(weights, THRESHOLD_MAX).astype(int)]
+    multiples = np.array(THRESHOLDS_IN_WEIGHTS) * 128 * 2.0**exponent
+    thresholds = [0, 1, THRESHOLD_MAX, *np.minimum(multiples, THRESHOLD_MAX).astype(int)]
 
     def column(choices: object) -> NDArray[np.int64]:
         """Draw one value for all compartments, or two, which split the population."""
@@ -85,15 +92,17 @@ def _population(builder: hw.ProgramBuilder, generator: Generator, name: str, exp
 
 
 def _connect(
-    builder: hw.ProgramBuilder, generator: Generator, ends: tuple[Node, Node], top: int
+    builder: hw.ProgramBuilder, generator: Generator, ends: tuple[Node, Node], largest_exponent: int
 ) -> None:
+    """Connect source and target with random weights and delays in a random format; about 30 % of the pairs have none."""
     source, target = ends
     shape = target.size, source.size
-    exponent = int(generator.integers(max(top - 2, 0), top + 1))
+    exponent = int(generator.integers(max(largest_exponent - 2, 0), largest_exponent + 1))
     bits = int(generator.choice(WEIGHT_BITS))
     mode = SIGN_MODES[int(generator.choice(3, p=SIGN_MODE_SHARES))]
     grid = weight_grid(bits, mode)
     drawn = generator.integers(grid.low, grid.high + 1, shape)
+    # Rounding down to the grid may leave it at its lower end.
     weights = np.clip(drawn // grid.step * grid.step, grid.low, grid.high)
     weights[generator.random(shape) < 0.3] = 0
     latest = int(generator.choice([0, 1, 4, DELAY_MAX]))
@@ -109,7 +118,7 @@ def _connect(
 
 
 def edge_cases() -> dict[str, Case]:
-    """Return programs that meet what chance would not hit, by what they meet."""
+    """Return programs with situations that random programs would hardly have, by their descriptions."""
     every_step = np.ones((20, 1), dtype=np.uint8)
     return {
         "v at the threshold": (_at_the_threshold(), every_step),
@@ -123,7 +132,8 @@ def edge_cases() -> dict[str, Case]:
 def steered_case(target: int) -> Case:
     """Return a program whose u becomes ``target``, a multiple of 64, in its last step.
 
-    Fifteen lines bring charges of 1, 2, 4, ... 2^14 units, so a row holds the charge of its step.
+    Line i brings a charge of 2^i units of 64, for i from 0 to 14, so the spikes of a row are the binary digits of any
+    charge. Weights have 8 bits, so lines above 7 have the weight 2^(i - 7) at exponent 7.
     """
     sign = 1 if target > 0 else -1
     mode: SignMode = "excitatory" if target > 0 else "inhibitory"
@@ -142,21 +152,24 @@ def steered_case(target: int) -> Case:
 
 
 def _steps_to(target: int) -> list[int]:
-    """Return the charge of every step, in units of 64, that leads u from 0 to a target at decay 1."""
+    """Return the charge of every step, in units of 64, that leads u from 0 to a target with decay 1."""
+    largest_charge = 2**20  # the register of the charge has 21 bits and a sign
     u = 0
     charges: list[int] = []
     while True:
         kept = u * 4095 >> 12
         gap = target - kept
-        if gap % 64 == 0 and gap <= 2**20:
+        if gap % 64 == 0 and gap <= largest_charge:
             return [*charges, gap // 64]
-        # Each step differs from the others, until the rest of the way is a whole number of units.
-        charge = min(gap // 2, 2**20) // 64 - len(charges)
+        # The decay leaves arbitrary last bits of u. Charges that differ from step to step change those bits, until the
+        # remaining gap is a multiple of 64.
+        charge = min(gap // 2, largest_charge) // 64 - len(charges)
         charges.append(charge)
         u = kept + 64 * charge
 
 
 def _at_the_threshold() -> hw.ChipProgram:
+    """Three neurons of weights 2, 4 and -2: the first has v equal to its threshold of 6 in its third step."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"), "edge")
     line = builder.add_input("x", 1)
     neurons = builder.add_compartments("h", 3, decay_u=4096, decay_v=0, threshold=6)
@@ -165,6 +178,7 @@ def _at_the_threshold() -> hw.ChipProgram:
 
 
 def _doubled() -> hw.ChipProgram:
+    """One line and one neuron with two synapses of different delays."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"), "doubled")
     line = builder.add_input("x", 1)
     neuron = builder.add_compartments("h", 1, decay_u=100, decay_v=50, threshold=900)
@@ -174,6 +188,7 @@ def _doubled() -> hw.ChipProgram:
 
 
 def _apart() -> hw.ChipProgram:
+    """A population that nothing is connected to, whose bias makes it spike."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"), "apart")
     lines = builder.add_input("x", 2)
     first = builder.add_compartments("first", 1, decay_u=100, decay_v=50, threshold=900)

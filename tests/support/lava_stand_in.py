@@ -1,7 +1,7 @@
-"""What the emitted script asks of Lava, by the formulas of its fixed-point models: no line is Lava's.
+"""A stand-in for the parts of Lava that an emitted script uses, written from the formulas of Lava's fixed-point models.
 
-A step of a connected network: what is due arrives, neurons are updated, their spikes and those of
-sources are put off to the step in which they act.
+No line is copied from Lava. In each step of a connected network, due charges arrive, neurons are updated, and the spikes
+of neurons and sources become due in the steps in which they act.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from enum import Enum
 import numpy as np
 
 CURRENT_TOP = 2**23
+"""Currents wrap and voltages are clipped at this magnitude."""
 
 
 class SignMode(Enum):
@@ -33,6 +34,8 @@ class Port:
 
 
 class Var:
+    """A value of a process that the script reads with ``get``."""
+
     def __init__(self, value):
         self.value = value
 
@@ -41,6 +44,8 @@ class Var:
 
 
 class Source:
+    """Plays spikes ``data`` (n, steps)."""
+
     def __init__(self, *, data):
         self.data = data
         self.s_out = Port(self, data.shape[:-1])
@@ -51,6 +56,8 @@ class Source:
 
 
 class Sink:
+    """Records the spikes of its sender (n, steps)."""
+
     def __init__(self, *, shape, buffer):
         self.data = Var(np.zeros((*shape, buffer)))
         self.a_in = Port(self, shape)
@@ -58,6 +65,8 @@ class Sink:
 
 
 class DelayDense:
+    """Synapses (targets, sources) with delays; ``due[step]`` is the charge of each target in a step."""
+
     def __init__(self, *, weights, delays, weight_exp, num_weight_bits, sign_mode):
         self.weights = stored(weights, num_weight_bits, SignMode[sign_mode.name])
         self.delays = np.broadcast_to(delays, weights.shape)
@@ -68,6 +77,7 @@ class DelayDense:
         self.due = {}
 
     def put_off(self, step, spikes):
+        """Add the weights of spikes to the charges of the steps in which they act."""
         for delay in np.unique(self.delays):
             mantissas = np.where(self.delays == delay, self.weights, 0)[:, spikes != 0].sum(axis=1)
             acts = step + 1 + int(delay)
@@ -80,6 +90,8 @@ class Dense(DelayDense):
 
 
 class LIF:
+    """Neurons with a current u and a voltage v; running one runs the whole network."""
+
     def __init__(self, *, shape, du, dv, vth, bias_mant, bias_exp):
         self.u = Var(np.zeros(shape, dtype=np.int64))
         self.v = Var(np.zeros(shape, dtype=np.int64))
@@ -135,7 +147,7 @@ def Loihi2SimCfg(select_tag):  # noqa: N802
 
 
 def stored(weights, num_weight_bits, sign_mode):
-    """Return weights as a format holds them: clipped, and without the bits that it has not."""
+    """Return weights as a format holds them: clipped, and without the low bits that it does not store."""
     if sign_mode is SignMode.INHIBITORY:
         return -stored(-weights, num_weight_bits, SignMode.EXCITATORY)
     mixed = sign_mode is SignMode.MIXED
@@ -150,9 +162,9 @@ def kept(values, decay):
 
 
 def connected(first):
-    """Return all processes that connections lead to."""
-    reached = [first]
-    for process in reached:
+    """Return all processes that are connected to a process, directly or through others."""
+    processes = [first]
+    for process in processes:  # the list grows while it is read
         for port in process.ports:
-            reached += [other for other in port.partners if other not in reached]
-    return reached
+            processes += [partner for partner in port.partners if partner not in processes]
+    return processes

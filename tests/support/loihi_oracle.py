@@ -1,8 +1,8 @@
-"""An independent hand: the chip's step in Python integers, compartment by compartment, for whatever a graph may hold.
+"""The oracle: an independent simulator of the chip in plain Python integers, one compartment at a time.
 
-It reads the graph that a program is made of, before any placing, and shares no arithmetic with ``hw_model``: widths of
-registers, joined compartments in any tree, delays, refractory periods, limits of the voltage, several phases over
-both axes with several inputs, late starts, readouts.
+Engines of ``hw_model`` are tested against it. It reads the graph of a program, before cores are placed, and shares no
+arithmetic with ``hw_model``. It knows register widths, joined compartments in any tree, delays, refractory periods,
+voltage limits, several phases over both axes with several inputs, late starts, and readouts.
 """
 
 from __future__ import annotations
@@ -21,39 +21,43 @@ EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 
 
 def decay(x: int, d: int) -> int:
-    """What a decay of d / 4096 leaves of x: the magnitude is rounded down."""
-    left = (abs(x) * (4096 - d)) // 4096
-    return left if x >= 0 else -left
+    """Return what a decay of d / 4096 leaves of x; its magnitude is rounded down."""
+    magnitude = (abs(x) * (4096 - d)) // 4096
+    return magnitude if x >= 0 else -magnitude
 
 
 def wrap(x: int, bits: int) -> int:
-    """What a register of so many bits and a sign holds of x."""
+    """Return what a register of ``bits`` and a sign holds of x."""
     span = 2 ** (bits + 1)
     low = x % span
     return low - span if low >= 2**bits else low
 
 
 def charge_of(mantissa: int, exponent: int) -> int:
-    """What a spike adds to the charge: 64 times the mantissa after its shift, of which low bits are lost."""
+    """Return what a spike adds to a charge: 64 times the mantissa shifted by its exponent, rounded down."""
     shifted = mantissa * 2**exponent if exponent >= 0 else mantissa // 2**-exponent
     return 64 * shifted
 
 
 @dataclass
 class Played:
-    """One recording: arrays (steps, n) by kind and population, events by population, and scores by class."""
+    """The play of one recording.
+
+    ``arrays`` (steps, n) by kind (:data:`KINDS`) and population; ``events`` counts wraps and clips by population and
+    event (:data:`EVENTS`), without populations that had none; ``scores`` are by class.
+    """
 
     arrays: dict[str, dict[str, np.ndarray]]
     events: dict[str, dict[str, int]]
     active: int
-    """Updates of compartments that had anything to work on."""
+    """Updates of compartments that had a charge, a state or a bias."""
     scores: list[float] | None
 
 
 def play(
     graph: CompartmentGraph, chip: hw.Chip, recording: Recording, steps: int | None = None
 ) -> Played:
-    """Play a recording to every phase of a graph; ``steps`` for those that do not say theirs."""
+    """Play a recording to every phase of a graph; ``steps`` is the length of phases that do not state theirs."""
     rows = len(next(iter(recording.values())))
     arrays: dict[str, dict[str, np.ndarray]] = {kind: {} for kind in KINDS}
     events: dict[str, Counter[str]] = defaultdict(Counter)
@@ -65,12 +69,12 @@ def play(
                 for kind in KINDS:
                     arrays[kind][group.name] = np.zeros((length, group.size), dtype=np.int64)
         active += _play_phase(graph, phase, chip, recording, steps, arrays, events)
-    met = {
+    events_that_occurred = {
         name: {event: counts[event] for event in EVENTS}
         for name, counts in events.items()
         if counts.total()
     }
-    return Played(arrays, met, active, _scores(graph, arrays))
+    return Played(arrays, events_that_occurred, active, _scores(graph, arrays))
 
 
 def _play_phase(
@@ -82,36 +86,39 @@ def _play_phase(
     arrays: dict[str, dict[str, np.ndarray]],
     events: dict[str, Counter[str]],
 ) -> int:
-    """Run the steps of a phase; return how many updates had anything to work on."""
+    """Run the steps of a phase, fill in ``arrays`` and ``events``, and return the number of active updates."""
     groups = _children_first([group for group in graph.groups if group.phase == phase.name])
     cells = {group.name: [_Cell(group, i, chip) for i in range(group.size)] for group in groups}
-    reached = _synapses_of(graph)
+    synapses = _synapses_of(graph)
+    # By step, and by population and index: the charges that will arrive.
     due: dict[int, Counter[tuple[str, int]]] = defaultdict(Counter)
 
     def send(source: str, index: int, step: int) -> None:
-        for target, i, delay, charge in reached[source, index]:
+        for target, i, delay, charge in synapses[source, index]:
             due[step + 1 + delay][target, i] += charge
 
-    lines = defaultdict(list)
+    input_spikes = defaultdict(list)
     for item in inputs_of(graph, phase):
         for step, line in played(graph, item, phase, recording, steps):
-            lines[step].append((item.name, line))
+            input_spikes[step].append((item.name, line))
 
     active = 0
     _, begin, end = extent(graph, phase, recording, steps)
     for step in range(begin, end):
         arrived = due.pop(step, Counter())
-        passed: Counter[tuple[str, int]] = Counter()
-        spikes = lines[step]
+        from_children: Counter[tuple[str, int]] = Counter()
+        spikes = input_spikes[step]
         for group in groups:
             for i, cell in enumerate(cells[group.name]):
-                active += cell.has_work(arrived[group.name, i], passed[group.name, i])
-                cell.step(arrived[group.name, i], passed[group.name, i], events[group.name])
+                charge = arrived[group.name, i]
+                joined = from_children[group.name, i]
+                active += cell.has_work(charge, joined)
+                cell.step(charge, joined, events[group.name])
                 if group.joined_to is not None:
-                    passed[group.joined_to, i] += cell.v
+                    from_children[group.joined_to, i] += cell.v
                 if cell.spike:
                     spikes.append((group.name, i))
-                for kind, value in zip(KINDS, cell.seen(), strict=True):
+                for kind, value in zip(KINDS, cell.state(), strict=True):
                     arrays[kind][group.name][step, i] = value
         for source, index in spikes:
             send(source, index, step)
@@ -119,7 +126,11 @@ def _play_phase(
 
 
 class _Cell:
-    """One compartment: its registers u, v and the count of blocked steps."""
+    """One compartment.
+
+    Its registers are u, v, and ``hold``, the number of steps for which it stays blocked after a spike. ``potential`` is v
+    before a reset.
+    """
 
     def __init__(self, group: Compartments, i: int, chip: hw.Chip) -> None:
         self.charge_bits = chip.registers.charge_bits
@@ -138,13 +149,14 @@ class _Cell:
         self.spike = False
         self.potential = 0
 
-    def has_work(self, arrived: int, passed: int) -> bool:
-        return any((arrived, passed, self.u, self.v, self.bias))
+    def has_work(self, charge: int, joined: int) -> bool:
+        """Return whether a step may change a register: the chip's counts call such an update active."""
+        return any((charge, joined, self.u, self.v, self.bias))
 
-    def step(self, arrived: int, passed: int, events: Counter[str]) -> None:
-        """Take what arrived, and what children passed; count what wrapped and what was clipped."""
-        q = wrap(arrived, self.charge_bits)
-        events["charge_wraps"] += q != arrived
+    def step(self, charge: int, joined: int, events: Counter[str]) -> None:
+        """Take the charge that arrived and the voltages of joined children; count wraps and clips."""
+        q = wrap(charge, self.charge_bits)
+        events["charge_wraps"] += q != charge
         u = decay(self.u, self.decay_u) + q
         self.u = wrap(u, self.current_bits)
         events["current_wraps"] += self.u != u
@@ -156,7 +168,7 @@ class _Cell:
             return
         drive = wrap(self.u + self.bias, self.current_bits)
         events["current_wraps"] += drive != self.u + self.bias
-        v = decay(self.v, self.decay_v) + drive + passed
+        v = decay(self.v, self.decay_v) + drive + joined
         self.potential = max(self.vmin, min(self.vmax, v))
         events["voltage_clips"] += self.potential != v
         self.spike = not self.is_child and self.potential > self.threshold
@@ -164,18 +176,18 @@ class _Cell:
         if self.spike:
             self.hold = self.refractory - 1
 
-    def seen(self) -> tuple[int, ...]:
-        """What :data:`KINDS` names."""
+    def state(self) -> tuple[int, ...]:
+        """Return what :data:`KINDS` names."""
         return int(self.spike), self.u, self.v, self.potential
 
 
 def _children_first(groups: list[Compartments]) -> list[Compartments]:
-    """Order groups so that all that are joined to one come before it."""
+    """Sort groups so that joined children come before their parents, which add the children's voltages."""
     parent = {group.name: group.joined_to for group in groups}
 
     def depth(name: str) -> int:
-        above = parent[name]
-        return 0 if above is None else 1 + depth(above)
+        parent_name = parent[name]
+        return 0 if parent_name is None else 1 + depth(parent_name)
 
     return sorted(groups, key=lambda group: -depth(group.name))
 
@@ -183,8 +195,8 @@ def _children_first(groups: list[Compartments]) -> list[Compartments]:
 def _synapses_of(
     graph: CompartmentGraph,
 ) -> dict[tuple[str, int], list[tuple[str, int, int, int]]]:
-    """Target, index, delay and charge of every synapse, by source and index."""
-    reached: dict[tuple[str, int], list[tuple[str, int, int, int]]] = defaultdict(list)
+    """Return (target, target index, delay, charge) of every synapse, by source and source index."""
+    synapses: dict[tuple[str, int], list[tuple[str, int, int, int]]] = defaultdict(list)
     for s in graph.synapses:
         rows = zip(
             s.source_index.tolist(),
@@ -195,21 +207,26 @@ def _synapses_of(
         )
         for source, target, mantissa, delay in rows:
             charge = charge_of(mantissa, int(s.exponent))
-            reached[s.source, source].append((s.target, target, delay, charge))
-    return reached
+            synapses[s.source, source].append((s.target, target, delay, charge))
+    return synapses
 
 
 def _scores(
     graph: CompartmentGraph, arrays: dict[str, dict[str, np.ndarray]]
 ) -> list[float] | None:
-    """Spike counts, or largest potentials from a step on (0 where there is no step), weighted and added in order."""
+    """Return the score of each class: the weighted sum over the populations of a readout, in their order.
+
+    Summed are spike counts, or largest potentials from a step on (0 if the phase has no such step).
+    """
     readout = graph.readout
     if readout is None:
         return None
-    first = readout.potentials_from
-    firsts = first if isinstance(first, tuple) else (first,) * len(readout.populations)
-    scores = [0.0] * arrays["spikes"][readout.populations[0]].shape[1]
-    for name, weight, start in zip(readout.populations, readout.weights, firsts, strict=True):
+    starts = readout.potentials_from
+    if not isinstance(starts, tuple):
+        starts = (starts,) * len(readout.populations)
+    classes = arrays["spikes"][readout.populations[0]].shape[1]
+    scores = [0.0] * classes
+    for name, weight, start in zip(readout.populations, readout.weights, starts, strict=True):
         for i in range(len(scores)):
             if start is None:
                 votes = float(arrays["spikes"][name][:, i].sum())

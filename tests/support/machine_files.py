@@ -1,4 +1,8 @@
-"""Networks of SpiNNaker and what a witness says of them, as arrays by ``number/name`` in a file."""
+"""Exchange networks of SpiNNaker with a witness, and compare its registers with the simulator's.
+
+A witness is a program other than the project's that runs the same networks: here the machine code of sPyNNaker's
+neurons. Networks and results are arrays in files, see :mod:`tests.support.numbered_arrays`.
+"""
 
 from __future__ import annotations
 
@@ -16,33 +20,21 @@ from hw_model.spinnaker.network import (
     SpinnakerProjection,
 )
 from hw_model.spinnaker.reference import SpinnakerResult
+from tests.support import numbered_arrays
 from tests.support.random_spinnaker import PHASE, Case
 
 RECORDED = Path(__file__).parents[1] / "spinnaker/recorded-by-machine-code.npz"
-"""Networks, their inputs, and what the machine code did: ``python -m tests.spinnaker.record_machine`` writes it."""
+"""Networks, their inputs, and the registers of the machine code; ``python -m tests.spinnaker.record_machine`` writes it."""
 REGISTERS = ("fired", "recorded_v", "v", "current", "refractory")
 
 
 def write_cases(path: Path, cases: Iterable[Case]) -> None:
-    """Write networks of one phase with what is played to them."""
-    arrays = {}
-    for number, case in enumerate(cases):
-        for name, value in _arrays_of(case).items():
-            arrays[f"{number}/{name}"] = value
-    np.savez_compressed(path, **arrays)
-
-
-def read(path: Path) -> list[dict[str, np.ndarray]]:
-    """Return the arrays of a file by name, number by number."""
-    parts: dict[int, dict[str, np.ndarray]] = {}
-    with np.load(path) as arrays:
-        for key, array in arrays.items():
-            number, name = key.split("/")
-            parts.setdefault(int(number), {})[name] = array
-    return [parts[number] for number in sorted(parts)]
+    """Write networks of one phase with their input spikes."""
+    numbered_arrays.write(path, map(_arrays_of, cases))
 
 
 def _arrays_of(case: Case) -> dict[str, np.ndarray]:
+    """Return a case as arrays; :func:`case_of` is the inverse."""
     network = case.network
     populations = network.populations
     arrays = {
@@ -60,20 +52,24 @@ def _arrays_of(case: Case) -> dict[str, np.ndarray]:
 
 
 def _synapses_of(network: SpinnakerNetwork) -> np.ndarray:
-    """Return synapses (source, target, receptor, weight, delay) in the order they act in."""
+    """Return rows of (source, target, receptor, weight, delay), in the order in which synapses act.
+
+    Sources count the input lines first, then the neurons; targets count the neurons. Saturation depends on the order:
+    source by source, and those of one source projection by projection.
+    """
     sources = network.sources_of(PHASE)
     columns = network.columns_of(PHASE)
-    parts = []
+    rows_of_projections = []
     for projection in network.projections:
-        arrays = (
+        columns_of_rows = (
             sources[projection.source] + projection.source_index,
             columns[projection.target].start + projection.target_index,
             np.full(len(projection.weight), RECEPTORS.index(projection.receptor)),
             projection.weight,
             projection.delay,
         )
-        parts.append(np.column_stack(arrays))
-    synapses = np.concatenate(parts)
+        rows_of_projections.append(np.column_stack(columns_of_rows))
+    synapses = np.concatenate(rows_of_projections)
     return synapses[np.argsort(synapses[:, 0], kind="stable")]
 
 
@@ -91,6 +87,7 @@ def case_of(arrays: Mapping[str, np.ndarray]) -> Case:
 
 
 def _populations_of(arrays: Mapping[str, np.ndarray]) -> Iterable[SpinnakerPopulation]:
+    """Yield the populations, whose parameters follow each other in one array per parameter."""
     first = 0
     for number, (size, slots, per_core, *shifts) in enumerate(arrays["populations"].tolist()):
         of_population = slice(first, first + size)
@@ -112,24 +109,29 @@ def _populations_of(arrays: Mapping[str, np.ndarray]) -> Iterable[SpinnakerPopul
 def _projections_of(
     arrays: Mapping[str, np.ndarray], lines: int, populations: tuple[SpinnakerPopulation, ...]
 ) -> Iterable[SpinnakerProjection]:
-    """Return a projection for each source node, target and receptor, in the order of the file."""
+    """Yield a projection for each source, target and receptor that synapses connect, in the order of the file.
+
+    Nodes are the lines (number 0) and the populations; node k has the numbers from ``starts[k]`` on. Targets of the
+    file count neurons only, hence the addition of ``lines``.
+    """
     names = ["lines", *(item.name for item in populations)]
     starts = np.cumsum([0, lines, *(item.size for item in populations)])
     synapses = arrays["synapses"].astype(np.int64)
     source, target, receptor, weight, delay = synapses.T
     source_node = np.searchsorted(starts, source, side="right") - 1
     target_node = np.searchsorted(starts, lines + target, side="right") - 1
-    for node in range(len(names)):
-        for onto in range(1, len(names)):
-            for kind, name in enumerate(RECEPTORS):
-                chosen = (source_node == node) & (target_node == onto) & (receptor == kind)
+    for from_node in range(len(names)):
+        for to_node in range(1, len(names)):
+            for receptor_number, receptor_name in enumerate(RECEPTORS):
+                connects_nodes = (source_node == from_node) & (target_node == to_node)
+                chosen = connects_nodes & (receptor == receptor_number)
                 if chosen.any():
                     yield SpinnakerProjection(
-                        source=names[node],
-                        target=names[onto],
-                        receptor=name,
-                        source_index=source[chosen] - starts[node],
-                        target_index=target[chosen] + lines - starts[onto],
+                        source=names[from_node],
+                        target=names[to_node],
+                        receptor=receptor_name,
+                        source_index=source[chosen] - starts[from_node],
+                        target_index=target[chosen] + lines - starts[to_node],
                         weight=weight[chosen],
                         delay=delay[chosen],
                     )
@@ -138,7 +140,7 @@ def _projections_of(
 def differences(
     case: Case, result: SpinnakerResult, witness: Mapping[str, np.ndarray]
 ) -> dict[str, int]:
-    """Return how many values of each name are not those of the witness, where any are."""
+    """Return how many values of each register, constant or count differ from the witness; names without any are left out."""
     values = {
         "fired": result.spikes,
         "recorded_v": _recorded(case, result),
@@ -150,12 +152,14 @@ def differences(
     constants = [item.constants for item in case.network.populations]
     for name in Constants._fields:
         values[name] = np.concatenate([getattr(part, name) for part in constants])
-    counted = {name: int((array != witness[name]).sum()) for name, array in values.items()}
-    return {name: count for name, count in counted.items() if count}
+    difference_counts = {
+        name: int((array != witness[name]).sum()) for name, array in values.items()
+    }
+    return {name: count for name, count in difference_counts.items() if count}
 
 
 def values_of(witness: Mapping[str, np.ndarray]) -> int:
-    """Return how many values a witness gave."""
+    """Return how many values of a witness are compared."""
     names = (*REGISTERS, *Constants._fields, "counts")
     return sum(witness[name].size for name in names)
 

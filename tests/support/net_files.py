@@ -1,6 +1,6 @@
-"""``.net`` files as lava-dl 0.6 writes them, dataset by dataset, and their meaning in plain integers.
+"""Write ``.net`` files as lava-dl 0.6 does, dataset by dataset, and simulate them in plain integers.
 
-Independent of the project: a step is netx's, in Python integers over numpy arrays, layer by layer.
+The simulation is independent of the project: it takes the steps of netx, which runs such files in Lava, layer by layer.
 """
 
 import h5py
@@ -25,7 +25,10 @@ def write_net(path, layers, simulation=None):
 
 
 def neuron(i_decay=1024, v_decay=128, threshold=400, kind="CUBA", **more):
-    """The entries of CUBA neurons: decays in 4096ths, a threshold mantissa of 64 units each; ``more`` replaces entries."""
+    """Return the entries of CUBA neurons; ``more`` adds or replaces entries.
+
+    Decays are in 4096ths, the threshold is in units of 64.
+    """
     return {
         "type": kind,
         "iDecay": i_decay,
@@ -38,11 +41,12 @@ def neuron(i_decay=1024, v_decay=128, threshold=400, kind="CUBA", **more):
 
 
 def even(rng, *shape, low=-128, high=127):
+    """Return random even weights from ``2 * low`` to ``2 * high``: 8 bits with a sign hold multiples of 2."""
     return (2 * rng.integers(low, high + 1, shape)).astype(np.float32)
 
 
 def dense(rng, outs, ins, **more):
-    """A dense layer of even weights as a ``.net`` file holds it, with CUBA neurons; ``more`` replaces entries."""
+    """Return a dense layer of even weights with CUBA neurons, as a ``.net`` file holds it; ``more`` replaces entries."""
     return {
         "type": "dense",
         "shape": np.array([outs]),
@@ -55,49 +59,58 @@ def dense(rng, outs, ins, **more):
 
 
 def kept(x, decay):
+    """Return x * (4096 - decay) / 4096, truncated toward zero."""
     return np.sign(x) * ((np.abs(x) * (4096 - decay)) >> 12)
 
 
 def play(layers, spikes, longest_delay=62):
-    """Return the spikes (steps, n) of each layer of neurons, by number, for input spikes (steps, n)."""
-    outputs, rows = {}, np.asarray(spikes, dtype=np.int64)
-    shape = None
+    """Return the spikes (steps, n) of each layer of neurons, by number, for input spikes (steps, n).
+
+    Delays above ``longest_delay`` are cut to it, as a chip's are.
+    """
+    outputs = {}
+    rows = np.asarray(spikes, dtype=np.int64)
+    shape = None  # of the image that the previous layer puts out
     for number, layer in enumerate(layers):
         if layer["type"] in ("input", "flatten"):
-            shape = tuple(layer["shape"]) if layer["type"] == "input" else shape
+            if layer["type"] == "input":
+                shape = tuple(layer["shape"])
             if "neuron" not in layer:
                 continue
-            # An event is the value 1, which is 64 on the scale of the weights, or the layer's own weight.
+            # An input layer with neurons: each hears its own channel. An event is the value 1, which is 64 on the scale
+            # of the weights, or the weight of the layer.
             weight = int(np.max(layer.get("weight", 64)))
-            each = weight * np.eye(int(np.prod(layer["shape"])))
-            layer = {**layer, "type": "dense", "weight": each}
-        rows = outputs[number] = play_layer(layer, rows, shape, longest_delay)
+            one_to_one = weight * np.eye(int(np.prod(layer["shape"])))
+            layer = {**layer, "type": "dense", "weight": one_to_one}
+        rows = play_layer(layer, rows, shape, longest_delay)
+        outputs[number] = rows
         shape = tuple(int(n) for n in layer["shape"])
     return outputs
 
 
 def play_layer(layer, rows, shape, longest_delay=62):
-    n, steps = int(np.prod(layer["shape"])), len(rows)
-    p = layer["neuron"]
+    """Return the spikes (steps, n) of one layer of neurons; ``shape`` is that of its input image, if it has one."""
+    n = int(np.prod(layer["shape"]))
+    steps = len(rows)
+    parameters = layer["neuron"]
 
-    def spread(v):
-        return np.repeat(np.asarray(v, dtype=np.int64).reshape(-1), n // np.size(v))
+    def per_neuron(values):
+        """Repeat one value, or one per channel of an image, for all neurons."""
+        return np.repeat(np.asarray(values, dtype=np.int64).reshape(-1), n // np.size(values))
 
-    decay_u, decay_v, threshold = (
-        spread(p["iDecay"]),
-        spread(p["vDecay"]),
-        spread(p["vThMant"]) * 64,
-    )
-    bias = spread(layer.get("bias", 0)) * 64
+    decay_u = per_neuron(parameters["iDecay"])
+    decay_v = per_neuron(parameters["vDecay"])
+    threshold = per_neuron(parameters["vThMant"]) * 64
+    bias = per_neuron(layer.get("bias", 0)) * 64
     weight = np.asarray(layer["weight"]).astype(np.int64)
-    delay = (
-        np.minimum(np.floor(np.asarray(layer.get("delay", 0), dtype=float)), longest_delay)
-        .astype(int)
-        .reshape(-1)
-    )
-    u, v = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    # Delays are trained as real numbers of steps, and rounded down.
+    delay = np.floor(np.asarray(layer.get("delay", 0), dtype=float)).reshape(-1)
+    delay = np.minimum(delay, longest_delay).astype(int)
+    u = np.zeros(n, dtype=np.int64)
+    v = np.zeros(n, dtype=np.int64)
     out = np.zeros((steps, n), dtype=np.int64)
     for t in range(steps):
+        # Spikes of a step act in the next one.
         q = np.zeros(n, dtype=np.int64)
         if layer["type"] == "conv":
             if t > 0:
@@ -105,7 +118,13 @@ def play_layer(layer, rows, shape, longest_delay=62):
         else:
             for i in range(n):
                 for j in range(weight.shape[1]):
-                    d = delay[0] if delay.size == 1 else delay[i] if delay.size == n else delay[j]
+                    # There is one delay for all, one per neuron, or one per input.
+                    if delay.size == 1:
+                        d = delay[0]
+                    elif delay.size == n:
+                        d = delay[i]
+                    else:
+                        d = delay[j]
                     if t - 1 - d >= 0:
                         q[i] += weight[i, j] * rows[t - 1 - d, j]
         if "weight_rec" in layer and t > 0:
@@ -118,31 +137,28 @@ def play_layer(layer, rows, shape, longest_delay=62):
 
 
 def correlate(layer, weight, image):
-    stride, padding, dilation = (
-        np.broadcast_to(layer.get(k, 1 - (k == "padding")), 2)
-        for k in ("stride", "padding", "dilation")
-    )
-    weight = weight.reshape(weight.shape[:4])
+    """Return the convolution of an image (channels, rows, columns), tap by tap."""
+    stride = np.broadcast_to(layer.get("stride", 1), 2)
+    padding = np.broadcast_to(layer.get("padding", 0), 2)
+    dilation = np.broadcast_to(layer.get("dilation", 1), 2)
+    weight = weight.reshape(weight.shape[:4])  # a fifth axis, of delays, has one entry
     padded = np.pad(image, [(0, 0), *((p, p) for p in padding)])
     result = np.zeros(tuple(layer["shape"]), dtype=np.int64)
-    per = weight.shape[1]
+    channels_per_group = weight.shape[1]
+    outputs_per_group = len(weight) // layer.get("groups", 1)
     for o, r, c in np.ndindex(*result.shape):
-        first = o // (len(weight) // layer.get("groups", 1)) * per
+        first_channel = o // outputs_per_group * channels_per_group
         for k, y, x in np.ndindex(*weight.shape[1:]):
-            result[o, r, c] += (
-                weight[o, k, y, x]
-                * padded[
-                    first + k, r * stride[0] + y * dilation[0], c * stride[1] + x * dilation[1]
-                ]
-            )
+            row = r * stride[0] + y * dilation[0]
+            column = c * stride[1] + x * dilation[1]
+            result[o, r, c] += weight[o, k, y, x] * padded[first_channel + k, row, column]
     return result
 
 
 RNG = np.random.default_rng(11)
 
-
 IMAGE = {"type": "input", "shape": np.array([2, 6, 6])}
-
+"""Two channels of 6 by 6 pixels."""
 
 CONV = {
     "type": "conv",

@@ -1,14 +1,22 @@
-"""Small networks for the tests, made without torch."""
+"""Small networks for the tests, built without torch: hybrids, single populations, and random integer networks.
+
+A network has one or two views of its recording: the time view hears a time step per step, the location view a channel
+per step, in the order of its walk.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
 
 import hw_model as hw
+from hw_model.arithmetic.fixed_point import effective_weight
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, matrix, values_of
+from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
@@ -18,7 +26,11 @@ UNIT = 64
 DECAY_OF_10 = 390
 """The decay of a time constant of 10 steps, in 4096ths that a step loses: 4096 * (1 - exp(-1 / 10)) is 389.8."""
 DECAY_OF_1 = 2589
-"""That of a time constant of 1 step: 4096 * (1 - exp(-1)) is 2589.2."""
+"""The decay of a time constant of 1 step: 4096 * (1 - exp(-1)) is 2589.2."""
+
+
+TAU_ON_GRID = float(-1 / np.log(1 - DECAY_OF_10 / 4096))
+"""The time constant, just below 10 steps, whose decay is exactly :data:`DECAY_OF_10`."""
 
 
 def hybrid(
@@ -34,31 +46,36 @@ def hybrid(
     together=1,
     silence=0,
 ):
-    """A hybrid with random weights, and a walk that visits the channels backwards."""
+    """Return a hybrid with random weights, whose walk visits the channels backwards.
+
+    Each branch has a hidden and an output population. ``together`` channels are visited per step of the walk, and
+    ``silence`` is the number of steps without events after it.
+    """
     r = np.random.default_rng(seed)
     views = (
         InputView("touch", "time", channels),
         InputView(
             "touch_transposed",
             "location",
-            together * steps,
-            np.arange(channels)[::-1].copy(),
-            together,
-            silence,
+            lines=together * steps,
+            walk=np.arange(channels)[::-1].copy(),
+            together=together,
+            silence=silence,
         ),
     )
-    populations, projections = [], []
+    populations = []
+    projections = []
     for view in views:
-        names = (f"{view.axis}_hidden", f"{view.axis}_output")
-        sizes = (hidden, classes)
-        sources = (view.name, names[0])
-        for name, size, source, fan_in in zip(
-            names, sizes, sources, (view.lines, hidden), strict=True
-        ):
+        hidden_name = f"{view.axis}_hidden"
+        output_name = f"{view.axis}_output"
+        layers = (
+            (hidden_name, hidden, view.name, view.lines),
+            (output_name, classes, hidden_name, hidden),
+        )
+        for name, size, source, fan_in in layers:
+            weights = np.round(r.normal(0, scale, (size, fan_in)), 3)
             populations.append(Population(name, view.axis, size, neuron))
-            projections.append(
-                Projection(source, name, np.round(r.normal(0, scale, (size, fan_in)), 3))
-            )
+            projections.append(Projection(source, name, weights))
     return Network(
         name="small-hybrid",
         channels=channels,
@@ -74,34 +91,55 @@ def hybrid(
 
 
 def recordings(network, samples=3, seed=0, rate=0.3):
-    """Random recordings (samples, steps, channels) of a network's size, with ``rate`` events per step and channel."""
+    """Return random recordings (samples, steps, channels) of a network's size, with ``rate`` events per step and channel."""
     r = np.random.default_rng(seed)
     return (r.random((samples, network.steps, network.channels)) < rate).astype(np.uint8)
 
 
+def with_weights_of_chip(network, chip):
+    """Return a network of SRM neurons with its weights replaced by their rounded values, which the chip holds exactly.
+
+    A weight of the network times the gain of its alpha kernel and the scale of its target is the charge on the chip.
+    """
+    quantized = lower(network, chip, weight_bits=8).quantized
+    tau = network.populations[0].neuron.tau_sr
+    gain = np.e * np.exp(-1 / tau) / tau
+    projections = []
+    for projection, rounded in zip(network.projections, quantized.projections, strict=True):
+        scale = quantized.population(projection.target).scale[:, None]
+        weights = effective_weight(rounded.mantissa, rounded.exponent) / (scale * gain)
+        projections.append(replace(projection, weights=weights))
+    return replace(network, projections=tuple(projections))
+
+
 def check_bit_for_bit(levels, played):
-    """The program has the spikes and potentials of the rounded network, whose integers the reference evaluates."""
-    wanted = evaluate(levels.quantized.on_grid(), played, potentials=True)
-    found = hw.simulate(levels.program, played, probe=("spikes", "potential"))
+    """Check that a program has the spikes and potentials of the rounded network that the reference evaluates.
+
+    ``levels`` is the result of compiling with all its intermediate levels. Return what the reference evaluates.
+    """
+    expected = evaluate(levels.quantized.on_grid(), played, potentials=True)
+    result = hw.simulate(levels.program, played, probe=("spikes", "potential"))
     for population in levels.network.populations:
-        assert np.array_equal(found.spikes[population.name], wanted.spikes[population.name])
-        assert np.array_equal(found.potential[population.name], wanted.potential[population.name])
+        name = population.name
+        assert np.array_equal(result.spikes[name], expected.spikes[name])
+        assert np.array_equal(result.potential[name], expected.potential[name])
+    return expected
 
 
 def single(neuron, weights=((1.0,),), *, steps=20, classes=None, recurrent=None, delay=0):
-    """One population ``n`` on the time axis, behind as many input channels as its weights have columns."""
-    held = matrix(weights, np.float64)
-    projections = [Projection("touch", "n", held, delay)]
+    """Return one population ``n`` on the time axis; ``weights`` are (neurons, channels), ``recurrent`` (neurons, neurons)."""
+    weights = matrix(weights, np.float64)
+    projections = [Projection("touch", "n", weights, delay)]
     if recurrent is not None:
         projections.append(Projection("n", "n", matrix(recurrent, np.float64)))
     return Network(
         name="single",
-        channels=held.shape[1],
+        channels=weights.shape[1],
         steps=steps,
         step_seconds=None,
         sensor=None,
-        views=(InputView("touch", "time", held.shape[1]),),
-        populations=(Population("n", "time", held.shape[0], neuron),),
+        views=(InputView("touch", "time", weights.shape[1]),),
+        populations=(Population("n", "time", weights.shape[0], neuron),),
         projections=tuple(projections),
         readout=Readout(("n",), (1.0,)),
         sha256="0" * 64,
@@ -109,32 +147,37 @@ def single(neuron, weights=((1.0,),), *, steps=20, classes=None, recurrent=None,
 
 
 def on_grid(seed, *, channels=12, steps=40, together=1, silence=0):
-    """Integer populations of every kind on both axes, in random order, with loops, delays, formats and sparse weights."""
+    """Return a random network in the chip's integers, with every kind of neuron on both axes.
+
+    Populations come in random order, with loops, delays, all formats and sparse weights.
+    """
     r = np.random.default_rng(seed)
     views = (
         InputView("touch", "time", channels),
         InputView(
             "touch_transposed",
             "location",
-            together * steps,
-            r.permutation(channels),
-            together,
-            silence,
+            lines=together * steps,
+            walk=r.permutation(channels),
+            together=together,
+            silence=silence,
         ),
     )
-    populations, projections = [], []
+    populations = []
+    projections = []
     for view in views:
-        mine = [
+        of_view = [
             Population(f"{view.axis}_{i}", view.axis, int(size), chip_neuron(r, int(size)))
             for i, size in enumerate(r.integers(1, 5, size=3))
         ]
-        populations += mine
-        sizes = {view.name: view.lines, **{p.name: p.size for p in mine}}
-        for target in mine:
-            for source in [view.name, *r.choice([p.name for p in mine], size=r.integers(0, 3))]:
-                projections.append(
-                    chip_projection(r, str(source), target.name, (target.size, sizes[source]))
-                )
+        populations += of_view
+        sizes = {view.name: view.lines, **{p.name: p.size for p in of_view}}
+        for target in of_view:
+            # Every population hears its view, and up to two populations of the same axis, itself among them.
+            others = r.choice([p.name for p in of_view], size=r.integers(0, 3))
+            for source in [view.name, *others]:
+                shape = (target.size, sizes[source])
+                projections.append(chip_projection(r, str(source), target.name, shape))
     r.shuffle(populations)
     outputs = tuple(p.name for p in populations if p.name.endswith("_0"))
     return Network(
@@ -152,7 +195,10 @@ def on_grid(seed, *, channels=12, steps=40, together=1, silence=0):
 
 
 def chip_neuron(r, size):
-    """Neurons of a random kind with random parameters, decays of 0 and 4096 among them."""
+    """Return neurons of a random kind: with a current (CUBA), SRM with a refractory dendrite, or SRM with delay lines.
+
+    Decays of 0 and 4096 are among their parameters.
+    """
     decay = r.choice([0, 1, DECAY_OF_10, DECAY_OF_1, 4095, 4096], size=4)
     threshold = r.integers(0, 300, size=size)
     kind = r.integers(3)
@@ -175,7 +221,8 @@ def chip_neuron(r, size):
             mantissa=r.integers(-255, 1, size=(1, size)),
             exponent=int(r.integers(-2, 8)),
         )
-    taps, longest = int(r.integers(0, 6)), int(r.choice([5, 62]))
+    taps = int(r.integers(0, 6))  # synapses by which own spikes come back
+    longest = int(r.choice([5, 62]))
     return ChipSrm.with_taps(
         size,
         decay=decay[0],
@@ -187,16 +234,28 @@ def chip_neuron(r, size):
 
 
 def chip_projection(r, source, target, shape):
-    """Random mantissas on a random format's grid, a third of them 0; dense or sparse, one delay or many."""
-    bits, signs = int(r.choice([1, 3, 8])), str(r.choice(["apart", "mixed"]))
-    step = 1 << (9 - bits if signs == "mixed" else 8 - bits)
-    low, high = (-256, 256 - step) if signs == "mixed" else (step - 256, 256 - step)
-    mantissa = (
-        r.integers(low // step, high // step + 1, size=shape) * step * (r.random(shape) < 0.67)
-    )
-    held = matrix(sparse.csr_array(mantissa) if r.random() < 0.5 else mantissa, np.int64)
-    many = r.integers(0, int(r.choice([4, 63])), size=values_of(held).shape)
-    delay = int(r.choice([0, 1, 7])) if r.random() < 0.5 else many
+    """Return synapses with random mantissas on the grid of a random format, a third of them 0.
+
+    Weights are dense or sparse, and have one delay or one each. Signs are ``mixed`` in one format, or kept ``apart`` in
+    an excitatory and an inhibitory one, whose grid is twice as fine.
+    """
+    bits = int(r.choice([1, 3, 8]))
+    signs = str(r.choice(["apart", "mixed"]))
+    if signs == "mixed":
+        step = 1 << (9 - bits)
+        low = -256
+    else:
+        step = 1 << (8 - bits)
+        low = step - 256
+    high = 256 - step
+    mantissa = r.integers(low // step, high // step + 1, size=shape) * step
+    mantissa *= r.random(shape) < 0.67
+    if r.random() < 0.5:
+        mantissa = sparse.csr_array(mantissa)
+    weights = matrix(mantissa, np.int64)
+    delay_of_each = r.integers(0, int(r.choice([4, 63])), size=values_of(weights).shape)
+    delay = int(r.choice([0, 1, 7])) if r.random() < 0.5 else delay_of_each
+    exponent = int(r.choice([-8, -2, 0, 2, 5, 7]))
     return ChipProjection(
-        source, target, held, int(r.choice([-8, -2, 0, 2, 5, 7])), bits, signs=signs, delay=delay
+        source, target, weights, exponent, weight_bits=bits, signs=signs, delay=delay
     )

@@ -1,4 +1,4 @@
-"""NIR graphs of every primitive, by what they hold; all weights from one seed."""
+"""NIR graphs that together have every primitive that the project reads, with random weights from one seed."""
 
 import itertools
 
@@ -8,26 +8,32 @@ import numpy as np
 import locsnn_compile as lc
 
 DT = 1e-3
+"""Seconds per step."""
 
 
 def lif(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0, kind=nir.LIF):
-    """A LIF node of random time constants, 4 to 20 ms; its resistances, near ``tau / DT``, make a spike add its weight."""
+    """Return a LIF node with random time constants from 4 to 20 ms.
+
+    Its resistances are near ``tau / DT``, with which a spike of one step adds about its weight to the potential.
+    """
     tau = rng.uniform(4e-3, 2e-2, shape)
-    full = {
+    potentials = {
         "v_leak": np.full(shape, v_leak),
         "v_threshold": np.full(shape, v_threshold),
         "v_reset": np.full(shape, v_reset),
     }
-    return kind(tau=tau, r=tau / DT * rng.uniform(0.8, 1.2, shape), **full)
+    return kind(tau=tau, r=tau / DT * rng.uniform(0.8, 1.2, shape), **potentials)
 
 
 def cuba(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0):
-    syn, mem = rng.uniform(3e-3, 9e-3, shape), rng.uniform(4e-3, 2e-2, shape)
+    """Return a CubaLIF node with random time constants; a spike adds half its weight to the current."""
+    tau_syn = rng.uniform(3e-3, 9e-3, shape)
+    tau_mem = rng.uniform(4e-3, 2e-2, shape)
     return nir.CubaLIF(
-        tau_syn=syn,
-        tau_mem=mem,
-        r=mem / DT,
-        w_in=syn / DT * 0.5,
+        tau_syn=tau_syn,
+        tau_mem=tau_mem,
+        r=tau_mem / DT,
+        w_in=tau_syn / DT * 0.5,
         v_leak=np.full(shape, v_leak),
         v_threshold=np.full(shape, v_threshold),
         v_reset=np.full(shape, v_reset),
@@ -35,6 +41,7 @@ def cuba(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0):
 
 
 def integrate(rng, *shape):
+    """Return an IF node to whose potential a spike adds its weight."""
     return nir.IF(
         r=np.full(shape, 1 / DT), v_threshold=rng.uniform(0.8, 1.5, shape), v_reset=np.zeros(shape)
     )
@@ -46,7 +53,7 @@ def linear(rng, outs, ins, scale=0.5):
 
 
 def chain(shape, *named):
-    """Return a graph of one node after the other; the last is the output's."""
+    """Return a graph of an input of ``shape``, the named nodes in a row, and an output."""
     nodes = {
         "input": nir.Input(np.array(shape)),
         **dict(named),
@@ -57,7 +64,7 @@ def chain(shape, *named):
 
 
 def graphs():
-    """Return rows of (name, graph, input shape, neuron nodes that lie between input and each population)."""
+    """Return pairs of (graph, input shape) by name."""
     rng = np.random.default_rng(7)
     image = (2, 6, 6)
     conv = nir.Conv2d(
@@ -102,7 +109,7 @@ def graphs():
         "padding": np.array([0, 0]),
     }
     flat = nir.Flatten(input_type={"input": np.array([4, 3, 3])}, start_dim=0, end_dim=-1)
-    two = nir.NIRGraph(
+    recurrent = nir.NIRGraph(
         {"input": nir.Input(np.array([6])), "w": linear(rng, 8, 6), "lif": lif(rng, 8), "back": linear(rng, 8, 8, 0.2), "o": nir.Output(np.array([8]))},
         [("lif", "back"), ("back", "lif"), ("input", "w"), ("lif", "o"), ("w", "lif")], type_check=False,
     )  # fmt: skip
@@ -132,18 +139,18 @@ def graphs():
         "scale": (chain((10,), ("fc", linear(rng, 12, 10)), ("s", nir.Scale(rng.uniform(0.5, 2, 12))), ("lif", lif(rng, 12))), (10,)),
         "delay": (chain((10,), ("d", nir.Delay(rng.integers(0, 5, 10) * DT)), ("fc", linear(rng, 12, 10)), ("d2", nir.Delay(rng.integers(0, 3, 12) * DT)), ("lif", lif(rng, 12))), (10,)),
         "scalar parameters": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 1))), (10,)),
-        "recurrent": (two, (6,)),
+        "recurrent": (recurrent, (6,)),
         "nested": (chain((6,), ("sub", inner), ("fc", nir.Linear(rng.uniform(0, 1.5, (4, 7)))), ("lif", lif(rng, 4))), (6,)),
     }  # fmt: skip
 
 
 def random_spikes(shape, steps=60, rate=0.25, seed=3):
-    """Return spikes (steps, *shape) of 0 and 1: in each step, each channel spikes with a chance of ``rate``."""
+    """Return random spikes (steps, *shape) of 0 and 1; each channel spikes in a step with probability ``rate``."""
     return (np.random.default_rng(seed).random((steps, *shape)) < rate).astype(np.uint8)
 
 
 def load_graph(graph, tmp_path, **options):
-    """Write a graph to a file, and load it as a network with steps of :data:`DT`; ``options`` are those of ``lc.load``."""
+    """Write a graph to a file, and load it as a network; ``options`` are those of ``lc.load``, by default steps of DT."""
     path = tmp_path / "graph.nir"
     nir.write(path, graph)
     return lc.load(path, **{"dt": DT} | options)

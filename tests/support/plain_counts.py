@@ -1,6 +1,7 @@
-"""What a recording counts, by sums over its events and spikes, from the graph and from where compartments lie.
+"""Count events, spikes, synaptic operations and packets of a recording by plain loops.
 
-Shares no code with what counts: loops over events, spikes and synapses one by one.
+This is the independent answer for the counts of ``hw_model/accounting``, with which it shares no code: it goes through
+events, spikes and synapses one by one, in the graph, and looks up the cores of compartments in the program.
 """
 
 from __future__ import annotations
@@ -18,64 +19,60 @@ COUNTED = (
     "input_events", "transpose_events", "events_dropped", "synaptic_ops", "synaptic_ops_after_end", "neuron_updates",
     "spikes", "axon_packets", "packets_within_tile", "input_packets", "hops_x", "hops_y", "aligned_steps",
 )  # fmt: skip
-"""Counts that follow from events and spikes; the others are of registers."""
+"""Counts that follow from events and spikes; the other counts are of registers, see ``loihi_oracle``."""
 
 
 def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Counter[str]:
     """Return the counts of one recording with the ``spikes`` (batch, steps, n) of its populations."""
     program = case.program
-    found = Counter[str]()
-    core_of = {
-        (piece.group, i): core
-        for core in program.cores
-        for piece in core.slices
-        for i in range(piece.start, piece.stop)
-    }
-    heard = {name: array[recording] for name, array in case.spikes.items()}
+    counts = Counter[str]()
+    core_of = {}
+    for core in program.cores:
+        for piece in core.slices:  # neighbouring compartments of one population
+            for i in range(piece.start, piece.stop):
+                core_of[piece.group, i] = core
+    rows_by_stream = {name: array[recording] for name, array in case.spikes.items()}
     for phase in program.phases:
-        touch, begin, end = extent(case.graph, phase, heard, case.steps)
-        sent: list[tuple[str, int, int]] = []
+        touch, begin, end = extent(case.graph, phase, rows_by_stream, case.steps)
+        sent: list[tuple[str, int, int]] = []  # (source, index, step) of input events and spikes
         for item in program.inputs_of(phase.name):
-            events = played(case.graph, item, phase, heard, case.steps)
-            found["transpose_events" if item.positions is not None else "input_events"] += len(
-                events
-            )
-            found["events_dropped"] += int(case.spikes[item.stream][recording].sum()) - len(events)
+            events = played(case.graph, item, phase, rows_by_stream, case.steps)
+            kind = "input_events" if item.positions is None else "transpose_events"
+            counts[kind] += len(events)
+            counts["events_dropped"] += int(rows_by_stream[item.stream].sum()) - len(events)
             sent += [(item.name, line, step) for step, line in events]
         for name in program.columns_of(phase.name).keys() & program.spiking:
             fired = [(name, i, step) for step, i in np.argwhere(spikes[name][recording]).tolist()]
-            found["spikes"] += len(fired)
+            counts["spikes"] += len(fired)
             sent += fired
-        found["neuron_updates"] += (end - begin) * sum(
-            program.populations[n] for n in program.columns_of(phase.name)
-        )
-        found["aligned_steps"] += touch
+        compartments = sum(program.populations[name] for name in program.columns_of(phase.name))
+        counts["neuron_updates"] += (end - begin) * compartments
+        counts["aligned_steps"] += touch
         for source, i, step in sent:
-            reached_cores: set[int] = set()
+            target_cores: set[int] = set()
             for synapses in case.graph.synapses:
-                if synapses.source == source:
-                    reached = np.flatnonzero(synapses.source_index == i)
-                    found["synaptic_ops"] += len(reached)
-                    found["synaptic_ops_after_end"] += int(
-                        (step + 1 + synapses.delay[reached] >= end).sum()
-                    )
-                    reached_cores |= {
-                        core_of[synapses.target, j].number
-                        for j in synapses.target_index[reached].tolist()
-                    }
-            _send(program, core_of.get((source, i)), sorted(reached_cores), found)
-    return found
+                if synapses.source != source:
+                    continue
+                of_source = np.flatnonzero(synapses.source_index == i)
+                acts_in_step = step + 1 + synapses.delay[of_source]
+                counts["synaptic_ops"] += len(of_source)
+                counts["synaptic_ops_after_end"] += int((acts_in_step >= end).sum())
+                for target in synapses.target_index[of_source].tolist():
+                    target_cores.add(core_of[synapses.target, target].number)
+            _count_packets(program, core_of.get((source, i)), sorted(target_cores), counts)
+    return counts
 
 
-def _send(
-    program: hw.ChipProgram, sender: Core | None, targets: list[int], found: Counter[str]
+def _count_packets(
+    program: hw.ChipProgram, sender: Core | None, target_cores: list[int], counts: Counter[str]
 ) -> None:
-    """Count packets to cores by number, and their hops; a spike of no sender comes from outside."""
+    """Add the packets of one spike, one per target core, and their hops; input events have no sending core."""
     if sender is None:
-        found["input_packets"] += len(targets)
+        counts["input_packets"] += len(target_cores)
         return
-    for number in targets:
-        x, y = program.chip.hops(sender.slot, program.cores[number].slot)
-        found += Counter(
-            {"axon_packets": 1, "packets_within_tile": x + y == 0, "hops_x": x, "hops_y": y}
-        )
+    for number in target_cores:
+        hops_x, hops_y = program.chip.hops(sender.slot, program.cores[number].slot)
+        counts["axon_packets"] += 1
+        counts["packets_within_tile"] += hops_x + hops_y == 0
+        counts["hops_x"] += hops_x
+        counts["hops_y"] += hops_y

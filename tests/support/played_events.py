@@ -1,6 +1,6 @@
-"""Which steps of a phase run, and which spikes reach its lines in them: event by event, from the graph alone.
+"""Work out which steps of a phase run and which events reach its input lines, event by event, from the graph alone.
 
-Shares no code with what plays recordings in ``hw_model``.
+This is the independent answer for the parts of ``hw_model`` that play recordings, with which it shares no code.
 """
 
 from __future__ import annotations
@@ -16,16 +16,18 @@ Recording = Mapping[str, np.ndarray]
 
 
 def inputs_of(graph: CompartmentGraph, phase: Phase) -> list[Input]:
-    """The inputs that a phase hears."""
+    """Return the inputs of a phase."""
     return [item for item in graph.inputs if item.phase == phase.name]
 
 
 def extent(
     graph: CompartmentGraph, phase: Phase, recording: Recording, steps: int | None
 ) -> tuple[int, int, int]:
-    """The first row of the touch, and the first step that a phase runs and the one after its last.
+    """Return the first row of the touch, the first step that a phase runs, and the step after its last.
 
-    ``steps`` are asked for, of phases that do not say theirs.
+    The touch is the first row with ``phase.align_events`` events. A time phase skips the rows before it; a location phase
+    runs all its steps, but its lines count rows from the touch on. ``steps`` is the length of phases that do not state
+    theirs.
     """
     rows = len(next(iter(recording.values())))
     length = _length(graph, phase, rows, steps)
@@ -34,13 +36,16 @@ def extent(
     touch = _first_touch(graph, phase, recording, rows)
     if phase.axis == "location":
         return touch, 0, length
-    last = max(length, rows)
-    begin = touch if touch < rows else last
-    return touch, begin, min(begin + length, last)
+    end_of_rows = max(length, rows)
+    begin = touch if touch < rows else end_of_rows  # without a touch no step runs
+    return touch, begin, min(begin + length, end_of_rows)
 
 
 def rows_of(graph: CompartmentGraph, phase: Phase, rows: int, steps: int | None) -> int:
-    """Rows that registers are kept for: steps, and those of the recording where a touch begins the phase."""
+    """Return the number of rows of a phase's recorded registers.
+
+    A time phase that a touch begins has at least the rows of the recording, since its steps keep their row numbers.
+    """
     length = _length(graph, phase, rows, steps)
     if phase.align_events is not None and phase.axis == "time":
         return max(length, rows)
@@ -48,18 +53,23 @@ def rows_of(graph: CompartmentGraph, phase: Phase, rows: int, steps: int | None)
 
 
 def _length(graph: CompartmentGraph, phase: Phase, rows: int, steps: int | None) -> int:
-    """Steps of a phase: its own, those asked for, or what its rows and visits need."""
-    if phase.steps or steps:
-        return phase.steps or steps
-    visits = [item.positions for item in inputs_of(graph, phase)]
-    return max(rows if at is None else int(max(at)) + 1 for at in visits)
+    """Return the steps of a phase: its own, else the given ones, else as many as its rows and visits need."""
+    if phase.steps:
+        return phase.steps
+    if steps:
+        return steps
+    steps_needed = []
+    for item in inputs_of(graph, phase):
+        steps_needed.append(rows if item.positions is None else int(max(item.positions)) + 1)
+    return max(steps_needed)
 
 
 def _first_touch(graph: CompartmentGraph, phase: Phase, recording: Recording, rows: int) -> int:
-    """The first row in which the streams of a phase have enough events together."""
+    """Return the first row in which the streams of a phase together have enough events, or the number of rows."""
     streams = {item.stream for item in inputs_of(graph, phase)}
     for row in range(rows):
-        if sum(int(recording[name][row].sum()) for name in streams) >= phase.align_events:
+        events_in_row = sum(int(recording[name][row].sum()) for name in streams)
+        if events_in_row >= phase.align_events:
             return row
     return rows
 
@@ -67,15 +77,21 @@ def _first_touch(graph: CompartmentGraph, phase: Phase, recording: Recording, ro
 def played(
     graph: CompartmentGraph, item: Input, phase: Phase, recording: Recording, steps: int | None
 ) -> list[tuple[int, int]]:
-    """Step and line of every event that an input plays."""
+    """Return (step, line) of every event of a recording that an input plays.
+
+    A direct input plays a row per step. A transposed input plays a channel c at step ``positions[c]``: row number r,
+    counted from the touch, on line ``first_lines[c] + r``. Rows for which it has no lines are dropped.
+    """
     touch, begin, end = extent(graph, phase, recording, steps)
     events = np.argwhere(recording[item.stream]).tolist()
     if item.positions is None:
         return [(row, channel) for row, channel in events if begin <= row < end]
-    first = [0] * item.channels if item.first_lines is None else item.first_lines.tolist()
-    lines = [(int(item.positions[c]), first[c] + row - touch, row - touch) for row, c in events]
-    return [
-        (step, line)
-        for step, line, row in lines
-        if step < end and 0 <= row < item.size - max(first)
-    ]
+    first_lines = [0] * item.channels if item.first_lines is None else item.first_lines.tolist()
+    rows_heard = item.size - max(first_lines)
+    steps_and_lines = []
+    for row, channel in events:
+        step = int(item.positions[channel])
+        row_since_touch = row - touch
+        if step < end and 0 <= row_since_touch < rows_heard:
+            steps_and_lines.append((step, first_lines[channel] + row_since_touch))
+    return steps_and_lines

@@ -1,4 +1,4 @@
-"""Random programs of a mesh, which use all that a compartment and a synapse can be."""
+"""Random programs of one phase with all parameters of compartments and synapses, from a seed."""
 
 from __future__ import annotations
 
@@ -11,11 +11,18 @@ from hw_model.arithmetic.fixed_point import weight_grid
 from tests.support.hybrids import CHIP
 
 SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=5))
-"""Cores of five compartments: the same programs spread over many cores."""
+"""A chip with five compartments per core, on which the same programs take many cores."""
 
 
 def random_program(seed: int, chip: hw.Chip = CHIP):
-    """A random program of two populations, a joined dendrite, recurrence, delays and all weight formats."""
+    """Draw a program of two populations and a joined dendrite with recurrence, delays and all weight formats.
+
+    In half of the programs biases and weights are so large that registers wrap and clip.
+
+    Returns:
+        The program, its graph, its connections (source, target, weights, delay and exponent of each call of ``connect``),
+        and a recording (steps, channels).
+    """
     r = np.random.default_rng(seed)
     big = bool(r.integers(2))
     builder = hw.ProgramBuilder(chip)
@@ -27,7 +34,7 @@ def random_program(seed: int, chip: hw.Chip = CHIP):
     }
     sizes = {"h": 6, "h/dendrite": 6, "y": 3}
     for name, size in sizes.items():
-        given_parameters = {
+        parameters = {
             "decay_u": r.choice([0, 1, 390, 1024, 4095, 4096], size),
             "decay_v": r.choice([0, 1, 128, 2589, 4095, 4096], size),
             "threshold": r.choice([0, 1, 300, 5000, 131071 if big else 800], size),
@@ -36,7 +43,7 @@ def random_program(seed: int, chip: hw.Chip = CHIP):
         }
         parent = "h" if name == "h/dendrite" else None
         nodes[name] = builder.add_compartments(
-            name, size, **given_parameters, **limits, joined_to=nodes[parent] if parent else None
+            name, size, **parameters, **limits, joined_to=nodes[parent] if parent else None
         )
     for source, target in (
         ("x", "h"),

@@ -1,4 +1,7 @@
-"""Random networks of SpiNNaker: small ones in which all happens that its arithmetic distinguishes."""
+"""Small random networks of SpiNNaker that reach every case of its arithmetic: wraps, saturation, exact thresholds.
+
+Parameters are stored in s16.15: 32 bits with a sign, in units of 2^-15.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,15 @@ from hw_model.spinnaker.network import (
 ROWS = 40
 PHASE = "run"
 LARGEST = HALF_SPAN / ONE
-"""Magnitude that s16.15 does not reach."""
+"""The first magnitude that s16.15 does not reach."""
 
 
 class Case(NamedTuple):
-    """A network of one phase, and what is played to it."""
+    """A network of one phase, and its input.
+
+    ``spikes`` are (rows, lines); ``lateness`` (rows, sources) is by how many steps a core is behind with the spikes of a
+    source, a line or a neuron.
+    """
 
     network: SpinnakerNetwork
     spikes: np.ndarray
@@ -48,6 +55,7 @@ def random_case(seed: int) -> Case:
 
 
 def _population(r: np.random.Generator, name: str) -> SpinnakerPopulation:
+    """Draw a population; sizes are below, between and above the neurons that a core holds."""
     size = int(r.choice([1, 3, 17, 40]))
     draw = r.choice([_usual, _wide, _integers])
     return SpinnakerPopulation(
@@ -61,7 +69,7 @@ def _population(r: np.random.Generator, name: str) -> SpinnakerPopulation:
 
 
 def _usual(r: np.random.Generator, size: int) -> Parameters:
-    """Draw what scripts of PyNN have."""
+    """Draw parameters as PyNN scripts have them."""
     return Parameters(
         tau_m=_stored(r.uniform(1, 100, size)),
         c_m=_stored(r.uniform(0.1, 5, size)),
@@ -76,14 +84,14 @@ def _usual(r: np.random.Generator, size: int) -> Parameters:
 
 
 def _wide(r: np.random.Generator, size: int) -> Parameters:
-    """Draw all that a core can hold, so that constants and sums wrap."""
+    """Draw parameters from all that a core can store, so that constants and sums wrap."""
     most = LARGEST - 1
+    # On either side of the time constants at which a decay, or the factor of a synapse, becomes 0, 1 or wraps.
+    synaptic_times = [1e-4, 0.09, 0.2, 5.0, 900.0, 5450.0, 32768.0, 40000.0]
     return Parameters(
         tau_m=_stored(10 ** r.uniform(-4, 4.8, size)),
         c_m=_stored(10 ** r.uniform(-4, 3, size)),
-        tau_syn=_stored(
-            r.choice([1e-4, 0.09, 0.2, 5.0, 900.0, 5450.0, 32768.0, 40000.0], (size, 2))
-        ),
+        tau_syn=_stored(r.choice(synaptic_times, (size, 2))),
         v_rest=_stored(r.uniform(-most, most, size)),
         v_reset=_stored(r.uniform(-most, most, size)),
         v_thresh=_stored(r.uniform(-most, most, size)),
@@ -110,8 +118,9 @@ def _integers(r: np.random.Generator, size: int) -> Parameters:
 
 
 def _stored(values: np.ndarray) -> np.ndarray:
-    """Return numbers as SpiNNaker stores them, in units of 2^-15; no positive one becomes 0."""
-    return np.maximum(np.rint(values * ONE), np.where(values > 0, 1, -HALF_SPAN)).astype(np.int64)
+    """Return numbers as SpiNNaker stores them, in units of 2^-15; positive numbers stay positive."""
+    lowest = np.where(values > 0, 1, -HALF_SPAN)
+    return np.maximum(np.rint(values * ONE), lowest).astype(np.int64)
 
 
 def _projections(

@@ -1,6 +1,6 @@
-"""Where the public touch recordings are, and the mark of tests that play them.
+"""The folder of the public touch recordings, and the mark of tests that need them.
 
-Without them such tests are skipped by name. ``LOCSNN_REQUIRE_DATA=1``, as CI sets it, lets them run and fail instead.
+Where the folder is missing, such tests are skipped. With ``LOCSNN_REQUIRE_DATA=1``, which CI sets, they fail instead.
 """
 
 import os

@@ -1,4 +1,7 @@
-"""What a session has to say after every step, from whole runs; and a program for recordings of any length."""
+"""Check what a session reports after every step against whole runs, and a program for recordings of any length.
+
+A session (``hw_model/streaming``) takes a recording row by row, and reports scores after each row.
+"""
 
 from __future__ import annotations
 
@@ -28,27 +31,29 @@ def joined_scores(parts: Sequence[hw.StepScores]) -> hw.StepScores:
 
 
 def cut_after_every_step(recording: np.ndarray) -> np.ndarray:
-    """The recording up to every step, followed by silence: (steps, steps, channels)."""
-    until = np.tri(len(recording), dtype=np.uint8)
-    return until[:, :, None] * recording
+    """Return copies of a recording, number t cut to silence after step t: (steps, steps, channels)."""
+    up_to_step = np.tri(len(recording), dtype=np.uint8)
+    return up_to_step[:, :, None] * recording
 
 
 def largest_potential_so_far(potential: np.ndarray, first: int) -> np.ndarray:
-    """The largest of each column up to every step (steps, n), from step ``first`` on, and 0 before that."""
-    return np.stack([potential[first : t + 1].max(axis=0, initial=-(2**40)) if t >= first else 0 * potential[t]
-                     for t in range(len(potential))])  # fmt: skip
+    """Return the largest potential of each neuron from step ``first`` to every step (steps, n), and 0 before that."""
+    largest = np.zeros_like(potential)
+    largest[first:] = np.maximum.accumulate(potential[first:], axis=0)
+    return largest
 
 
 def check_session_after_every_step(
     program: hw.ChipProgram, recording: np.ndarray, session_scores
 ) -> None:
-    """Check what a session said after every step (:class:`hw.StepScores`) against whole runs of the reference.
+    """Check what a session reported after every step (:class:`hw.StepScores`) against whole runs of the reference.
 
-    Populations of a time phase have the spikes up to the step; those of a location phase have what a run gives of the
-    recording up to the step, with silence after it. Where potentials predict, it is the largest of them.
+    Populations of a time phase have their spikes up to the step. Populations of a location phase have the spikes of a
+    run of the recording up to the step, with silence after it. Where potentials predict, the largest potential counts
+    instead of the spikes.
     """
     whole = hw.simulate(program, recording, probe=("spikes", "potential"))
-    again = hw.simulate(program, cut_after_every_step(recording), probe=("spikes", "potential"))
+    cut = hw.simulate(program, cut_after_every_step(recording), probe=("spikes", "potential"))
     expected = np.zeros_like(session_scores.scores)
     axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
     for name, weight in program.readout.terms:
@@ -56,28 +61,25 @@ def check_session_after_every_step(
         if first is not None:
             counts = largest_potential_so_far(whole.potential[name][: len(recording)], first)
             if axis[name] == "location":
-                counts = np.stack(
-                    [largest_potential_so_far(one, first)[-1] for one in again.potential[name]]
-                )
+                largest = [largest_potential_so_far(run, first)[-1] for run in cut.potential[name]]
+                counts = np.stack(largest)
         elif axis[name] == "time":
             counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
         else:
-            counts = again.spikes[name].sum(axis=1, dtype=np.int64)
-        assert np.array_equal(
-            (session_scores.spikes if first is None else session_scores.potential)[name], counts
-        ), name
+            counts = cut.spikes[name].sum(axis=1, dtype=np.int64)
+        reported = session_scores.spikes if first is None else session_scores.potential
+        assert np.array_equal(reported[name], counts), name
         expected += weight * counts
     assert np.array_equal(session_scores.scores, expected)
     assert np.array_equal(session_scores.scores[-1], whole.scores)
     assert np.array_equal(session_scores.prediction, expected.argmax(axis=1))
     ordered = np.sort(expected, axis=1)
-    assert np.array_equal(
-        session_scores.lead, ordered[:, -1] - (ordered[:, -2] if expected.shape[1] > 1 else 0)
-    )
+    second_best = ordered[:, -2] if expected.shape[1] > 1 else 0
+    assert np.array_equal(session_scores.lead, ordered[:, -1] - second_best)
 
 
 def live_program() -> hw.ChipProgram:
-    """One live phase with recurrence, a delay and a bias, which a recording of any length can be played to."""
+    """Return a program of one time phase without a fixed length, with recurrence, a delay and a bias."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("touch", 6)
     h = builder.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=1000, refractory=3)

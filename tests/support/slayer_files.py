@@ -1,11 +1,16 @@
-"""slayerPytorch checkpoints and their YAML, as its modules save them; its forward pass in plain numpy."""
+"""Write slayerPytorch checkpoints and their YAML as its modules save them, and run its forward pass in plain numpy.
+
+slayerPytorch's spike response neurons filter spikes by a kernel (alpha function) of time constant tauSr, and add a
+refractory kernel of tauRef after each of their own spikes.
+"""
 
 import numpy as np
 import torch
 import yaml
 
 SMALLEST = 0.01
-"""slayerPytorch ends a kernel at the first lag beyond tau whose magnitude is below this."""
+"""slayerPytorch ends a kernel at the first lag beyond tau at which its magnitude is below this."""
+# The neuron of Kang et al., IJCNN 2022. The rho entries shape gradients only.
 SRM = {
     "type": "SRMALPHA",
     "theta": 10.0,
@@ -28,7 +33,7 @@ LOIHI = {
 
 
 def kernel(tau, factor):
-    """slayerPytorch's _calculateAlphaKernel with a Ts of 1, for time constants whose kernels end within 1,000 steps."""
+    """Return the taps of slayerPytorch's _calculateAlphaKernel with a Ts of 1, for kernels that end within 1,000 steps."""
     taps = []
     for t in range(1000):
         value = factor * t / tau * np.exp(1 - t / tau)
@@ -39,16 +44,19 @@ def kernel(tau, factor):
 
 
 def write(folder, weights, neuron=SRM, steps=60, extra=None, **more):
-    """Write model.pt and net.yaml; ``weights`` (out, in) by layer; ``extra`` tensors as they are."""
+    """Write model.pt and net.yaml to a folder, and return their paths.
+
+    ``weights`` (out, in) are by layer name; ``extra`` tensors are added to the checkpoint, ``more`` entries to the YAML.
+    slayerPytorch's layers are 3-d convolutions over (height, width, time), hence the additional axes of length 1.
+    """
     state = {}
     if neuron["type"] == "SRMALPHA":
-        for name, tau, factor in (
-            ("srmKernel", neuron["tauSr"], 1),
-            ("refKernel", neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"]),
-        ):
-            state[f"slayer.{name}"] = (
-                torch.tensor(kernel(tau, factor)).float().reshape(1, 1, 1, 1, -1)
-            )
+        kernels = {
+            "srmKernel": kernel(neuron["tauSr"], 1),
+            "refKernel": kernel(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"]),
+        }
+        for name, taps in kernels.items():
+            state[f"slayer.{name}"] = torch.tensor(taps).float().reshape(1, 1, 1, 1, -1)
     for name, weight in weights.items():
         state[f"{name}.weight"] = torch.tensor(weight).float()[..., None, None, None]
     torch.save(state | (extra or {}), folder / "model.pt")
@@ -70,7 +78,7 @@ def write(folder, weights, neuron=SRM, steps=60, extra=None, **more):
 def srm_layer(weight, spikes, neuron=SRM, full=True):
     """Return the spikes (steps, out) of a layer, in slayer's order: filter the input, weigh it, spike.
 
-    Kernels are ``full``, with their tails, or end where slayerPytorch ends them.
+    With ``full`` kernels have their whole tails; otherwise they end where slayerPytorch ends them.
     """
     steps = len(spikes)
     k = np.arange(steps)
@@ -80,23 +88,27 @@ def srm_layer(weight, spikes, neuron=SRM, full=True):
             return factor * k / tau * np.exp(1 - k / tau)
         return np.pad(kernel(tau, factor), (0, steps))[:steps]
 
-    eps = taps(neuron["tauSr"], 1.0)
-    nu = taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"])
-    filtered = np.array([sum(eps[t - s] * spikes[s] for s in range(t + 1)) for t in range(steps)])
+    response = taps(neuron["tauSr"], 1.0)
+    refractory = taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"])
+    filtered = np.zeros(np.shape(spikes))
+    for t in range(steps):
+        filtered[t] = sum(response[t - s] * spikes[s] for s in range(t + 1))
     u = filtered @ weight.T
     out = np.zeros((steps, len(weight)))
     for t in range(steps):
         out[t] = u[t] >= neuron["theta"]
-        u[t:] += nu[: steps - t, None] * out[t]
+        u[t:] += refractory[: steps - t, None] * out[t]
     return out
 
 
 def normal_weights(outs, ins, mean=1.0):
-    """Return weights (outs, ins) that single precision holds, with a standard deviation of 2."""
-    rng = np.random.default_rng((4, outs, ins))  # alike in whichever order the tests run
+    """Return random weights (outs, ins) with a standard deviation of 2, whose values single precision holds exactly."""
+    rng = np.random.default_rng(
+        (4, outs, ins)
+    )  # seeded here, so that they do not depend on the order of the tests
     return rng.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
 
 
 def sparse_spikes(lines, steps=60, rate=0.15):
-    """Return spikes (steps, lines) of 0 and 1: in each step, each line spikes with a chance of ``rate``."""
+    """Return random spikes (steps, lines) of 0 and 1; each line spikes in a step with probability ``rate``."""
     return (np.random.default_rng(8).random((steps, lines)) < rate).astype(np.uint8)

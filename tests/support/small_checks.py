@@ -1,4 +1,8 @@
-"""What the checks of the small report found: error budget, margins, and figures over time."""
+"""Entries of the small report about checks: error budget, margins, figures over time, overflows, and bounds.
+
+The small report is a report.json by hand, whose numbers are so simple that tests can follow them to the page. Each
+function returns one entry, as ``locsnn_compile/report/figures`` describes it.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,10 @@ from typing import Any
 
 
 def error_budget() -> dict[str, Any]:
-    """Two stages, of which one explains most of the difference."""
+    """Five sources of error, of which rounded weights explain most of the difference between chip and trained network.
+
+    ``alone`` has one source of error at a time, ``all_but`` all except one.
+    """
 
     def deviation(agreement: float, mismatches: int, changed: int) -> dict[str, Any]:
         spikes = {"spike_agreement": agreement, "spike_mismatches": mismatches}
@@ -42,7 +49,7 @@ def error_budget() -> dict[str, Any]:
 
 
 def margins() -> dict[str, Any]:
-    """Bins from a thousandth of a threshold to ten, one a decade."""
+    """Distances from the threshold in four bins, from a thousandth of a threshold to ten, one per decade."""
     population = {
         "neuron_steps": 1000,
         "nearest": {"0.001": 0.0021, "0.01": 0.019, "0.5": 1.0},
@@ -110,7 +117,7 @@ def over_time() -> dict[str, Any]:
 
 
 def overflows() -> dict[str, Any]:
-    """Four clips in two recordings that change a spike, and a setting without any."""
+    """Four clips in two recordings, which change a spike, and another setting of the compiler without clips."""
     taken = {
         "strategy": "dendrite",
         "weight_bits": 8,
@@ -151,7 +158,7 @@ def overflows() -> dict[str, Any]:
 
 
 def bounds_at(events: int, step_ns: float) -> dict[str, Any]:
-    """Bounds at a rate of events; no link carries a packet."""
+    """Bounds of a step, an answer and a recording at a rate of events; no packet queues, so its share is undefined."""
 
     def bounded(bound: float, measured: float) -> dict[str, float | None]:
         return {"bound": bound, "measured": measured, "share": measured / bound if bound else None}
@@ -167,7 +174,7 @@ def bounds_at(events: int, step_ns: float) -> dict[str, Any]:
 
 
 def bounds() -> dict[str, Any]:
-    """Bounds at three events a step, and with all five channels."""
+    """Bounds at three events per step, and at five: all channels at once."""
     return {
         "channels": 5,
         "as_recorded": bounds_at(3, 40_000.0),

@@ -1,4 +1,4 @@
-"""The small report as the types that sections take."""
+"""Convert the small report, a document by hand, to the types that the report's sections take."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from locsnn_compile.report.sections.verdict import costs
 
 
 def figures(document: dict[str, Any]) -> ReportFigures:
+    """Return a report.json as its type."""
     return typed(ReportFigures, document)
 
 

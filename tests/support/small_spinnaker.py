@@ -1,4 +1,4 @@
-"""Small networks of SpiNNaker for tests, by hand."""
+"""Small networks of SpiNNaker, by default one neuron behind one input line, for results that tests work out by hand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hw_model.spinnaker.network import (
 
 
 def parameters(size: int = 1, **changes: float) -> Parameters:
-    """Return equal neurons, given in units of PyNN."""
+    """Return the stored parameters of equal neurons, given in the units of PyNN: ms, nF, mV and nA."""
     usual = {
         "tau_m": 10.0,
         "c_m": 1.0,
@@ -33,7 +33,7 @@ def parameters(size: int = 1, **changes: float) -> Parameters:
 
 
 def population(name: str = "cells", size: int = 1, **changes: object) -> SpinnakerPopulation:
-    """Return neurons on one core with eight slots."""
+    """Return neurons on one core, whose delays have eight slots."""
     usual = {
         "name": name,
         "phase": "run",
@@ -46,7 +46,7 @@ def population(name: str = "cells", size: int = 1, **changes: object) -> Spinnak
 
 
 def projection(*synapses: tuple[int, int, int, int], **changes: object) -> SpinnakerProjection:
-    """Return synapses (source, target, weight, delay) that excite."""
+    """Return excitatory synapses, given as rows (source, target, weight, delay)."""
     source, target, weight, delay = np.array(synapses, dtype=np.int64).reshape(-1, 4).T
     usual = {
         "source": "lines",

@@ -1,4 +1,4 @@
-"""Graphs of single compartments for tests of the lowering, by hand."""
+"""Small graphs of single compartments, for tests of the lowering from such graphs to networks of SpiNNaker."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ LAST = (1 << 23) - 1
 
 
 def cells(size: int = 1, **changes: object) -> Compartments:
-    """Return leaky compartments that are read in phase ``time``.
+    """Return leaky compartments of phase ``time``.
 
-    Their decays, 379 and 401 of 4096, are the two that stand for a time constant of 10 steps where decays are fitted.
+    Their decays, 379 and 401 in 4096ths, are those that the fit of decays gives for two time constants of 10 steps.
     """
     usual = {
         "name": "cells",
@@ -32,7 +32,7 @@ def cells(size: int = 1, **changes: object) -> Compartments:
 
 
 def synapses(weights: object, **changes: object) -> Synapses:
-    """Return a synapse for each weight (targets, sources) but 0, with mantissas of its value."""
+    """Return a synapse for each weight of a matrix (targets, sources) that is not 0, ordered by source, then target."""
     target, source = np.nonzero(np.asarray(weights))
     order = np.lexsort((target, source))
     usual = {
@@ -50,7 +50,7 @@ def synapses(weights: object, **changes: object) -> Synapses:
 
 
 def graph(*parts: Synapses, lines: int = 1, **changes: object) -> CompartmentGraph:
-    """Return a graph of some lines and one group, ``cells``, with these synapses."""
+    """Return a graph of ``lines`` input lines and one group ``cells``, with these synapses or one of weight 100."""
     usual = {
         "name": "small",
         "phases": (Phase("time", "time", None),),

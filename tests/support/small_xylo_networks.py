@@ -1,4 +1,4 @@
-"""Small networks of leaky neurons that fit a Xylo, made by hand from one seed."""
+"""Small networks of leaky neurons with random weights that fit on a Xylo, and recordings for them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ TIME = "time"
 
 
 def soft(size: int, decay_u: float, decay_v: float, threshold: float) -> lc.SoftCuba:
-    """Neurons whose spikes subtract the threshold at once."""
+    """Return neurons whose spikes subtract the threshold in the same step.
+
+    ``drop`` is subtracted one step later, when a potential has decayed once, hence the factor.
+    """
     drop = (1 - decay_v) * threshold
     return lc.SoftCuba.of(size, decay_u=decay_u, decay_v=decay_v, threshold=threshold, drop=drop)
 
@@ -22,7 +25,7 @@ def network(
     projections: tuple[lc.Projection, ...],
     **changes: object,
 ) -> lc.Network:
-    """A network of these populations behind one input; the last one is read out."""
+    """Return a network of these populations with one input; the last population is read out."""
     parts: dict[str, object] = {
         "name": "small",
         "channels": INPUTS,
@@ -37,7 +40,7 @@ def network(
 
 
 def small_network(threshold: float = 5.0, **changes: object) -> lc.Network:
-    """Two hidden layers, of which the first hears itself, and outputs: 16, 12, 8 and 4 neurons."""
+    """Return 16 inputs, hidden layers of 12 neurons (with recurrence) and 8, and 4 outputs."""
     r = np.random.default_rng(5)
     populations = (
         lc.Population("first", TIME, 12, soft(12, 0.25, 0.125, threshold)),
@@ -54,12 +57,15 @@ def small_network(threshold: float = 5.0, **changes: object) -> lc.Network:
 
 
 def busy_network() -> lc.Network:
-    """The same with a low threshold: neurons would spike more than once in a step, and excite themselves."""
+    """Return the small network with a low threshold, at which neurons would spike more than once in a step.
+
+    On Xylo they do, and registers saturate.
+    """
     return small_network(threshold=1.0)
 
 
 def memoryless_network() -> lc.Network:
-    """Neurons of a current alone, as NIR's LIF with --reset subtract, one of which has a bias."""
+    """Return neurons whose potential keeps nothing (a decay of 1), as NIR's LIF nodes become, with biases."""
     r = np.random.default_rng(6)
     hidden = lc.Cuba.of(
         10, decay_u=0.25, decay_v=1.0, threshold=1.0, bias=np.linspace(-0.2, 0.4, 10)
@@ -84,6 +90,6 @@ NETWORKS = {
 
 
 def touches(samples: int = 6, rate: float = 0.15) -> np.ndarray:
-    """Recordings (samples, steps, channels)."""
+    """Return random recordings (samples, steps, channels)."""
     r = np.random.default_rng(7)
     return (r.random((samples, STEPS, INPUTS)) < rate).astype(np.uint8)

@@ -1,4 +1,7 @@
-"""Torch's files for tests: written by torch, or by hand as it once wrote them, and read without torch."""
+"""Write files of torch, by torch itself or by hand in torch's old format, and read them with the project's reader.
+
+The reader (``locsnn_compile/data/torch_file.py``) needs no torch and runs no code of the file.
+"""
 
 import io
 import pickle
@@ -14,7 +17,7 @@ from locsnn_compile.errors import InputError
 
 
 def saved(value, *, archive=True, place="cpu"):
-    """Return the file of a value as torch writes it, from a GPU where ``place`` says that."""
+    """Return the bytes that torch saves for a value; ``place`` is the device that the file names, such as ``cuda:0``."""
     stream = io.BytesIO()
     with mock.patch("torch.serialization.location_tag", return_value=place):
         torch.save(value, stream, _use_new_zipfile_serialization=archive)
@@ -22,40 +25,48 @@ def saved(value, *, archive=True, place="cpu"):
 
 
 def read(data):
+    """Return the value of a file by the project's reader."""
     return load_plain(data, "file 'a.pt'", fix="Write it again.")
 
 
 def refusal(data):
-    with pytest.raises(InputError) as caught:
+    """Return the message with which the project's reader refuses a file."""
+    with pytest.raises(InputError) as error:
         read(data)
-    return str(caught.value)
+    return str(error.value)
 
 
 PERSISTENT = "persistent"
 
 
 class Pickler(pickle.Pickler):
-    """Writes tuples that begin with :data:`PERSISTENT` as persistent ids, which is how torch names storages."""
+    """Writes tuples that begin with :data:`PERSISTENT` as persistent ids, by which torch refers to storages (arrays)."""
 
-    def persistent_id(self, held):
-        return held[1:] if isinstance(held, tuple) and held[:1] == (PERSISTENT,) else None
+    def persistent_id(self, value):
+        is_persistent = isinstance(value, tuple) and value[:1] == (PERSISTENT,)
+        return value[1:] if is_persistent else None
 
 
 def old_file(value, keys=None, *, protocol=1001):
-    """Return a file of the old format, whose storages are given by their persistent ids."""
+    """Return a file of torch's old format.
 
+    It holds five pickles (a magic number, the protocol, the byte order, the value, the keys of the storages), then for
+    each storage its length and its numbers. ``keys`` are pairs of (key, array).
+    """
+    magic_number = 0x1950A86A20F9469CFC6C
+    storages = keys or []
     stream = io.BytesIO()
-    for part in (0x1950A86A20F9469CFC6C, protocol, {"little_endian": True}):
-        pickle.dump(part, stream, protocol=2)
+    for header in (magic_number, protocol, {"little_endian": True}):
+        pickle.dump(header, stream, protocol=2)
     Pickler(stream, protocol=2).dump(value)
-    pickle.dump([key for key, _ in keys or []], stream, protocol=2)
-    for _, numbers in keys or []:
+    pickle.dump([key for key, _ in storages], stream, protocol=2)
+    for _, numbers in storages:
         stream.write(struct.pack("<q", len(numbers)) + numbers.tobytes())
     return stream.getvalue()
 
 
 class Rebuilt:
-    """Pickles as a call of one of torch's functions."""
+    """An object that is pickled as a call of a function, such as torch's functions that rebuild tensors."""
 
     def __init__(self, function, *arguments):
         self.call = function, arguments
@@ -68,4 +79,5 @@ NUMBERS = np.arange(5, dtype=np.float32)
 
 
 def whole(*part):
+    """Return the persistent id of a storage with key "7" and five numbers, or of a ``part`` (key, offset, length) of it."""
     return PERSISTENT, "storage", torch.FloatStorage, "7", "cuda:0", 5, *(part or (None,))

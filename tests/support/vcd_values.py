@@ -1,4 +1,4 @@
-"""Value change dumps, read back by the reader of pyvcd."""
+"""Read value change dumps (VCD waveform files) with pyvcd, to compare them with registers of the simulator."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from vcd.reader import TokenKind, tokenize
 
 
 def read_vcd(content):
-    """Return ``{path: [(time, text of the value)]}`` and the last time."""
-    paths, scopes, codes, time = {}, [], {}, 0
+    """Return the changes of each signal as ``{path: [(time, value)]}``, and the last time.
+
+    Vectors of fewer than 32 bits are read as two's complement; pyvcd gives them without a sign.
+    """
+    paths = {}
+    scopes = []
+    codes = {}
+    time = 0
     for token in tokenize(io.BytesIO(content)):
         if token.kind is TokenKind.SCOPE:
             scopes.append(token.scope.ident)
@@ -26,12 +32,8 @@ def read_vcd(content):
             change = token.data
             path, size = codes[change.id_code]
             value = change.value
-            if (
-                token.kind is TokenKind.CHANGE_VECTOR
-                and isinstance(value, int)
-                and size < 32
-                and value >> size - 1
-            ):
+            is_number = token.kind is TokenKind.CHANGE_VECTOR and isinstance(value, int)
+            if is_number and size < 32 and value >> size - 1:
                 value -= 1 << size
             paths[path].append((time, value))
     assert not scopes
@@ -39,10 +41,11 @@ def read_vcd(content):
 
 
 def values_by_step(changes, start, steps):
-    """Return a signal step by step, from its changes."""
-    found, at = [], dict(changes)
+    """Return the value of a signal in each step from ``start`` on, from its changes; a step is a unit of time."""
+    value_at_time = dict(changes)
+    values = []
     value = None
     for time in range(start + steps):
-        value = at.get(time, value)
-        found.append(value)
-    return [int(value) for value in found[start:]]
+        value = value_at_time.get(time, value)
+        values.append(value)
+    return [int(value) for value in values[start:]]

@@ -1,4 +1,7 @@
-"""Networks of Xylo and what a witness says of them, as arrays by ``number/name`` in a file."""
+"""Exchange networks of Xylo with a witness: another program that runs them, as xylosim.
+
+Networks and results are arrays in files, see :mod:`tests.support.numbered_arrays`.
+"""
 
 from __future__ import annotations
 
@@ -9,37 +12,25 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
+from tests.support import numbered_arrays
 
 XYLO = Path(__file__).parents[1] / "xylo"
 RECORDED = XYLO / "recorded-by-xylosim.npz"
-"""Twelve networks, their inputs, and what xylosim 0.1.3 did: ``python -m tests.xylo.record`` writes it."""
+"""Twelve networks, their inputs, and the registers of xylosim 0.1.3; ``python -m tests.xylo.record`` writes it."""
 RECORDED_COMPILED = XYLO / "compiled-by-xylosim.npz"
-"""Networks that the compiler made, recordings, and what xylosim 0.1.3 did with them, by ``record.py`` as well."""
+"""Networks that the compiler wrote, recordings, and the registers of xylosim 0.1.3; ``record.py`` writes it as well."""
 REGISTERS = ("spikes", "output_spikes", "i", "v", "output_i", "output_v")
 
 
 def write_networks(path: Path, cases: Iterable[tuple[XyloNetwork, np.ndarray]]) -> None:
-    """Write networks and their events; biases that are off are left out."""
-    arrays = {}
-    for number, (network, events) in enumerate(cases):
-        for name, value in _arrays_of(network).items():
-            arrays[f"{number}/{name}"] = value
-        arrays[f"{number}/events"] = events
-    np.savez_compressed(path, **arrays)
-
-
-def read(path: Path) -> list[dict[str, np.ndarray]]:
-    """Return the arrays of a file by name, number by number."""
-    parts: dict[int, dict[str, np.ndarray]] = {}
-    with np.load(path) as arrays:
-        for key, array in arrays.items():
-            number, name = key.split("/")
-            parts.setdefault(int(number), {})[name] = array
-    return [parts[number] for number in sorted(parts)]
+    """Write networks and their input events."""
+    numbered_arrays.write(
+        path, ({**_arrays_of(network), "events": events} for network, events in cases)
+    )
 
 
 def network_of(arrays: Mapping[str, np.ndarray]) -> XyloNetwork:
-    """Return the network that a file holds."""
+    """Return the network that one case of a file holds; :func:`write_networks` is the inverse."""
     aliases = json.loads(str(arrays["aliases"]))
     return XyloNetwork(
         hidden=XyloPopulation(
@@ -62,6 +53,7 @@ def network_of(arrays: Mapping[str, np.ndarray]) -> XyloNetwork:
 
 
 def _arrays_of(network: XyloNetwork) -> dict[str, np.ndarray]:
+    """Return a network as arrays; populations without biases have no array of them."""
     arrays = {
         "weights_in": network.weights_in,
         "weights_hidden": network.weights_hidden,

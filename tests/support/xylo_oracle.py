@@ -1,6 +1,7 @@
-"""Xylo by another hand: single integers of Python, one addition after the other, and what saturates is counted.
+"""The oracle of Xylo: an independent simulator in plain Python integers, one addition at a time.
 
-It reads nothing of the page that it is held against; limits are written as the data sheet has them.
+It shares no arithmetic with ``hw_model/arithmetic/xylo.py``, whose engines are tested against it; limits are written as
+in the data sheet. It also counts saturations.
 """
 
 from __future__ import annotations
@@ -13,10 +14,15 @@ from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
 LARGEST = 32_767
 SMALLEST = -32_768
+"""Registers have 16 bits with a sign."""
+MOST_INPUT_EVENTS = 15
+"""Events of an input line in one row; more are lost."""
+MOST_HIDDEN_SPIKES = 31
+"""Spikes of a hidden neuron in one row; an output spikes once."""
 
 
 class Neuron:
-    """One neuron of a population, with its registers."""
+    """One neuron of a population, with its registers: a current per synapse, and a potential."""
 
     def __init__(self, population: XyloPopulation, number: int, counted: Counter[str]) -> None:
         self.dash_syn = [int(dash) for dash in population.dash_syn[number]]
@@ -28,34 +34,35 @@ class Neuron:
         self.counted = counted
 
     def receive(self, synapse: int, weight: int, shift: int) -> None:
-        """Add a charge, of which the chip keeps 16 bits, to a current."""
-        charge = weight * 2**shift % 65_536
+        """Add the charge of a spike, of which the chip keeps 16 bits, to a current."""
+        charge = weight * 2**shift % 2**16
         if charge > LARGEST:
-            charge -= 65_536
+            charge -= 2**16
         current = self.currents[synapse] + charge
-        self.currents[synapse] = self._held(current, "current_saturations")
+        self.currents[synapse] = self._saturate(current, "current_saturations")
 
     def respond(self) -> None:
-        """Let everything decay, then take up currents and bias."""
+        """Let currents and potential decay, then add currents and bias to the potential."""
         for synapse, dash in enumerate(self.dash_syn):
             self.currents[synapse] -= self._lost(self.currents[synapse], dash)
         lost = self._lost(self.potential, self.dash_mem)
-        # Only -32768 with dash 0 has a negative that 16 bits do not hold: it stays what it is.
-        taken_up = SMALLEST if lost == SMALLEST else -lost
-        change = self._held(taken_up + sum(self.currents), "change_saturations")
+        # A potential of -32768 with dash 0 loses itself; its negative does not fit into 16 bits and wraps to -32768.
+        decay = SMALLEST if lost == SMALLEST else -lost
+        change = self._saturate(decay + sum(self.currents), "change_saturations")
         if self.bias is not None:
-            change = self._held(change + self.bias, "change_saturations")
-        self.potential = self._held(self.potential + change, "potential_saturations")
+            change = self._saturate(change + self.bias, "change_saturations")
+        self.potential = self._saturate(self.potential + change, "potential_saturations")
 
     def fire(self, most: int) -> int:
-        """Spike while a threshold fits, at most so often."""
+        """Spike while the potential reaches the threshold, at most ``most`` times; return the number of spikes."""
         spikes = 0
         while spikes < most and self.potential >= self.threshold:
             self.potential -= self.threshold
             spikes += 1
         return spikes
 
-    def _held(self, value: int, event: str) -> int:
+    def _saturate(self, value: int, event: str) -> int:
+        """Return what 16 bits hold of a value, and count if it saturates."""
         if value > LARGEST:
             self.counted[event] += 1
             return LARGEST
@@ -66,6 +73,7 @@ class Neuron:
 
     @staticmethod
     def _lost(value: int, dash: int) -> int:
+        """Return what decays in a step: value / 2^dash, rounded down, but at least 1 of a positive value."""
         lost = value // 2**dash
         if lost == 0 and value > 0:
             return 1
@@ -73,7 +81,10 @@ class Neuron:
 
 
 def play(network: XyloNetwork, events: np.ndarray) -> tuple[dict[str, np.ndarray], Counter[str]]:
-    """Return registers and spikes of every row, as the engine names them, and the counts of events."""
+    """Return the registers and spikes of every row, by the engine's names, and the counts of saturations and lost events.
+
+    ``events`` (rows, inputs) are counts. Spikes of hidden neurons act in the next row.
+    """
     counted: Counter[str] = Counter()
     hidden = [Neuron(network.hidden, n, counted) for n in range(network.hidden.size)]
     outputs = [Neuron(network.outputs, n, counted) for n in range(network.outputs.size)]
@@ -83,8 +94,8 @@ def play(network: XyloNetwork, events: np.ndarray) -> tuple[dict[str, np.ndarray
     sent = [0] * len(hidden)
     for row in events.tolist():
         for line, count in enumerate(row):
-            counted["lost_input_events"] += max(0, count - 15)
-            for _ in range(min(count, 15)):
+            counted["lost_input_events"] += max(0, count - MOST_INPUT_EVENTS)
+            for _ in range(min(count, MOST_INPUT_EVENTS)):
                 for neuron, weights in zip(hidden, network.weights_in[line], strict=True):
                     for synapse, weight in enumerate(weights.tolist()):
                         neuron.receive(synapse, weight, network.shift_in)
@@ -110,11 +121,15 @@ def play(network: XyloNetwork, events: np.ndarray) -> tuple[dict[str, np.ndarray
 
 
 def _fire_hidden(hidden: list[Neuron], network: XyloNetwork) -> list[int]:
-    """Return the spikes of a row; those of a neuron count for its aliases as well."""
+    """Return the spikes of hidden neurons in a row; spikes of a neuron count for its aliases as well.
+
+    Neurons fire in the order of their numbers, so an alias that comes later has less room for its own spikes.
+    """
     spikes = [0] * len(hidden)
     for number, neuron in enumerate(hidden):
         neuron.respond()
-        spikes[number] += neuron.fire(31 - spikes[number])
-        for alias in network.aliases[number] if network.aliases else ():
-            spikes[alias] = min(31, spikes[alias] + spikes[number])
+        spikes[number] += neuron.fire(MOST_HIDDEN_SPIKES - spikes[number])
+        aliases = network.aliases[number] if network.aliases else ()
+        for alias in aliases:
+            spikes[alias] = min(MOST_HIDDEN_SPIKES, spikes[alias] + spikes[number])
     return spikes

@@ -17,9 +17,10 @@ import numpy as np
 import locsnn_compile as lc
 from hw_model.xylo.network import XyloNetwork
 from hw_model.xylo.playing import rows_of
+from tests.support.numbered_arrays import read
 from tests.support.random_xylo import random_xylo
 from tests.support.small_xylo_networks import NETWORKS, touches
-from tests.support.witness_files import RECORDED, RECORDED_COMPILED, read, write_networks
+from tests.support.witness_files import RECORDED, RECORDED_COMPILED, write_networks
 
 DRIVER = Path(__file__).parents[1] / "peers" / "drive_xylosim.py"
 SEEDS = (2, 3, 5, 6, 8, 10, 16, 18, 20, 23, 33, 39)

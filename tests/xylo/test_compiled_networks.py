@@ -18,6 +18,7 @@ from hw_model.xylo.chips import xylo_chip
 from hw_model.xylo.playing import play_program, rows_of
 from hw_model.xylo.reference import play_xylo
 from locsnn_compile.xylo.quantize import float_peak
+from tests.support.numbered_arrays import read
 from tests.support.small_xylo_networks import (
     NETWORKS,
     STEPS,
@@ -28,7 +29,7 @@ from tests.support.small_xylo_networks import (
     soft,
     touches,
 )
-from tests.support.witness_files import RECORDED_COMPILED, REGISTERS, network_of, read
+from tests.support.witness_files import RECORDED_COMPILED, REGISTERS, network_of
 
 WITNESS = dict(zip(NETWORKS, read(RECORDED_COMPILED), strict=True))
 WEIGHTS = ("weights_in", "weights_hidden", "weights_out", "shift_in", "shift_hidden", "shift_out")

@@ -12,8 +12,9 @@ from hw_model.arithmetic import xylo
 from hw_model.errors import InputError
 from hw_model.xylo.fast import play_fast
 from hw_model.xylo.reference import play_xylo
+from tests.support.numbered_arrays import read
 from tests.support.random_xylo import random_xylo
-from tests.support.witness_files import RECORDED, RECORDED_COMPILED, REGISTERS, network_of, read
+from tests.support.witness_files import RECORDED, RECORDED_COMPILED, REGISTERS, network_of
 
 WITNESSES = [*read(RECORDED), *read(RECORDED_COMPILED)]
 

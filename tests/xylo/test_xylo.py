@@ -19,8 +19,9 @@ from hw_model.xylo.chips import xylo_chip, xylo_chip_names
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.reference import play_xylo
 from tests.support import xylo_oracle
+from tests.support.numbered_arrays import read
 from tests.support.random_xylo import random_xylo
-from tests.support.witness_files import RECORDED, REGISTERS, network_of, read
+from tests.support.witness_files import RECORDED, REGISTERS, network_of
 
 WITNESSES = read(RECORDED)
 
