@@ -1,6 +1,6 @@
-"""Who may know whom: data flows one way, and help must not wait for heavy packages.
+"""Which modules may import which: data flows one way, and ``--help`` must not wait for heavy packages.
 
-Rules follow imports from module to module, those inside functions too; imports for types alone do not count.
+Rules follow imports from module to module, also those inside functions. Imports under ``TYPE_CHECKING`` do not count.
 """
 
 import ast
@@ -26,7 +26,7 @@ TRAINS = (
     "locsnn_compile/cli/main",
     "locsnn_compile/__main__",
 )
-"""Whose modules may reach torch; of the models, descriptions and checkpoints must not."""
+"""Modules that may reach torch, directly or through others, except the two light modules of ``models`` named below."""
 
 RULES = {
     "the chip knows nothing of networks": (
@@ -113,11 +113,11 @@ RULES = {
         "one way in from above",
     ),
 }
-"""By rule: whose modules, whom they must not reach, and why."""
+"""For each rule: the prefixes of the modules that it restricts, the prefixes that these must not reach, and the reason."""
 
 
 def reached(modules, files=FILES):
-    """Give each module that one of the modules reaches, with the way there."""
+    """Yield each module that one of the modules reaches, with the path of imports to it."""
     for module in modules:
         yield from nx.single_source_shortest_path(files, module).items()
 
@@ -127,53 +127,44 @@ def test_no_module_reaches_what_it_must_not_know(rule):
     inside, outside, why = RULES[rule]
     members = [module for module in MODULES if module.startswith(inside)]
     assert members
-    assert all(any(module.startswith(one) for module in MODULES) for one in outside), (
-        "a rule that names nobody"
-    )
-    broken = {" > ".join(way) for target, way in reached(members) if target.startswith(outside)}
+    for prefix in outside:
+        assert any(module.startswith(prefix) for module in MODULES), (
+            f"no module begins with {prefix}"
+        )
+    broken = {" > ".join(path) for target, path in reached(members) if target.startswith(outside)}
     assert not broken, why
 
 
-def test_a_way_round_is_found():
+def test_a_path_through_another_module_is_found():
     files = nx.DiGraph([("passes/a", "reference/b"), ("reference/b", "verification/c")])
-    assert ["passes/a", "reference/b", "verification/c"] in [
-        way for _, way in reached(["passes/a"], files)
-    ]
+    paths = [path for _, path in reached(["passes/a"], files)]
+    assert ["passes/a", "reference/b", "verification/c"] in paths
 
 
-def test_no_circles():
+def test_there_are_no_import_cycles_between_modules_rooms_or_parts_of_rooms():
+    """A room is a folder."""
     assert circles(FILES) == []
     assert circles(between(FILES, room)) == []
     assert inner_circles(FILES) == []
 
 
 @pytest.mark.parametrize("package", ["hw_model", "locsnn_compile"])
-def test_few_files_lie_loose(package):
-    assert (
-        len(
-            [
-                module
-                for module in MODULES
-                if room(module) == module and module.startswith(f"{package}/")
-            ]
-        )
-        <= 9
-    )
+def test_few_modules_are_outside_of_any_room(package):
+    outside_rooms = [
+        module for module in MODULES if room(module) == module and module.startswith(f"{package}/")
+    ]
+    assert len(outside_rooms) <= 9
 
 
 def modules(package):
-    """The Python files of a package."""
+    """Return the Python files of a package."""
     return sorted((ROOT / package).rglob("*.py"))
 
 
 def imported(path, *, lazy=True):
     """Return the names of all modules that a file imports; without ``lazy`` only those at its top level."""
     tree = ast.parse(path.read_text())
-    nodes = (
-        ast.walk(tree)
-        if lazy
-        else [n for n in tree.body if isinstance(n, ast.Import | ast.ImportFrom)]
-    )
+    nodes = ast.walk(tree) if lazy else tree.body
     names = set()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -184,6 +175,7 @@ def imported(path, *, lazy=True):
 
 
 def roots(names):
+    """Return the packages of dotted module names."""
     return {name.split(".")[0] for name in names}
 
 
@@ -200,8 +192,8 @@ def test_torch_is_imported_by_models_and_training_and_to_write_its_files(path):
         assert "torch" not in roots(imported(path)) or name == "locsnn_compile/data/torch_file"
 
 
-def test_nothing_that_compiles_reaches_what_imports_torch():
-    """Inside functions neither; only what writes torch's own files does, and says how to get it."""
+def test_compiling_reaches_no_module_that_imports_torch_at_its_top():
+    """Only the module that writes torch's own files imports torch, within a function."""
     heavy = {
         name for name in MODULES if "torch" in roots(imported(ROOT / f"{name}.py", lazy=False))
     }
@@ -211,7 +203,7 @@ def test_nothing_that_compiles_reaches_what_imports_torch():
     ]
     assert len(heavy) > 10
     assert len(light) > 200
-    assert not {" > ".join(way) for target, way in reached(light) if target in heavy}
+    assert not {" > ".join(path) for target, path in reached(light) if target in heavy}
 
 
 @pytest.mark.parametrize(
@@ -225,12 +217,21 @@ def test_only_the_command_line_prints_or_exits(path):
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             assert node.func.id not in ("print", "exit"), f"line {node.lineno}"
-        if (
-            isinstance(node, ast.Raise)
-            and isinstance(node.exc, ast.Call)
-            and isinstance(node.exc.func, ast.Name)
-        ):
-            assert node.exc.func.id != "SystemExit", f"line {node.lineno}"
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            exception = node.exc.func
+            if isinstance(exception, ast.Name):
+                assert exception.id != "SystemExit", f"line {node.lineno}"
+
+
+def check_script(script, cwd=None):
+    """Run a script in a new interpreter, and check that it exits with code 0 and prints no error.
+
+    A new interpreter has imported nothing yet; a script exits with the names of modules that it should not have loaded.
+    """
+    process = subprocess.run(
+        [sys.executable, "-c", script], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    assert (process.returncode, process.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("command", ["compile", "main"])
@@ -242,33 +243,24 @@ def test_help_imports_nothing_heavy(command):
         "heavy = {'torch', 'numba', 'numpy', 'scipy', 'rich', 'yaml'} & set(sys.modules)\n"
         "sys.exit(' '.join(sorted(heavy)) or 0)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    check_script(script)
 
 
-def test_every_public_name_is_there_without_torch():
+def test_every_public_name_can_be_imported_without_torch():
     script = (
         "import sys\nsys.modules['torch'] = None\nimport hw_model, locsnn_compile\n"
         "for package in (hw_model, locsnn_compile):\n    for name in package.__all__:\n        getattr(package, name)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    check_script(script)
 
 
 @pytest.mark.parametrize("package", ["hw_model", "locsnn_compile"])
-def test_names_that_are_not_imported_yet_are_completed(package):
+def test_dir_lists_public_names_that_are_not_imported_yet(package):
     script = f"import sys, {package} as p\nassert {{*p.__all__}} <= {{*dir(p)}}\nassert 'numpy' not in sys.modules\n"
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    check_script(script)
 
 
-def test_a_command_loads_nothing_that_it_does_not_need(tmp_path):
+def test_compiling_from_the_command_line_loads_no_package_that_it_does_not_need(tmp_path):
     script = (
         "import os, sys\n"
         "from locsnn_compile.cli.compile import main\n"
@@ -277,10 +269,7 @@ def test_a_command_loads_nothing_that_it_does_not_need(tmp_path):
         "assert os.environ['OPENBLAS_NUM_THREADS']\n"
         "sys.exit(' '.join(sorted(heavy)) or 0)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    check_script(script, cwd=ROOT)
 
 
 def test_running_a_program_loads_no_network_and_no_report(tmp_path):
@@ -298,7 +287,4 @@ def test_running_a_program_loads_no_network_and_no_report(tmp_path):
         diagnosis=False,
     )
     compiled.save(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    check_script(script, cwd=ROOT)

@@ -203,6 +203,7 @@ def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
     assert choice.taken.setting.weight_bits < 6
 
 
+# A dial that the compiler does not have, to test what a new row of DIALS brings.
 HEADROOM = Dial(
     "headroom",
     values=(8.0, 16.0),

@@ -1,4 +1,8 @@
-"""The budget of every stage: its twin against the float reference on one side and the simulator on the other."""
+"""The error budget: how much of the difference between network and chip each stage of rounding explains.
+
+A twin is a float64 simulation of the program with the deviations of some stages only (weights, decays, states,
+thresholds, wraps and clips). Without any it must be the float reference, with all of them the simulator.
+"""
 
 import json
 from dataclasses import replace
@@ -11,7 +15,6 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.arithmetic.fixed_point import effective_weight
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
@@ -21,7 +24,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
-from locsnn_compile.verification.diagnosis import SAMPLE, diagnose, spread_sample
+from locsnn_compile.verification.diagnosis import NEURON_STEPS, SAMPLE, diagnose, spread_sample
 from locsnn_compile.verification.error_budget.budget import (
     STAGES,
     error_budget,
@@ -33,7 +36,13 @@ from locsnn_compile.verification.error_budget.budget import (
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.support.networks import DECAY_OF_10, hybrid, recordings, single
+from tests.support.networks import (
+    TAU_ON_GRID,
+    hybrid,
+    recordings,
+    single,
+    with_weights_of_chip,
+)
 from tests.support.real_recordings import REAL, on_real_recordings
 
 CHIP = hw.chip("loihi-sim")
@@ -43,7 +52,7 @@ ROUNDED = ("weights", "decays", "states", "thresholds", "wraps_clips")
 
 
 def leaky(seed, *, size=6, channels=5, steps=40, scale=1.0, rule=">", delays=True):
-    """Two populations of leaky integrate-and-fire neurons, the second recurrent, with delays and biases."""
+    """Return two populations of leaky integrate-and-fire neurons with biases, delays, and loops within and between them."""
     r = np.random.default_rng(seed)
 
     def population(name):
@@ -82,7 +91,7 @@ def leaky(seed, *, size=6, channels=5, steps=40, scale=1.0, rule=">", delays=Tru
 
 
 def on_grid(seed=0, *, size=4, channels=3, steps=30):
-    """One population in the chip's integers from the start."""
+    """Return a network of one population that is in the chip's integers from the start."""
     r = np.random.default_rng(seed)
     neuron = ChipCuba.of(size, decay_u=1024, decay_v=128, threshold=100)
     mantissa = 2 * r.integers(-100, 100, (size, channels))
@@ -103,7 +112,7 @@ def on_grid(seed=0, *, size=4, channels=3, steps=30):
 
 
 def spikes_with(levels, stages, played):
-    """The spikes of the float64 twin with the deviations of some stages, by population."""
+    """Return the spikes of the float64 twin with the deviations of some stages, by population."""
     spikes = {}
     for phase in phases_of(levels):
         lines = lines_of(levels.network, phase, played)
@@ -112,23 +121,23 @@ def spikes_with(levels, stages, played):
 
 
 def check_both_ends(network, bits, played, strategy="dendrite"):
-    """Without stages the float reference, with all of them the simulator, register for register."""
+    """Check that the twin without stages is the float reference, and with all of them the simulator."""
     levels = lower(network, CHIP, bits, strategy)
-    wanted = evaluate(network, played, potentials=True)
+    reference = evaluate(network, played, potentials=True)
     chip = hw.simulate(levels.program, played, probe=("spikes", "potential"))
     for phase in phases_of(levels):
         names = tuple(group.exact.name for group in phase.program_neurons.groups)
         lines = lines_of(network, phase, played)
-        whole = run_twin(twin_with(phase, STAGES), lines, potentials=names)
-        exact = run_twin(twin_with(phase, ()), lines, potentials=tuple(whole.spikes))
+        with_all = run_twin(twin_with(phase, STAGES), lines, potentials=names)
+        with_none = run_twin(twin_with(phase, ()), lines, potentials=tuple(with_all.spikes))
         for name in names:
-            assert np.array_equal(whole.potential[name], chip.potential[name]), name
-        for name, spikes in whole.spikes.items():
+            assert np.array_equal(with_all.potential[name], chip.potential[name]), name
+        for name, spikes in with_all.spikes.items():
             scale = levels.quantized.population(name).scale
             assert np.array_equal(spikes, chip.spikes[name]), name
-            assert np.array_equal(exact.spikes[name], wanted.spikes[name]), name
+            assert np.array_equal(with_none.spikes[name], reference.spikes[name]), name
             np.testing.assert_allclose(
-                exact.potential[name] / scale, wanted.potential[name], rtol=1e-9, atol=1e-9
+                with_none.potential[name] / scale, reference.potential[name], rtol=1e-9, atol=1e-9
             )
 
 
@@ -161,12 +170,13 @@ def test_leaky_twins_meet_reference_and_chip(seed, bits, scale, rule):
 @pytest.mark.parametrize("seed", range(3))
 def test_integer_twins_are_the_chip_with_and_without_stages(seed):
     network = on_grid(seed)
-    levels, played = lower(network, CHIP, weight_bits=8), recordings(network, samples=2, seed=seed)
-    wanted = evaluate(network, played).spikes["only"]
-    assert wanted.any()
-    assert np.array_equal(hw.simulate(levels.program, played).spikes["only"], wanted)
+    levels = lower(network, CHIP, weight_bits=8)
+    played = recordings(network, samples=2, seed=seed)
+    expected = evaluate(network, played).spikes["only"]
+    assert expected.any()
+    assert np.array_equal(hw.simulate(levels.program, played).spikes["only"], expected)
     for stages in ((), STAGES):
-        assert np.array_equal(spikes_with(levels, stages, played)["only"], wanted)
+        assert np.array_equal(spikes_with(levels, stages, played)["only"], expected)
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +187,7 @@ def network():
 
 @pytest.fixture(scope="module")
 def levels(network):
-    """It at every level, with weights of 3 bits, which lose enough for every stage to show."""
+    """The compiled levels of the network with weights of 3 bits, which lose enough for every stage to show."""
     return lower(network, CHIP, weight_bits=3)
 
 
@@ -188,34 +198,34 @@ def played(network):
 
 
 def budget_of_all(levels, played):
+    """Return the error budget over all recordings."""
     observed = Observed(levels, played)
     return error_budget(observed, observed.numbers)
 
 
 @pytest.fixture(scope="module")
 def budget(levels, played):
-    """What every stage of rounding changes on the recordings."""
+    """The error budget of the network over all recordings."""
     return budget_of_all(levels, played)
 
 
-def test_together_is_what_matching_counts(budget, levels, played):
+def test_all_stages_together_change_what_matching_counts(budget, levels, played):
     match = compare(Observed(levels, played))
+    changed = match.reference_prediction != match.chip_prediction
     assert budget.unexplained == 0
     assert budget.together.by_population == match.by_population
-    assert (
-        budget.together.predictions_changed
-        == (match.reference_prediction != match.chip_prediction).sum()
-    )
+    assert budget.together.predictions_changed == changed.sum()
     assert budget.together.scores == match.scores
     assert budget.together.spikes.mismatches > 0
 
 
 def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
-    """No spike and no class differs with weights of 2 bits, and the budget said that nothing is lost."""
+    """The threshold is so high that no neuron spikes: weights of 2 bits change scores only, by more than a tenth."""
     r = np.random.default_rng(3)
-    cells = Cuba.of(3, decay_v=0.1, threshold=1e3)
+    silent_neurons = Cuba.of(3, decay_v=0.1, threshold=1e3)
     network = replace(
-        single(cells, r.uniform(-1, 1, (3, 6))), readout=Readout(("n",), (1.0,), potentials_from=0)
+        single(silent_neurons, r.uniform(-1, 1, (3, 6))),
+        readout=Readout(("n",), (1.0,), potentials_from=0),
     )
     levels = lower(network, CHIP, weight_bits=2)
     played = recordings(network, samples=4)
@@ -231,57 +241,49 @@ def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
 
 
 def test_every_stage_is_counted_alone_and_left_out(budget, levels, network, played):
-    wanted = evaluate(network, played).spikes
+    reference = evaluate(network, played).spikes
+
+    def check_mismatches(deviation, stages):
+        spikes = spikes_with(levels, stages, played)
+        for name, match in deviation.by_population.items():
+            assert match.mismatches == (spikes[name] != reference[name]).sum()
+
     assert tuple(budget.alone) == tuple(budget.without) == ROUNDED
     for stage in ROUNDED:
-        for found, stages in (
-            (budget.alone[stage], {stage}),
-            (budget.without[stage], set(ROUNDED) - {stage}),
-        ):
-            spikes = spikes_with(levels, stages, played)
-            for name, counted in found.by_population.items():
-                assert counted.mismatches == (spikes[name] != wanted[name]).sum()
+        check_mismatches(budget.alone[stage], stages={stage})
+        check_mismatches(budget.without[stage], stages=set(ROUNDED) - {stage})
     assert budget.alone["weights"].spikes.mismatches > 0
 
 
-def test_what_is_exact_changes_nothing(played):
-    """Weights and decays that the chip holds exactly leave the rounding of states alone."""
-    tau = -1 / np.log(1 - DECAY_OF_10 / 4096)
-    neuron = SrmAlpha(theta=10.0, tau_sr=float(tau), tau_ref=1.0, scale_ref=0.0)
+def test_weights_and_thresholds_that_the_chip_holds_exactly_change_nothing(played):
+    neuron = SrmAlpha(theta=10.0, tau_sr=TAU_ON_GRID, tau_ref=1.0, scale_ref=0.0)
     network = hybrid(1, steps=60, hidden=6, channels=12, neuron=neuron)
-    once = lower(network, CHIP, weight_bits=8).quantized
-    gain = np.e * np.exp(-1 / tau) / tau
-    on_grid_weights = tuple(
-        replace(
-            p,
-            weights=effective_weight(q.mantissa, q.exponent)
-            / (once.population(p.target).scale[:, None] * gain),
-        )
-        for p, q in zip(network.projections, once.projections, strict=True)
-    )
-    found = budget_of_all(
-        lower(replace(network, projections=on_grid_weights), CHIP, weight_bits=8), played
-    )
-    assert [found.alone[stage].spikes.mismatches for stage in ("weights", "thresholds")] == [0, 0]
-    assert found.unexplained == 0
+    exact_network = with_weights_of_chip(network, CHIP)
+    budget = budget_of_all(lower(exact_network, CHIP, weight_bits=8), played)
+    assert budget.alone["weights"].spikes.mismatches == 0
+    assert budget.alone["thresholds"].spikes.mismatches == 0
+    assert budget.unexplained == 0
 
 
-def test_clips_alone_are_found():
-    """Every input at every step: float potentials leave the register, and the stage keeps them within."""
+def test_the_stage_of_clips_keeps_potentials_within_their_register():
+    """All inputs spike in every step, so that float potentials exceed the register."""
     network = hybrid(0, steps=60, channels=12, neuron=replace(SRM, scale_ref=0.0))
     network = replace(
         network,
         projections=tuple(replace(p, weights=np.abs(p.weights)) for p in network.projections),
     )
-    levels, played = lower(network, CHIP, weight_bits=8), np.ones((1, 60, 12), dtype=np.uint8)
+    levels = lower(network, CHIP, weight_bits=8)
+    played = np.ones((1, 60, 12), dtype=np.uint8)
     assert hw.simulate(levels.program, played).counts.clips > 0
-    phase, name = phases_of(levels)[0], "time_hidden/dendrite"
+    phase = phases_of(levels)[0]
     lines = lines_of(network, phase, played)
-    free, held = (
-        run_twin(twin_with(phase, stages), lines, potentials=(name,)).potential[name].max()
-        for stages in ((), ("wraps_clips",))
-    )
-    assert held == CHIP.registers.voltage_max < free
+
+    def largest_potential(stages):
+        name = "time_hidden/dendrite"
+        return run_twin(twin_with(phase, stages), lines, potentials=(name,)).potential[name].max()
+
+    assert largest_potential(stages=()) > CHIP.registers.voltage_max
+    assert largest_potential(stages=("wraps_clips",)) == CHIP.registers.voltage_max
 
 
 @pytest.mark.parametrize(
@@ -289,7 +291,7 @@ def test_clips_alone_are_found():
     [(10.0, 1.0, 77), (1.0, 20.0, 11)],
     ids=["published kernel", "published refractory"],
 )
-def test_taps_are_those_of_slayer(tau, peak, taps):
+def test_kernels_have_as_many_taps_as_slayer_keeps(tau, peak, taps):
     assert len(alpha_taps(tau, peak)) == taps
 
 
@@ -302,56 +304,56 @@ def test_cut_kernels_are_the_sums_over_their_taps(neuron):
     network = hybrid(3, steps=120, channels=12, neuron=neuron)
     played = recordings(network, samples=2, seed=5)
     populations = tuple(replace(p, neuron=p.neuron.cut()) for p in network.populations)
-    found = evaluate(replace(network, populations=populations), played, potentials=True)
+    evaluated = evaluate(replace(network, populations=populations), played, potentials=True)
 
-    def cut(tau, peak, lag):
+    def tap(tau, peak, lag):
+        """Return a tap of an alpha kernel, which slayerPytorch ends beyond tau where it falls below 0.01."""
         value = peak * lag / tau * np.exp(1 - lag / tau)
         return value if lag <= tau or abs(value) >= 0.01 else 0.0
 
     drive = played.astype(float) @ network.into("time_hidden")[0].weights.T
-    spikes = found.spikes["time_hidden"].astype(float)
+    spikes = evaluated.spikes["time_hidden"].astype(float)
     for t in range(network.steps):
-        wanted = sum(
-            drive[:, s] * cut(neuron.tau_sr, 1.0, t - s)
-            + spikes[:, s] * cut(neuron.tau_ref, -neuron.scale_ref * neuron.theta, t - s)
-            for s in range(t)
-        )
-        np.testing.assert_allclose(found.potential["time_hidden"][:, t], wanted, atol=1e-9)
+        expected = 0.0
+        for s in range(t):
+            response = tap(neuron.tau_sr, 1.0, t - s)
+            refractory = tap(neuron.tau_ref, -neuron.scale_ref * neuron.theta, t - s)
+            expected = expected + drive[:, s] * response + spikes[:, s] * refractory
+        np.testing.assert_allclose(evaluated.potential["time_hidden"][:, t], expected, atol=1e-9)
 
 
-def test_a_network_without_kernels_has_no_tail():
+def test_the_budget_of_a_network_without_kernels_has_no_tail():
     network = leaky(0)
-    assert (
-        budget_of_all(lower(network, CHIP, weight_bits=8), recordings(network)).kernel_tail is None
-    )
+    levels = lower(network, CHIP, weight_bits=8)
+    assert budget_of_all(levels, recordings(network)).kernel_tail is None
 
 
 def test_the_cause_adds_up_to_the_difference(levels, network, played):
+    """The cause says how far each stage moves the potential of the first neuron that decides otherwise on the chip."""
     first = compare(Observed(levels, played)).first_divergence
     cause = find_cause(Observed(levels, played), first)
-    assert cause.together == pytest.approx(
-        first.chip_potential - first.reference_potential, abs=1e-9
-    )
+    difference = first.chip_potential - first.reference_potential
+    assert cause.together == pytest.approx(difference, abs=1e-9)
     assert sum(cause.moved.values()) + cause.rest == pytest.approx(cause.together)
     assert cause.largest == "weights"
-    fires = first.chip_potential >= first.threshold
-    reproduced = tuple(
-        stage
-        for stage, moved in cause.moved.items()
-        if (first.reference_potential + moved >= first.threshold) == fires
-    )
-    assert cause.enough == reproduced
+    chip_fires = first.chip_potential >= first.threshold
+    enough = []
+    for stage, moved in cause.moved.items():
+        fires_with_stage = first.reference_potential + moved >= first.threshold
+        if fires_with_stage == chip_fires:
+            enough.append(stage)
+    assert cause.enough == tuple(enough)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_cause_holds_where_neurons_reset_and_recur(seed):
+def test_the_cause_adds_up_where_neurons_reset_and_recur(seed):
     network = leaky(seed, scale=1.0)
-    levels, played = lower(network, CHIP, weight_bits=2), recordings(network, samples=4, seed=seed)
+    levels = lower(network, CHIP, weight_bits=2)
+    played = recordings(network, samples=4, seed=seed)
     first = compare(Observed(levels, played)).first_divergence
     cause = find_cause(Observed(levels, played), first)
-    assert cause.together == pytest.approx(
-        first.chip_potential - first.reference_potential, abs=1e-9
-    )
+    difference = first.chip_potential - first.reference_potential
+    assert cause.together == pytest.approx(difference, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -369,49 +371,49 @@ def test_a_sample_is_spread_evenly(network, available, samples, numbers):
     assert spread_sample(network, available, samples) == numbers
 
 
-def test_a_large_network_takes_fewer_recordings(network):
-    steps = sum(p.size * network.steps_of(p.phase) for p in network.populations)
-    large = replace(
-        network,
-        populations=tuple(
-            replace(p, size=p.size * ((1 << 22) // steps)) for p in network.populations
-        ),
-    )
+def test_of_a_large_network_fewer_recordings_are_sampled(network):
+    """So large that more than one recording would take more steps of neurons than the diagnosis may take."""
+    neuron_steps = sum(p.size * network.steps_of(p.phase) for p in network.populations)
+    factor = NEURON_STEPS // neuron_steps
+    populations = tuple(replace(p, size=p.size * factor) for p in network.populations)
+    large = replace(network, populations=populations)
     assert spread_sample(large, 50, SAMPLE) == (0,)
 
 
 def test_an_integer_network_has_no_budget():
     network = on_grid()
-    levels, played = lower(network, CHIP, weight_bits=8), recordings(network)
-    found = diagnose(Observed(levels, played), compare(Observed(levels, played)).first_divergence)
-    assert (found.budget, found.cause) == (None, None)
-    assert found.margins.populations["only"].error == {0.5: 0.0, 0.95: 0.0, 1.0: 0.0}
+    levels = lower(network, CHIP, weight_bits=8)
+    observed = Observed(levels, recordings(network))
+    diagnosis = diagnose(observed, compare(observed).first_divergence)
+    assert diagnosis.budget is None
+    assert diagnosis.cause is None
+    assert diagnosis.margins.populations["only"].error == {0.5: 0.0, 0.95: 0.0, 1.0: 0.0}
 
 
-def test_compile_reports_the_diagnosis_unless_told_not_to(network, played):
+def test_the_report_has_the_diagnosis_unless_it_is_turned_off(network, played):
     compiled = lc.compile(network, events=played, strategy="dendrite", weight_bits=3)
     report = compiled.report
     assert report["error_budget"]["recordings"] == list(range(6))
-    assert (
-        report["error_budget"]["together"]["spike_mismatches"]
-        == report["match"]["spike_mismatches"]
-    )
+    mismatches = report["error_budget"]["together"]["spike_mismatches"]
+    assert mismatches == report["match"]["spike_mismatches"]
     assert report["error_budget"]["unexplained_spikes"] == 0
     assert report["match"]["first_divergence"]["cause"]["largest"] == "weights"
     assert list(report["margins"]["by_population"]) == [p.name for p in network.populations]
     json.dumps(report, allow_nan=False)
-    bare = lc.compile(network, events=played, strategy="dendrite", weight_bits=3, diagnosis=False)
-    assert not {"error_budget", "margins"} & bare.report.keys()
-    assert bare.report["match"]["first_divergence"]["cause"] is None
-    assert "Error budget" not in render_markdown(compose(bare.figures))
+    plain = lc.compile(network, events=played, strategy="dendrite", weight_bits=3, diagnosis=False)
+    assert not {"error_budget", "margins"} & plain.report.keys()
+    assert plain.report["match"]["first_divergence"]["cause"] is None
+    assert "Error budget" not in render_markdown(compose(plain.figures))
 
 
-def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
+def test_diagnose_takes_all_recordings_or_a_given_number(network, played):
+    """With strategy ``reset`` the chip's reset replaces the refractory kernel, so the kernel is the largest cause."""
     compiled = lc.compile(network, events=played, strategy="reset", weight_bits=8, diagnosis=False)
-    found = lc.diagnose(compiled, played)
-    assert (found.recordings, found.available) == ((0, 1, 2, 3, 4, 5), 6)
-    assert found.cause.largest == "kernel"
-    assert found.budget.alone["kernel"].spikes.mismatches > 0
+    diagnosis = lc.diagnose(compiled, played)
+    assert diagnosis.recordings == (0, 1, 2, 3, 4, 5)
+    assert diagnosis.available == 6
+    assert diagnosis.cause.largest == "kernel"
+    assert diagnosis.budget.alone["kernel"].spikes.mismatches > 0
     assert lc.diagnose(compiled, played, samples=2).recordings == (0, 5)
 
 
@@ -426,14 +428,14 @@ def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
     ],
 )
 def test_the_shipped_networks_leave_nothing_unexplained(name, strategy):
-    """Real recordings, spread over the test part: with all stages every spike is the chip's, with none the network's."""
+    """On three real recordings, spread over the test part, the stages of rounding explain every spike that differs."""
     network = lc.load(ROOT / f"examples/models/{name}-hybrid.pt")
     levels = lower(network, CHIP, weight_bits=8, strategy=strategy)
     spikes = lc.read_recordings(REAL / f"Ev-{name.title()}.zip").spikes
     played = spikes[list(spread_sample(network, len(spikes), 3))]
     match = compare(Observed(levels, played))
-    found = diagnose(Observed(levels, played), match.first_divergence)
-    assert found.budget.unexplained == 0
-    assert found.budget.together.by_population == match.by_population
-    assert found.cause.largest == ("kernel" if strategy == "reset" else "weights")
-    assert found.cause.largest in found.cause.enough
+    diagnosis = diagnose(Observed(levels, played), match.first_divergence)
+    assert diagnosis.budget.unexplained == 0
+    assert diagnosis.budget.together.by_population == match.by_population
+    assert diagnosis.cause.largest == ("kernel" if strategy == "reset" else "weights")
+    assert diagnosis.cause.largest in diagnosis.cause.enough

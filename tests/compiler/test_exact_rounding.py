@@ -1,7 +1,8 @@
-"""Every integer of a quantised network against fractions: weights, split weights, biases, own spikes, decays, delays.
+"""Every integer of a quantised network against exact fractions: weights, split weights, biases, own spikes, and decays.
 
-The wanted integers are worked out here in a few lines of exact arithmetic. Floats may fall on either side of a tie, so
-both neighbours of a value that is nearly one are right; where all floats are exact, ties go to the even number.
+The expected integers are worked out here in a few lines of exact arithmetic. The compiler computes in floats, which may
+fall on either side of a tie, so near a tie both neighbours are accepted. Where all floats are exact, ties go to the even
+number.
 """
 
 from __future__ import annotations
@@ -27,20 +28,27 @@ BITS = st.sampled_from(WEIGHT_BITS)
 SLACK = Fraction(1, 10**13)
 """Relative error that floats may have when they are rounded."""
 LAST_EXPONENT = 7
+"""The largest exponent of a weight."""
 
 
 def near(value: Fraction, step: int = 1, most: int | None = None) -> set[int]:
-    """The multiples of ``step`` nearest to a value, half to even, as far as floats can tell, clipped to ``most``."""
-    found = {step * round(value * (1 + side) / step) for side in (-SLACK, 0, SLACK)}
-    return found if most is None else {max(-most, min(most, one)) for one in found}
+    """Return the multiples of ``step`` that floats may take for the nearest to a value, half to even, clipped to ``most``."""
+    multiples = {step * round(value * (1 + error) / step) for error in (-SLACK, 0, SLACK)}
+    if most is None:
+        return multiples
+    return {max(-most, min(most, multiple)) for multiple in multiples}
 
 
-def check_near(found: int, value: Fraction, *limits: int) -> None:
-    assert found in near(value, *limits), (found, float(value), limits)
+def check_near(rounded: int, value: Fraction, step: int = 1, most: int | None = None) -> None:
+    """Check that a number is the rounded value."""
+    assert rounded in near(value, step, most), (rounded, float(value), step, most)
 
 
 def quanta_of(quantized, shape: tuple[int, int]) -> list[list[Fraction]]:
-    """Sums of the weights that join the same ends, in units of 64, as the chip has them: floor(mantissa * 2^exponent)."""
+    """Return the effective weights of the chip in quanta (units of 64): floor(mantissa * 2^exponent).
+
+    Weights between the same two neurons are added.
+    """
     total: dict[tuple[int, int], Fraction] = defaultdict(Fraction)
     for p in quantized.projections:
         for (i, j), m in np.ndenumerate(p.mantissa):
@@ -54,7 +62,7 @@ def quanta_of(quantized, shape: tuple[int, int]) -> list[list[Fraction]]:
 @pytest.mark.parametrize("mode", SIGN_MODES)
 @pytest.mark.parametrize("bits", WEIGHT_BITS)
 def test_a_format_rounds_half_to_even_and_clips(bits, mode):
-    """At every half step of its grid and beyond its ends, and at the floats on both sides."""
+    """Tested at every half step of the grid and beyond its ends, and at the neighbouring floats."""
     step = 2 ** (9 - bits if mode == "mixed" else 8 - bits)
     low, high = {
         "mixed": (-256, 256 - step),
@@ -63,24 +71,32 @@ def test_a_format_rounds_half_to_even_and_clips(bits, mode):
     }[mode]
     ties = np.arange(-530, 531) * step / 2
     values = np.concatenate((np.nextafter(ties, -np.inf), ties, np.nextafter(ties, np.inf)))
-    wanted = [
-        max(low, min(high, step * round(Fraction(value) / step))) for value in values.tolist()
-    ]
-    assert weight_grid(bits, mode).round(values).tolist() == wanted
+    rounded = [step * round(Fraction(value) / step) for value in values.tolist()]
+    expected = [max(low, min(high, value)) for value in rounded]
+    assert weight_grid(bits, mode).round(values).tolist() == expected
 
 
 def exact_gain(neuron: Cuba, decay_u: int, decay_v: int) -> Fraction:
-    """The gain that makes the response of the rounded decays nearest to that of the neuron's, which fade."""
-    a, b = (1 - Fraction(float(d[0])) for d in (neuron.decay_u, neuron.decay_v))
-    c, d = (1 - Fraction(decay, 4096) for decay in (decay_u, decay_v))
+    """Return the gain with which the response of the rounded decays is nearest to that of the neuron's decays.
+
+    A response is the convolution of two geometric series, of current and voltage; the least-squares gain is the overlap
+    of both responses divided by that of the rounded one with itself.
+    """
+    keep_u = 1 - Fraction(float(neuron.decay_u[0]))
+    keep_v = 1 - Fraction(float(neuron.decay_v[0]))
+    rounded_u = 1 - Fraction(decay_u, 4096)
+    rounded_v = 1 - Fraction(decay_v, 4096)
 
     def overlap(a, b, c, d):
+        """Return the sum over steps of the product of the responses of (a, b) and of (c, d)."""
         return (1 - a * b * c * d) / ((1 - a * c) * (1 - a * d) * (1 - b * c) * (1 - b * d))
 
-    return overlap(a, b, c, d) / overlap(c, d, c, d)
+    with_neuron = overlap(keep_u, keep_v, rounded_u, rounded_v)
+    return with_neuron / overlap(rounded_u, rounded_v, rounded_u, rounded_v)
 
 
 FADING = st.sampled_from([1.0, 0.5, 0.1, 0.3, 0.0123])
+"""Decays above 0, for which the sums over steps are finite."""
 
 
 @settings(deadline=None)
@@ -95,11 +111,15 @@ FADING = st.sampled_from([1.0, 0.5, 0.1, 0.3, 0.0123])
 def test_weights_of_one_format_are_the_nearest(seed, bits, decays, threshold, rule, spread):
     """Magnitudes are rounded, so that positive and negative weights are rounded alike."""
     weights = threshold * np.random.default_rng(seed).uniform(-2, 2, (2, 6)) ** spread
-    neuron = Cuba.of(2, decay_u=decays[0], decay_v=decays[1], threshold=threshold, rule=rule)
+    decay_u, decay_v = decays
+    neuron = Cuba.of(2, decay_u=decay_u, decay_v=decay_v, threshold=threshold, rule=rule)
     quantized = quantize(single(neuron, weights), CHIP, bits)
     chip = quantized.populations[0].neuron
-    assert [chip.decay_u[0], chip.decay_v[0]] == [round(4096 * Fraction(one)) for one in decays]
-    scale = Fraction(64 * int(chip.threshold[0]) + (rule == ">=")) / Fraction(threshold)
+    assert chip.decay_u[0] == round(4096 * Fraction(decay_u))
+    assert chip.decay_v[0] == round(4096 * Fraction(decay_v))
+    # The chip spikes above its threshold, so a neuron that spikes at its threshold has one unit more.
+    chip_threshold = 64 * int(chip.threshold[0]) + (rule == ">=")
+    scale = Fraction(chip_threshold) / Fraction(threshold)
     gain = exact_gain(neuron, int(chip.decay_u[0]), int(chip.decay_v[0]))
     (projection,) = quantized.projections
     step = 2 ** (8 - bits)
@@ -111,41 +131,62 @@ def test_weights_of_one_format_are_the_nearest(seed, bits, decays, threshold, ru
 @settings(deadline=None)
 @given(bits=BITS, data=st.data())
 def test_weights_halfway_between_two_of_a_format_are_even(bits, data):
-    """The largest weight fills the format, so that the scale is a power of two, and no float is rounded."""
+    """The first weight fills the format, so that the scale is a power of two, and all floats are exact."""
     step = 2 ** (8 - bits)
-    most = 2 ** (bits + 1) - 2
-    halves = [most, *data.draw(st.lists(st.integers(-most, most), min_size=1, max_size=9))]
-    quantized = quantize(
-        single(Cuba.of(1, decay_v=1.0, threshold=1.0), [[step * h / 2 for h in halves]]), CHIP, bits
-    )
+    largest = 2 ** (bits + 1) - 2  # in halves of a step
+    drawn = data.draw(st.lists(st.integers(-largest, largest), min_size=1, max_size=9))
+    halves = [largest, *drawn]
+    weights = [[step * half / 2 for half in halves]]
+    quantized = quantize(single(Cuba.of(1, decay_v=1.0, threshold=1.0), weights), CHIP, bits)
     (projection,) = quantized.projections
-    assert projection.mantissa[0].tolist() == [step * round(Fraction(h, 2)) for h in halves]
+    assert projection.mantissa[0].tolist() == [step * round(Fraction(half, 2)) for half in halves]
 
 
 # --- several formats, and two synapses for a weight ---
 
 
+def grades_for(largest: Fraction, bits: int, count: int, any_split: bool) -> list[int]:
+    """Return the grades of a population's weights, finest first: grade k holds 1 to 2^bits - 1 times 2^k quanta.
+
+    There are ``count`` grades, up to the finest that holds the largest weight. Split weights have a second synapse,
+    which adds grades finer by ``bits``.
+    """
+    coarsest = LAST_EXPONENT + 8 - bits
+    highest = coarsest
+    for grade in range(coarsest):
+        if round(largest / 2**grade) <= 2**bits - 1:
+            highest = grade
+            break
+    first = set(range(max(0, highest - count + 1), highest + 1))
+    second = {max(0, grade - bits) for grade in first} if any_split else set()
+    return sorted(first | second)
+
+
+def grade_of(magnitude: Fraction, bits: int, grades: list[int]) -> int:
+    """Return the finest grade that holds a magnitude with one more step (with 1 bit: that holds it), else the coarsest."""
+    most_steps = 2**bits - 1 - (bits > 1)
+    for grade in grades:
+        if magnitude <= most_steps * 2**grade:
+            return grade
+    return grades[-1]
+
+
 def exact_quanta(
     values: list[Fraction], bits: int, count: int, split: list[bool]
 ) -> list[set[int]]:
-    """What each of some weights is rounded to, in units of 64: in the finest format that holds it with one step more.
-
-    A format holds 1 to 2^bits - 1 times 2^k. A split weight has a second synapse, ``bits`` finer where there is one.
-    """
-    full, top = 2**bits - 1, LAST_EXPONENT + 8 - bits
-    largest = max(map(abs, values))
-    highest = next((k for k in range(top) if round(largest / 2**k) <= full), top)
-    first = range(max(0, highest - count + 1), highest + 1)
-    held = sorted({*first, *(max(0, k - bits) for k in first if any(split))})
-    found = []
-    for value, two in zip(values, split, strict=True):
-        fits = {
-            next((k for k in held if size <= (full - (bits > 1)) * 2**k), held[-1])
-            for size in (abs(value) * (1 - SLACK), abs(value) * (1 + SLACK))
-        }
-        steps = {k: next(n for n in held if n >= k - bits) if two else k for k in fits}
-        found.append(set().union(*(near(value, 2 ** steps[k], full * 2**k) for k in fits)))
-    return found
+    """Return what each weight may be rounded to, in quanta; near the end of a grade, floats may take either grade."""
+    grades = grades_for(max(map(abs, values)), bits, count, any(split))
+    roundings = []
+    for value, is_split in zip(values, split, strict=True):
+        allowed = set()
+        for error in (-SLACK, SLACK):
+            grade = grade_of(abs(value) * (1 + error), bits, grades)
+            finest = grade
+            if is_split:
+                finest = next(second for second in grades if second >= grade - bits)
+            allowed |= near(value, step=2**finest, most=(2**bits - 1) * 2**grade)
+        roundings.append(allowed)
+    return roundings
 
 
 @settings(deadline=None, max_examples=150)
@@ -166,29 +207,29 @@ def test_weights_of_several_formats_add_up_to_the_nearest(seed, bits, share, spr
     )
     scale = int(quantized.populations[0].neuron.threshold[0])
     values = [Fraction(float(weight)) * scale for weight in weights.ravel()]
-    largest = np.argsort(-np.abs(weights.ravel()), kind="stable")[
-        : round(share * weights.size)
-    ].tolist()
-    split = [i in largest for i in range(len(values))]
-    wanted = exact_quanta(values, bits, 3 if share else 4, split)
-    found = [one for row in quanta_of(quantized, weights.shape) for one in row]
-    assert [
-        (i, f, w) for i, (f, w) in enumerate(zip(found, wanted, strict=True)) if f not in w
-    ] == []
-    parts = np.sum([p.mantissa.ravel() != 0 for p in quantized.projections], axis=0)
-    assert (parts <= 1 + np.array(split)).all()
-    assert quantized.weights_pruned == found.count(0)
+    # The largest weights are split.
+    largest_first = np.argsort(-np.abs(weights.ravel()), kind="stable")
+    split_weights = set(largest_first[: round(share * weights.size)].tolist())
+    split = [i in split_weights for i in range(len(values))]
+    allowed = exact_quanta(values, bits, count=3 if share else 4, split=split)
+    rounded = [quanta for row in quanta_of(quantized, weights.shape) for quanta in row]
+    for number, quanta in enumerate(rounded):
+        assert quanta in allowed[number], number
+    synapses = np.sum([p.mantissa.ravel() != 0 for p in quantized.projections], axis=0)
+    assert (synapses <= 1 + np.array(split)).all()
+    assert quantized.weights_pruned == rounded.count(0)
 
 
 def test_a_weight_of_two_synapses_by_hand():
-    """Formats of 4 bits: at a threshold of 7, 1000 is 7000, which 13 * 512 and 11 * 32 are nearest to."""
+    """With 4 bits and a threshold of 7, the weight 1000 is 7000 quanta, nearest to 13 * 512 + 11 * 32."""
     weights = np.array([[1000.0, 999.0, 900.0, -13.0, 3.5]])
-    neuron, rounding = Cuba.of(1, decay_v=1.0, threshold=1.0), Rounding(graded=True, split=0.4)
+    neuron = Cuba.of(1, decay_v=1.0, threshold=1.0)
+    rounding = Rounding(graded=True, split=0.4)
     quantized = quantize(single(neuron, weights), CHIP, weight_bits=4, rounding=rounding)
     assert quantized.populations[0].neuron.threshold.tolist() == [7]
-    found = {p.exponent: (p.mantissa[0] // 16).tolist() for p in quantized.projections}
-    # An exponent of -1 with the four high bits of eight is a step of 8.
-    assert found == {5: [13, 13, 12, 0, 0], 1: [11, 11, 0, 0, 0], -1: [0, 0, 0, -11, 3]}
+    # Mantissas have four high bits of eight, so a step is 16 times 2^exponent: 512, 32 and 8 quanta.
+    steps = {p.exponent: (p.mantissa[0] // 16).tolist() for p in quantized.projections}
+    assert steps == {5: [13, 13, 12, 0, 0], 1: [11, 11, 0, 0, 0], -1: [0, 0, 0, -11, 3]}
 
 
 # --- biases, own spikes, decays and delays ---
@@ -201,17 +242,20 @@ def test_a_weight_of_two_synapses_by_hand():
     decay=st.sampled_from([1.0, 0.25, 0.1]),
 )
 def test_biases_are_the_nearest_with_all_bits_of_a_mantissa(biases, threshold, decay):
-    """What a bias settles at is kept: it is multiplied by what rounding does to the decay."""
+    """The potential bias / decay, at which a bias settles, is kept: the bias is scaled as rounding scales the decay."""
     neuron = Cuba.of(len(biases), decay_v=decay, threshold=threshold, bias=biases)
-    found = quantize(single(neuron, np.zeros((len(biases), 1))), CHIP).populations[0].neuron
+    chip = quantize(single(neuron, np.zeros((len(biases), 1))), CHIP).populations[0].neuron
     most = 2**CHIP.registers.bias_mantissa_bits - 1
     for i, bias in enumerate(biases):
-        settled = Fraction(int(found.decay_v[i]), 4096) / Fraction(decay)
-        value = Fraction(bias) * settled * 64 * int(found.threshold[i]) / Fraction(threshold)
-        exponent, mantissa = int(found.bias_exponent[i]), int(found.bias_mantissa[i])
-        check_near(mantissa, value / 2**exponent, 1, most)
+        decay_ratio = Fraction(int(chip.decay_v[i]), 4096) / Fraction(decay)
+        scale = 64 * int(chip.threshold[i]) / Fraction(threshold)
+        value = Fraction(bias) * decay_ratio * scale
+        exponent = int(chip.bias_exponent[i])
+        mantissa = int(chip.bias_mantissa[i])
+        check_near(mantissa, value / 2**exponent, step=1, most=most)
         assert abs(value) * (1 - SLACK) <= most * 2**exponent
         assert exponent <= CHIP.registers.bias_exponent_max
+        # The exponent is the smallest that holds the value.
         assert exponent == 0 or abs(value) * (1 + SLACK) > most * 2 ** (exponent - 1)
 
 
@@ -224,20 +268,25 @@ def test_biases_are_the_nearest_with_all_bits_of_a_mantissa(biases, threshold, d
 def test_own_spikes_take_the_nearest_drop_and_give_back_what_the_current_keeps(
     drop, threshold, decay
 ):
+    """A spike is to subtract the drop once. A synapse to itself does so, but the current keeps a part of it.
+
+    A second synapse, one step later, therefore gives back what the current keeps.
+    """
     neuron = SoftCuba.of(1, decay_u=decay, decay_v=0.1, threshold=threshold, drop=drop * threshold)
-    found = quantize(single(neuron, [[threshold / 3]]), CHIP).populations[0].neuron
-    taps, taken = found.refractory, [Fraction(0), Fraction(0)]
+    chip = quantize(single(neuron, [[threshold / 3]]), CHIP).populations[0].neuron
+    taps = chip.refractory
+    subtracted = [Fraction(0), Fraction(0)]  # by the delay of the synapse, in quanta
     for delay, (mantissa,), exponent in zip(taps.delay, taps.mantissa, taps.exponent, strict=True):
-        taken[delay] -= Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
-    exact = Fraction(drop * threshold) / Fraction(threshold) * int(found.threshold[0])
-    check_near(int(taken[0]), exact)
-    assert taken == [int(taken[0]), -round(taken[0] * (4096 - int(found.decay_u[0])) / 4096)]
+        subtracted[delay] -= Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+    exact_drop = Fraction(drop * threshold) / Fraction(threshold) * int(chip.threshold[0])
+    check_near(int(subtracted[0]), exact_drop)
+    given_back = round(subtracted[0] * (4096 - int(chip.decay_u[0])) / 4096)
+    assert subtracted == [int(subtracted[0]), -given_back]
 
 
 def test_decays_are_the_nearest_half_to_even():
-    """At every half of a decay, and at the floats on both sides; a fraction that becomes 0 is refused."""
+    """Tested at every half of a decay, and at the neighbouring floats; fractions that round to 0 are refused elsewhere."""
     halves = np.arange(2, 8193) / 8192
-    lost = np.concatenate((halves, np.nextafter(halves, 0), np.nextafter(halves[:-1], 1)))
-    assert nearest_decays(lost, "n").tolist() == [
-        round(4096 * Fraction(one)) for one in lost.tolist()
-    ]
+    shares_lost = np.concatenate((halves, np.nextafter(halves, 0), np.nextafter(halves[:-1], 1)))
+    expected = [round(4096 * Fraction(share)) for share in shares_lost.tolist()]
+    assert nearest_decays(shares_lost, "n").tolist() == expected

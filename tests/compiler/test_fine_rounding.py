@@ -1,4 +1,9 @@
-"""Formats by size, weights rounded together, fitted decays, and scales of their own: the parts, and what they buy."""
+"""Fine rounding: each of its parts alone, and how many spikes it saves.
+
+Its parts are formats (grades) chosen by the size of a weight, a second synapse for the remainder of a weight (split),
+weights of a neuron rounded together so that their errors cancel on calibration recordings, decays fitted to a kernel, and
+a scale for each neuron. ``FINE`` has all of them, ``NEAREST`` none.
+"""
 
 import itertools
 import math
@@ -28,20 +33,37 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.support.networks import NEURON, check_bit_for_bit, hybrid, recordings, single
+from tests.support.networks import (
+    DECAY_OF_10,
+    NEURON,
+    TAU_ON_GRID,
+    check_bit_for_bit,
+    hybrid,
+    recordings,
+    single,
+)
 
 CHIP = hw.chip("loihi-sim")
 
 
 def calibrated(network, samples=6, seed=5, rate=0.3):
-    """The calibration of a network on random recordings."""
-    given = Recordings(
-        recordings(network, samples=samples, seed=seed, rate=rate),
-        labels=None,
-        step_seconds=None,
-        source="made up",
+    """Return the calibration of a network (spikes of its inputs and populations) on random recordings."""
+    spikes = recordings(network, samples=samples, seed=seed, rate=rate)
+    made_up = Recordings(spikes, labels=None, step_seconds=None, source="made up")
+    return calibrate(network, made_up, CHIP.registers)
+
+
+def lower_fine(network, *, weight_bits=8, split=0.0, calibration=None):
+    """Return a network at every level with fine rounding; without a calibration, weights are rounded one by one."""
+    rounding = replace(FINE, split=split)
+    return lower(
+        network,
+        CHIP,
+        weight_bits=weight_bits,
+        strategy="dendrite",
+        rounding=rounding,
+        calibration=calibration,
     )
-    return calibrate(network, given, CHIP.registers)
 
 
 # --- formats by size ---
@@ -55,36 +77,34 @@ def calibrated(network, samples=6, seed=5, rate=0.3):
     count=st.sampled_from([1, 2, 3]),
     share=st.sampled_from([0.0, 0.5, 1.0]),
 )
-def test_parts_are_on_the_grid_and_add_up(seed, bits, largest, count, share):
+def test_synapses_of_a_weight_are_on_the_grid_and_add_up(seed, bits, largest, count, share):
+    """Grade k holds multiples of 2^k quanta (a quantum is 64 units); a split weight has a synapse in two grades."""
     r = np.random.default_rng(seed)
     ideal = r.uniform(-largest, largest, (4, 5)) ** 3 / largest**2
     grades = Grades.holding(float(np.abs(ideal).max()), bits, count=count, split=share > 0)
-    grade, split = grades.grade(np.abs(ideal)), r.random(ideal.shape) < share
+    grade = grades.grade(np.abs(ideal))
+    split = r.random(ideal.shape) < share
     step = 1 << np.where(split, grades.second_grade(grade), grade)
     quanta = nearest(ideal, step, grades.largest_of(grade))
     parts = list(grades.parts(quanta, grade, split))
-    assert np.array_equal(
-        sum((effective_weight(m, e) for m, e in parts), start=np.zeros((4, 5))), 64 * quanta
-    )
+    total = np.zeros(ideal.shape)
     for mantissa, exponent in parts:
+        total += effective_weight(mantissa, exponent)
         assert not weight_grid(bits, "excitatory").off_grid(np.abs(mantissa)).any()
         assert exponent in WEIGHT_EXPONENTS
+    assert np.array_equal(total, 64 * quanta)
+    # Three grades, and as many finer ones for second synapses.
     assert len(parts) <= 6
-    held = np.abs(ideal) <= grades.largest_of(grade)
-    assert (np.abs(quanta - ideal) <= step / 2)[held].all()
+    fits = np.abs(ideal) <= grades.largest_of(grade)
+    assert (np.abs(quanta - ideal) <= step / 2)[fits].all()
 
 
-def test_the_finest_grade_that_holds_a_weight_takes_it():
+def test_a_weight_takes_the_finest_grade_that_holds_it():
+    """With 8 bits a grade holds 255 steps; a weight must leave room for one, so 254, 508 and 1016 are the limits."""
     grades = Grades.holding(1000.0, 8)
     assert grades == Grades(8, (0, 1, 2))
-    assert grades.grade(np.array([0.0, 254.0, 254.5, 508.0, 509.0, 1000.0])).tolist() == [
-        0,
-        0,
-        1,
-        1,
-        2,
-        2,
-    ]
+    magnitudes = np.array([0.0, 254.0, 254.5, 508.0, 509.0, 1000.0])
+    assert grades.grade(magnitudes).tolist() == [0, 0, 1, 1, 2, 2]
     assert [grades.exponent(k) for k in grades.numbers] == [0, 1, 2]
     assert Grades.holding(1000.0, 8, count=1) == Grades(8, (2,))
     assert Grades.holding(1e9, 8) == Grades(8, (4, 5, 6, 7))
@@ -101,25 +121,28 @@ def test_split_weights_of_few_bits_are_as_fine_as_one_of_twice_the_bits():
 
 
 def error(gram, ideal, quanta):
+    """Return the mean squared error of each neuron's potential, up to a factor, for rounded weights."""
     return np.einsum("ij,jk,ik->i", quanta - ideal, gram, quanta - ideal)
 
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_few_weights_are_rounded_nearly_as_well_as_any_rounding_could(seed):
-    """Against all 3^4 roundings near the ideal weights."""
+    """Compared with the best of all 3^4 roundings next to the nearest one."""
     r = np.random.default_rng(seed)
     x = r.normal(size=(50, 4)) + r.normal(size=(50, 1)) * 2
-    gram, ideal = x.T @ x, r.uniform(-9, 9, (3, 4))
-    step, most = r.choice([1, 2, 4], size=(3, 4)), np.full((3, 4), 100)
-    found = round_together(Metric.of(gram), ideal, step, most, 32)
-    near = np.rint(ideal / step) * step
-    tried = [
-        error(gram, ideal, near + step * np.array(moves))
-        for moves in itertools.product((-1, 0, 1), repeat=4)
-    ]
-    assert error(gram, ideal, found).sum() <= 1.5 * np.min(tried, axis=0).sum() + 1e-9
-    assert (found % step == 0).all()
+    gram = x.T @ x
+    ideal = r.uniform(-9, 9, (3, 4))
+    step = r.choice([1, 2, 4], size=(3, 4))
+    most = np.full((3, 4), 100)
+    rounded = round_together(Metric.of(gram), ideal, step, most, beam=32)
+    nearest_rounding = np.rint(ideal / step) * step
+    errors = []
+    for moves in itertools.product((-1, 0, 1), repeat=4):
+        errors.append(error(gram, ideal, nearest_rounding + step * np.array(moves)))
+    least_errors = np.min(errors, axis=0)
+    assert error(gram, ideal, rounded).sum() <= 1.5 * least_errors.sum() + 1e-9
+    assert (rounded % step == 0).all()
 
 
 @settings(max_examples=25, deadline=None)
@@ -129,20 +152,21 @@ def test_rounding_together_keeps_limits_and_zeros(seed, beam):
     x = r.normal(size=(60, 9))
     ideal = r.normal(0, 30, (20, 9))
     step = r.choice([0, 1, 8], size=ideal.shape)
-    found = round_together(
-        Metric.of(x.T @ x + np.eye(9)), ideal, step, np.full(ideal.shape, 24), beam
-    )
-    assert (np.abs(found) <= 24).all()
-    assert (found[step == 0] == 0).all()
-    assert (found[step == 8] % 8 == 0).all()
+    most = 24
+    metric = Metric.of(x.T @ x + np.eye(9))
+    rounded = round_together(metric, ideal, step, np.full(ideal.shape, most), beam)
+    assert (np.abs(rounded) <= most).all()
+    assert (rounded[step == 0] == 0).all()
+    assert (rounded[step == 8] % 8 == 0).all()
 
 
 def test_without_correlation_every_weight_is_the_nearest():
     ideal = np.random.default_rng(0).normal(0, 9, (5, 6))
-    found = round_together(
-        Metric.of(np.diag(np.arange(1.0, 7))), ideal, np.ones((5, 6), int), np.full((5, 6), 99), 4
-    )
-    assert np.array_equal(found, np.rint(ideal))
+    uncorrelated = Metric.of(np.diag(np.arange(1.0, 7)))
+    step = np.ones((5, 6), int)
+    most = np.full((5, 6), 99)
+    rounded = round_together(uncorrelated, ideal, step, most, beam=4)
+    assert np.array_equal(rounded, np.rint(ideal))
 
 
 # --- decays ---
@@ -150,61 +174,74 @@ def test_without_correlation_every_weight_is_the_nearest():
 
 @pytest.mark.parametrize("tau", [0.05, 0.5, 1.0, 2.0, 10.0, 33.0, 100.0, 4000.0])
 def test_two_decays_fit_no_worse_than_one_and_as_stated(tau):
-    u, v, gain, left = two_decays(tau, "tau")
-    assert left <= one_decay(tau, "tau").error + 1e-9
+    u, v, gain, stated_error = two_decays(tau, "tau")
+    assert stated_error <= one_decay(tau, "tau").error + 1e-9
     k = np.arange(1, int(40 * tau) + 50, dtype=float)
-    keep_u, keep_v = 1 - u / 4096, 1 - v / 4096
-    answer = k * keep_u ** (k - 1) if u == v else (keep_u**k - keep_v**k) / (keep_u - keep_v)
+    keep_u = 1 - u / 4096
+    keep_v = 1 - v / 4096
+    if u == v:
+        response = k * keep_u ** (k - 1)
+    else:
+        response = (keep_u**k - keep_v**k) / (keep_u - keep_v)
     kernel = k / tau * np.exp(1 - k / tau)
-    assert math.sqrt(((kernel - gain * answer) ** 2).sum() / (kernel**2).sum()) == pytest.approx(
-        left, abs=1e-6
-    )
+    error = math.sqrt(((kernel - gain * response) ** 2).sum() / (kernel**2).sum())
+    assert error == pytest.approx(stated_error, abs=1e-6)
 
 
 def test_the_published_time_constant_takes_two_decays():
     assert two_decays(10.0, "tau")[:2] == (379, 401)
-    assert two_decays(-1 / math.log(3706 / 4096), "tau")[:2] == (390, 390)
+    # A time constant whose decay is exactly 390 takes it twice.
+    assert two_decays(TAU_ON_GRID, "tau")[:2] == (DECAY_OF_10, DECAY_OF_10)
 
 
-# --- what is known of the inputs ---
+# --- statistics of the inputs, from calibration recordings ---
 
 
 def test_the_moments_are_those_of_the_kernels():
-    """Against sums over all pairs of spikes, with the kernels written out."""
-    network = single(NEURON, np.random.default_rng(0).normal(0, 4, (2, 3)), steps=12, delay=2)
+    """Gram matrix and ideal weights against sums over all spikes, with the kernels written out."""
+    steps = 12
+    delay = 2
+    tau = NEURON.tau_sr
+    weights = np.random.default_rng(0).normal(0, 4, (2, 3))
+    network = single(NEURON, weights, steps=steps, delay=delay)
     calibration = calibrated(network, samples=3)
-    u, v, gain, _ = two_decays(10.0, "tau")
+    u, v, gain, _ = two_decays(tau, "tau")
     (projection,) = network.projections
     drive = drive_of(NEURON, (projection,), (u, v), gain, calibration)
     spikes = calibration.spikes["touch"].astype(float)
-    k = np.arange(1, 13)
-    answer = ((1 - u / 4096) ** k - (1 - v / 4096) ** k) / ((v - u) / 4096)
-    x, exact = np.zeros((3, 12, 3)), np.zeros((3, 12, 3))
-    for t in range(12):
-        for lag in range(1, t - 1):
-            x[:, t] += answer[lag - 1] * spikes[:, t - lag - 2]
-            exact[:, t] += lag / 10 * math.exp(1 - lag / 10) * spikes[:, t - lag - 2]
-    x, wanted = x.reshape(-1, 3), exact.reshape(-1, 3) @ projection.weights.T
+    k = np.arange(1, steps + 1)
+    chip_response = ((1 - u / 4096) ** k - (1 - v / 4096) ** k) / ((v - u) / 4096)
+    # What each input adds to a potential: on the chip, and in the float network.
+    on_chip = np.zeros((3, steps, 3))
+    in_float = np.zeros((3, steps, 3))
+    for t in range(steps):
+        for lag in range(1, t - delay + 1):
+            sent = spikes[:, t - lag - delay]
+            on_chip[:, t] += chip_response[lag - 1] * sent
+            in_float[:, t] += lag / tau * math.exp(1 - lag / tau) * sent
+    x = on_chip.reshape(-1, 3)
+    float_potential = in_float.reshape(-1, 3) @ weights.T
     gram = x.T @ x
+    # The ridge keeps weights of silent inputs at their float values.
     ridge = RIDGE / 3 * np.trace(gram) / 3
-    held = gram + ridge * np.eye(3)
-    assert np.allclose(drive.gram * len(x), held)
-    assert np.allclose(drive.ideal @ held, wanted.T @ x + ridge * gain * projection.weights)
-    assert np.allclose(drive.rate, spikes[:, :-3].sum(axis=(0, 1)) / 3)
+    with_ridge = gram + ridge * np.eye(3)
+    assert np.allclose(drive.gram * len(x), with_ridge)
+    assert np.allclose(drive.ideal @ with_ridge, float_potential.T @ x + ridge * gain * weights)
+    # Spikes of the last delay + 1 steps act after the end.
+    assert np.allclose(drive.rate, spikes[:, : -delay - 1].sum(axis=(0, 1)) / 3)
 
 
-def test_strategies_of_the_same_decays_share_what_is_known_of_the_inputs():
+def test_strategies_of_the_same_decays_share_the_statistics_of_the_inputs():
     network = single(NEURON, np.random.default_rng(0).normal(0, 4, (2, 3)))
-    calibration, (projection,) = calibrated(network), network.projections
-    drive = drive_of(NEURON, (projection,), (379, 401), 1.0, calibration)
-    assert drive_of(NEURON, (projection,), (379, 401), 1.0, calibration) is drive
+    calibration = calibrated(network)
+    projections = network.projections
+    drive = drive_of(NEURON, projections, (379, 401), 1.0, calibration)
+    assert drive_of(NEURON, projections, (379, 401), 1.0, calibration) is drive
     assert drive.metric is drive.metric
-    for decays, gain, others in [
-        ((390, 390), 1.0, calibration),
-        ((379, 401), 2.0, calibration),
-        ((379, 401), 1.0, calibrated(network, seed=6)),
-    ]:
-        assert drive_of(NEURON, (projection,), decays, gain, others) is not drive
+    other_calibration = calibrated(network, seed=6)
+    assert drive_of(NEURON, projections, (390, 390), 1.0, calibration) is not drive
+    assert drive_of(NEURON, projections, (379, 401), 2.0, calibration) is not drive
+    assert drive_of(NEURON, projections, (379, 401), 1.0, other_calibration) is not drive
 
 
 @pytest.mark.parametrize(
@@ -216,28 +253,23 @@ def test_strategies_of_the_same_decays_share_what_is_known_of_the_inputs():
     ],
     ids=["sparse", "delays", "silence"],
 )
-def test_where_nothing_is_known_weights_are_rounded_apart(weights, delay, rate):
+def test_without_statistics_of_the_inputs_weights_are_rounded_one_by_one(weights, delay, rate):
+    """Statistics are computed for dense weights of one delay, and need spikes."""
     network = single(NEURON, weights, delay=delay)
-    levels = lower(
-        network,
-        CHIP,
-        weight_bits=8,
-        strategy="dendrite",
-        rounding=FINE,
-        calibration=calibrated(network, rate=rate),
-    )
-    apart = lower(network, CHIP, weight_bits=8, strategy="dendrite", rounding=FINE)
-    assert levels.quantized.population("n").neuron.threshold.tolist() == (
-        apart.quantized.population("n").neuron.threshold.tolist()
-    )
-    assert len(levels.quantized.projections) == len(apart.quantized.projections)
+    calibrated_levels = lower_fine(network, calibration=calibrated(network, rate=rate))
+    plain_levels = lower_fine(network)
+    threshold = calibrated_levels.quantized.population("n").neuron.threshold
+    plain_threshold = plain_levels.quantized.population("n").neuron.threshold
+    assert threshold.tolist() == plain_threshold.tolist()
+    projections = calibrated_levels.quantized.projections
+    assert len(projections) == len(plain_levels.quantized.projections)
 
 
-def test_of_many_recordings_some_are_taken():
+def test_a_calibration_takes_some_of_many_recordings():
     assert calibrated(single(NEURON), samples=SAMPLES + 40).samples == SAMPLES
 
 
-# --- the whole ---
+# --- all parts together ---
 
 
 @settings(max_examples=8, deadline=None)
@@ -256,126 +288,91 @@ def test_the_program_is_the_rounded_network_bit_for_bit(seed, strategy, bits, sp
 
 
 def test_every_improvement_buys_spikes():
-    """On recordings that nothing was rounded for; each row adds one to those before it."""
+    """Each rounding adds parts to the one before it, and keeps more spikes, on recordings not used for calibration."""
     network = hybrid(3, channels=30, steps=120, hidden=16, classes=4, scale=3.0)
-    calibration, played = (
-        calibrated(network, samples=12, rate=0.1),
-        recordings(network, samples=8, seed=9, rate=0.1),
-    )
-    rows = [
+    calibration = calibrated(network, samples=12, rate=0.1)
+    played = recordings(network, samples=8, seed=9, rate=0.1)
+    roundings = [
         NEAREST,
         Rounding(fitted_decays=True, graded=True),
         Rounding(fitted_decays=True, graded=True, error_aware=True),
         Rounding(fitted_decays=True, graded=True, error_aware=True, split=1.0),
     ]
-    found = [agreement(network, 4, rounding, calibration, played) for rounding in rows]
-    assert found == sorted(set(found))
-    assert found[-1] > 0.9
+    agreements = []
+    for rounding in roundings:
+        levels = lower(network, CHIP, 4, "dendrite", rounding, calibration)
+        agreements.append(compare(Observed(levels, played)).spikes.agreement)
+    assert agreements == sorted(set(agreements))
+    assert agreements[-1] > 0.9
 
 
 def test_neurons_of_large_potentials_get_small_scales():
-    """Inputs that spike in every other step, through weights of which one neuron's cancel."""
+    """All inputs spike in every other step; the weights of the first neuron nearly cancel, those of the last are large."""
     weights = np.array([[3.1, -3.0, 1.0], [3.1, 3.0, 1.0], [30.0, 31.0, 1.0]])
     network = single(NEURON, weights, steps=120)
-    levels = lower(
-        network,
-        CHIP,
-        weight_bits=8,
-        strategy="dendrite",
-        rounding=FINE,
-        calibration=calibrated(network, rate=0.5),
-    )
-    small, larger, largest = levels.quantized.population("n").neuron.threshold
-    assert small >= larger > largest
+    levels = lower_fine(network, calibration=calibrated(network, rate=0.5))
+    # A scale is the threshold in register units over that of the network, which is equal for all neurons.
+    of_small, of_larger, of_largest = levels.quantized.population("n").neuron.threshold
+    assert of_small >= of_larger > of_largest
 
 
-def agreement(network, bits, rounding, calibration, played):
-    levels = lower(network, CHIP, bits, "dendrite", rounding, calibration)
-    return compare(Observed(levels, played)).spikes.agreement
+@pytest.fixture(scope="module")
+def network():
+    """A hybrid of 16 hidden neurons per axis behind 30 channels."""
+    return hybrid(3, channels=30, steps=60, hidden=16, scale=3.0)
 
 
-def test_neurons_get_scales_of_their_own_within_the_profiles_of_a_core():
-    network = hybrid(3, channels=30, steps=60, hidden=16, scale=3.0)
-    levels = lower(
-        network,
-        CHIP,
-        weight_bits=8,
-        strategy="dendrite",
-        rounding=FINE,
-        calibration=calibrated(network),
-    )
+def test_neurons_get_scales_of_their_own_within_the_profiles_of_a_core(network):
+    levels = lower_fine(network, calibration=calibrated(network))
     thresholds = levels.quantized.population("time_hidden").neuron.threshold
     assert 1 < len(np.unique(thresholds)) <= 7
-    for q in levels.quantized.populations:
-        neuron = q.neuron
-        assert np.allclose(q.scale * q.population.neuron.theta, 64 * neuron.threshold + 1)
-        own = -64.0 * neuron.refractory.mantissa * 2.0**neuron.refractory.exponent
-        wanted = 2.0 * one_decay(1.0, "tau_ref").gain * (64 * neuron.threshold + 1)
-        assert np.allclose(own, wanted, rtol=2e-4)
+    for population in levels.quantized.populations:
+        neuron = population.neuron
+        # A neuron spikes at its threshold in float, above it on the chip: hence one unit more.
+        threshold_units = 64 * neuron.threshold + 1
+        assert np.allclose(population.scale * NEURON.theta, threshold_units)
+        own_charge = 64.0 * neuron.refractory.mantissa * 2.0**neuron.refractory.exponent
+        gain = one_decay(NEURON.tau_ref, "tau_ref").gain
+        assert np.allclose(own_charge, -NEURON.scale_ref * gain * threshold_units, rtol=2e-4)
 
 
-def test_a_weight_that_is_0_gets_no_synapse():
-    network = hybrid(3, channels=30, steps=60, hidden=16, scale=3.0)
+def test_a_weight_that_is_0_gets_no_synapse(network):
     r = np.random.default_rng(0)
-    thinned = replace(
-        network,
-        projections=tuple(
-            replace(p, weights=p.weights * (r.random(p.weights.shape) < 0.5))
-            for p in network.projections
-        ),
-    )
-    levels = lower(
-        thinned,
-        CHIP,
-        weight_bits=4,
-        strategy="dendrite",
-        rounding=replace(FINE, split=1.0),
-        calibration=calibrated(thinned),
-    )
+    projections = []
+    for projection in network.projections:
+        is_kept = r.random(projection.weights.shape) < 0.5
+        projections.append(replace(projection, weights=projection.weights * is_kept))
+    thinned = replace(network, projections=tuple(projections))
+    levels = lower_fine(thinned, weight_bits=4, split=1.0, calibration=calibrated(thinned))
     zeros = 0
-    for p in thinned.projections:
-        parts = [
-            q for q in levels.quantized.projections if (q.source, q.target) == (p.source, p.target)
-        ]
-        whole = sum(effective_weight(q.mantissa, q.exponent) for q in parts)
-        assert (whole[p.weights == 0] == 0).all()
-        zeros += int((whole == 0).sum())
+    for projection in thinned.projections:
+        effective = np.zeros(projection.weights.shape)
+        for part in levels.quantized.projections:
+            if (part.source, part.target) == (projection.source, projection.target):
+                effective += effective_weight(part.mantissa, part.exponent)
+        assert (effective[projection.weights == 0] == 0).all()
+        zeros += int((effective == 0).sum())
     assert levels.program.synapses_pruned == zeros
 
 
-def test_the_share_that_is_split_is_no_larger_than_asked_for():
-    network = hybrid(3, channels=30, steps=60, hidden=16, scale=3.0)
+def test_no_more_weights_are_split_than_the_given_share(network):
     calibration = calibrated(network)
-    counts = []
+    weights = sum(projection.weights.size for projection in network.projections)
+    synapse_counts = []
     for share in (0.0, 0.3, 1.0):
-        levels = lower(
-            network,
-            CHIP,
-            weight_bits=4,
-            strategy="dendrite",
-            rounding=replace(FINE, split=share),
-            calibration=calibration,
-        )
-        parts = sum((q.mantissa != 0).sum() for q in levels.quantized.projections)
-        weights = sum(p.weights.size for p in network.projections)
-        assert parts <= (1 + share) * weights + 1
-        counts.append(parts)
-    assert counts == sorted(counts)
+        levels = lower_fine(network, weight_bits=4, split=share, calibration=calibration)
+        synapses = sum((part.mantissa != 0).sum() for part in levels.quantized.projections)
+        assert synapses <= (1 + share) * weights + 1
+        synapse_counts.append(synapses)
+    assert synapse_counts == sorted(synapse_counts)
 
 
-def test_no_own_charge_and_strong_ones():
-    for scale_ref in (0.0, 0.3, 20.0):
-        neuron = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=scale_ref)
-        network = hybrid(1, channels=12, steps=60, hidden=6, neuron=neuron)
-        levels = lower(
-            network,
-            CHIP,
-            weight_bits=8,
-            strategy="dendrite",
-            rounding=FINE,
-            calibration=calibrated(network),
-        )
-        played = recordings(network, samples=4, seed=8)
-        match = compare(Observed(levels, played))
-        assert match.spikes.agreement > 0.9
-        assert not any(found["charge_wraps"] for found in match.wraps_and_clips.values())
+@pytest.mark.parametrize("scale_ref", [0.0, 0.3, 20.0], ids=["none", "weak", "strong"])
+def test_refractory_kernels_of_any_strength_are_kept(scale_ref):
+    neuron = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=scale_ref)
+    network = hybrid(1, channels=12, steps=60, hidden=6, neuron=neuron)
+    levels = lower_fine(network, calibration=calibrated(network))
+    played = recordings(network, samples=4, seed=8)
+    match = compare(Observed(levels, played))
+    assert match.spikes.agreement > 0.9
+    assert not any(events["charge_wraps"] for events in match.wraps_and_clips.values())

@@ -1,6 +1,8 @@
-"""Every level of one small network as text, compared with golden files; of other strategies the levels that differ.
+"""The text of every level of compiling a small network, compared with golden files.
 
-After a wanted change: ``python tests/compiler/test_level_texts.py`` writes them anew; read the difference.
+Levels are the network as trained, in integers, as compartments, placed on cores, and so on. For other strategies and
+neurons only the levels that differ have files. After an intended change, ``python tests/compiler/test_level_texts.py``
+writes all files again; read the difference.
 """
 
 from pathlib import Path
@@ -14,9 +16,11 @@ from locsnn_compile.settings import STRATEGIES
 
 GOLDEN = Path(__file__).parent / "golden"
 OWN_LEVELS = ("network", "quantized", "compartments")
+"""Levels whose texts differ between strategies and kinds of neurons."""
 
 
 def levels(case):
+    """Return the levels of a case: a strategy, or a kind of neuron (``cuba``, ``on-grid``)."""
     from locsnn_compile.network.neurons import Cuba
     from tests.support.networks import hybrid, on_grid, single
 
@@ -45,15 +49,20 @@ def levels(case):
     )
 
 
-CASES = [
-    *(("dendrite", kind, f"{kind}.txt") for kind in LEVEL_KINDS),
-    *(
-        (case, kind, f"{case}-{kind}.txt")
-        for case in ("delay-line", "reset", "paired-dendrite", "cuba", "on-grid")
-        for kind in OWN_LEVELS
-        if kind != "network" or case in ("cuba", "on-grid")
-    ),
-]
+def cases():
+    """Return (case, level, golden file) for all texts."""
+    rows = [("dendrite", kind, f"{kind}.txt") for kind in LEVEL_KINDS]
+    # Strategies start from the same network, so its text is compared once.
+    for strategy in ("delay-line", "reset", "paired-dendrite"):
+        for kind in OWN_LEVELS[1:]:
+            rows.append((strategy, kind, f"{strategy}-{kind}.txt"))
+    for neurons in ("cuba", "on-grid"):
+        for kind in OWN_LEVELS:
+            rows.append((neurons, kind, f"{neurons}-{kind}.txt"))
+    return rows
+
+
+CASES = cases()
 
 
 @pytest.mark.parametrize(("case", "kind", "file"), CASES, ids=[file for *_, file in CASES])

@@ -1,6 +1,4 @@
-"""The dendrite strategy against a model of its own: three filters in integers, without cores or compartments."""
-
-from dataclasses import replace
+"""Strategy ``dendrite``: programs against integer filters written from the recursive form, without cores or compartments."""
 
 import numpy as np
 import pytest
@@ -12,23 +10,30 @@ from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.pipeline import lower
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-from tests.support.networks import DECAY_OF_10, UNIT, hybrid, recordings
+from tests.support.networks import TAU_ON_GRID, UNIT, hybrid, recordings, with_weights_of_chip
 
 CHIP = hw.chip("loihi-sim")
 
 
 def kept(x, decay):
-    """What a step keeps of a register: 4096 - decay parts of 4096, rounded toward zero."""
+    """Return what a step keeps of a register: 4096 - decay parts of 4096, rounded toward zero."""
     return np.sign(x) * ((np.abs(x) * (4096 - decay)) >> 12)
 
 
 def integer_srm(drive, q):
-    """Integer SRM neurons from the recursive form: two filters for the input, two for the own spikes, no reset."""
+    """Return the spikes (steps, n) of integer SRM neurons ``q`` for charges ``drive`` (steps, n).
+
+    Two filters in a row make the response to the input, and two the response to own spikes; there is no reset.
+    """
     steps, n = drive.shape
-    current, response, refractory_current, refractory = np.zeros((4, n), dtype=np.int64)
+    current = np.zeros(n, dtype=np.int64)
+    response = np.zeros(n, dtype=np.int64)
+    refractory_current = np.zeros(n, dtype=np.int64)
+    refractory = np.zeros(n, dtype=np.int64)
     spikes = np.zeros((steps, n), dtype=np.int64)
     limit = 2**23 - 1  # of the voltage register, in its units
-    decay, refractory_decay = q.decay_u, q.refractory.decay
+    decay = q.decay_u
+    refractory_decay = q.refractory.decay
     own_charge = UNIT * q.refractory.mantissa[0] * 2 ** q.refractory.exponent[0]
     for t in range(steps):
         if t:
@@ -57,20 +62,20 @@ def test_compartments_do_what_the_recursion_does(seed, bits, tau_ref):
     )
     levels = lower(network, CHIP, bits)
     played = recordings(network, samples=1, seed=seed)
-    found = hw.simulate(levels.program, played[0])
+    result = hw.simulate(levels.program, played[0])
     spikes = {view.name: view.play(played)[0].astype(np.int64) for view in network.views}
     for q in levels.quantized.populations:
         name = q.population.name
-        drive = sum(
-            spikes[p.source] @ (UNIT * p.mantissa * 2**p.exponent).T
-            for p in levels.quantized.projections
-            if p.target == name
-        )
+        drive = 0
+        for projection in levels.quantized.projections:
+            if projection.target == name:
+                charges = UNIT * projection.mantissa * 2**projection.exponent
+                drive = drive + spikes[projection.source] @ charges.T
         spikes[name] = integer_srm(drive, q.neuron)
-        assert np.array_equal(found.spikes[name], spikes[name]), name
+        assert np.array_equal(result.spikes[name], spikes[name]), name
 
 
-def test_populations_keep_their_names_and_compartments_have_theirs():
+def test_compartments_are_named_after_their_population():
     program = lower(hybrid(), CHIP, weight_bits=8).program
     assert list(program.populations) == [
         f"{name}{part}"
@@ -79,7 +84,7 @@ def test_populations_keep_their_names_and_compartments_have_theirs():
     ]
 
 
-def test_a_phase_an_axis_each_on_cores_of_its_own():
+def test_each_axis_is_a_phase_on_cores_of_its_own():
     program = lower(hybrid(), CHIP, weight_bits=8).program
     assert [(phase.name, phase.steps) for phase in program.phases] == [
         ("time", 12),
@@ -95,26 +100,11 @@ def test_no_refractory_kernel_needs_no_self_synapse():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_fine_weights_and_decays_on_the_grid_leave_the_reference_nothing_to_disagree_with(seed):
-    """A network whose weights and decays the chip holds exactly: what is left is the rounding of states."""
-    tau = -1 / np.log(1 - DECAY_OF_10 / 4096)
-    network = hybrid(
-        seed,
-        steps=60,
-        hidden=8,
-        neuron=SrmAlpha(theta=10.0, tau_sr=float(tau), tau_ref=1.0, scale_ref=2.0),
-    )
-    once = lower(network, CHIP, weight_bits=8).quantized
-    gain = np.e * np.exp(-1 / tau) / tau
-    on_grid = tuple(
-        type(p)(
-            p.source,
-            p.target,
-            q.mantissa * UNIT * 2.0**q.exponent / (once.population(p.target).scale[0] * gain),
-        )
-        for p, q in zip(network.projections, once.projections, strict=True)
-    )
-    exact = replace(network, projections=on_grid)
+def test_a_network_whose_weights_and_decays_the_chip_holds_spikes_nearly_as_in_float(seed):
+    """Only states and the refractory kernel are rounded then."""
+    neuron = SrmAlpha(theta=10.0, tau_sr=TAU_ON_GRID, tau_ref=1.0, scale_ref=2.0)
+    network = hybrid(seed, steps=60, hidden=8, neuron=neuron)
+    exact = with_weights_of_chip(network, CHIP)
     levels = lower(exact, CHIP, weight_bits=8)
     match = compare(Observed(levels, recordings(exact, samples=4, seed=seed)))
     assert match.spikes.reference_spikes > 100

@@ -1,4 +1,7 @@
-"""Counting agreement, and the first divergence."""
+"""Matching: how many spikes, predictions and scores of chip and float network agree, and where they differ first.
+
+Counts are compared with those of whole runs, counted by hand. Recordings are played in chunks of ``BATCH``.
+"""
 
 from dataclasses import replace
 
@@ -26,7 +29,7 @@ def network():
 
 @pytest.fixture(scope="module")
 def levels(network):
-    """It at every level, with weights of 3 bits: spikes differ from the float network's."""
+    """The compiled levels of the network with weights of 3 bits, so that spikes differ from the float network's."""
     return lower(network, CHIP, weight_bits=3)
 
 
@@ -40,11 +43,10 @@ def levels(network):
     ],
     ids=["silence", "equal", "two missing", "all missing"],
 )
-def test_agreement(match, agreement, mismatches):
-    assert (match.agreement, match.mismatches) == (
-        agreement and pytest.approx(agreement),
-        mismatches,
-    )
+def test_agreement_is_that_of_common_spikes(match, agreement, mismatches):
+    """Twice the common spikes over the spikes of both sides; unknown where neither side spikes."""
+    assert match.agreement == (agreement and pytest.approx(agreement))
+    assert match.mismatches == mismatches
 
 
 def test_spikes_in_common_are_the_fewer_where_a_neuron_sends_several_in_a_step():
@@ -67,131 +69,137 @@ def test_spikes_in_common_are_the_fewer_where_a_neuron_sends_several_in_a_step()
     ids=["equal", "same class", "a tie", "nothing to compare", "only the chip decides"],
 )
 def test_scores_are_compared_with_their_spread(reference, chip, relative, spread, error):
-    found = ScoreMatch.of(np.array(reference, float), np.array(chip, float))
-    assert found.relative_error == (relative and pytest.approx(relative))
-    assert (found.mean_spread, found.mean_error) == (spread, error)
+    """The spread is the mean distance of a recording's scores from their mean."""
+    match = ScoreMatch.of(np.array(reference, float), np.array(chip, float))
+    assert match.relative_error == (relative and pytest.approx(relative))
+    assert match.mean_spread == spread
+    assert match.mean_error == error
 
 
 def predicted(scores):
-    """The class with the highest score, -1 where all tie."""
-    return [int(np.argmax(row)) if len(set(row.tolist())) > 1 else -1 for row in scores]
+    """Return the class with the highest score of each recording, -1 where all scores tie."""
+    classes = []
+    for row in scores:
+        all_tie = len(set(row.tolist())) == 1
+        classes.append(-1 if all_tie else int(np.argmax(row)))
+    return classes
 
 
 def test_a_match_is_what_counting_by_hand_gives(network, levels):
     played = recordings(network, samples=BATCH + 3)
     match = compare(Observed(levels, played))
-    wanted, found = evaluate(network, played), hw.simulate(levels.program, played)
+    reference = evaluate(network, played)
+    chip = hw.simulate(levels.program, played)
     for name, counted in match.by_population.items():
-        both = (wanted.spikes[name] == 1) & (found.spikes[name] == 1)
+        common = (reference.spikes[name] == 1) & (chip.spikes[name] == 1)
         assert counted == PopulationMatch(
-            int(wanted.spikes[name].sum()), int(found.spikes[name].sum()), int(both.sum())
+            reference_spikes=int(reference.spikes[name].sum()),
+            chip_spikes=int(chip.spikes[name].sum()),
+            common_spikes=int(common.sum()),
         )
     assert match.spikes.mismatches > 0
-    assert match.chip_prediction.tolist() == predicted(found.scores)
-    assert match.reference_prediction.tolist() == predicted(wanted.scores)
+    assert match.chip_prediction.tolist() == predicted(chip.scores)
+    assert match.reference_prediction.tolist() == predicted(reference.scores)
     assert -1 in match.chip_prediction
-    assert match.counts == found.per_recording
+    assert match.counts == chip.per_recording
     assert match.accuracy is None
-    apart = np.abs(found.scores - wanted.scores)
-    assert match.scores.mean_error == pytest.approx(apart.mean())
-    assert match.scores.mean_spread == pytest.approx(
-        np.abs(wanted.scores - wanted.scores.mean(axis=1, keepdims=True)).mean()
-    )
+    error = np.abs(chip.scores - reference.scores)
+    assert match.scores.mean_error == pytest.approx(error.mean())
+    distance = np.abs(reference.scores - reference.scores.mean(axis=1, keepdims=True))
+    assert match.scores.mean_spread == pytest.approx(distance.mean())
 
 
-def test_the_first_divergence_is_the_first(network, levels):
+def test_the_first_divergence_comes_before_all_others(network, levels):
+    """The order is by recording, then the time axis before the location axis, then step, population and neuron."""
     played = recordings(network, samples=5)
     first = compare(Observed(levels, played)).first_divergence
-    wanted, found = (
-        evaluate(network, played, potentials=True),
-        hw.simulate(levels.program, played, probe=("spikes", "potential")),
-    )
-    axis = {p.name: p.axis for p in network.populations}
-    rows = [
-        (recording, axis[name] == "location", step, rank, neuron)
-        for rank, name in enumerate(axis)
-        for recording, step, neuron in np.argwhere(wanted.spikes[name] != found.spikes[name])
-    ]
-    recording, _, step, rank, neuron = min(rows)
-    name = list(axis)[rank]
-    assert (first.recording, first.population, first.step, first.neuron) == (
-        recording,
-        name,
-        step,
-        neuron,
-    )
-    assert first.reference_potential == wanted.potential[name][recording, step, neuron]
-    chip = (
-        found.potential[name][recording, step, neuron]
-        / levels.quantized.population(name).scale[neuron]
-    )
-    assert first.chip_potential == pytest.approx(chip)
-    assert (first.reference_potential >= first.threshold) != (
-        first.chip_potential >= first.threshold
-    )
+    reference = evaluate(network, played, potentials=True)
+    chip = hw.simulate(levels.program, played, probe=("spikes", "potential"))
+    differences = []
+    for rank, population in enumerate(network.populations):
+        differs = reference.spikes[population.name] != chip.spikes[population.name]
+        on_location_axis = population.axis == "location"
+        for recording, step, neuron in np.argwhere(differs):
+            differences.append((recording, on_location_axis, step, rank, neuron))
+    recording, _, step, rank, neuron = min(differences)
+    name = network.populations[rank].name
+    assert first.recording == recording
+    assert first.population == name
+    assert first.step == step
+    assert first.neuron == neuron
+    assert first.reference_potential == reference.potential[name][recording, step, neuron]
+    scale = levels.quantized.population(name).scale[neuron]
+    chip_potential = chip.potential[name][recording, step, neuron] / scale
+    assert first.chip_potential == pytest.approx(chip_potential)
+    reference_fires = first.reference_potential >= first.threshold
+    chip_fires = first.chip_potential >= first.threshold
+    assert reference_fires != chip_fires
 
 
-def test_what_chunks_of_recordings_add_up_to():
+def test_chunks_of_recordings_add_up_to_a_whole_run():
     """Two chunks and a part of one, with registers that clip in all of them."""
     network = hybrid(1, steps=40, hidden=6, scale=4000.0)
     levels = lower(network, CHIP, weight_bits=3)
     played = recordings(network, samples=2 * BATCH + 3)
     match = compare(Observed(levels, played))
-    found = hw.simulate(levels.program, played, probe=("spikes", "activity"))
-    assert match.wraps_and_clips == found.events
-    assert all(counts.voltage_clips for counts in found.per_recording)
-    assert match.counts_by_phase == found.counts_by_phase
+    result = hw.simulate(levels.program, played, probe=("spikes", "activity"))
+    assert match.wraps_and_clips == result.events
+    assert all(counts.voltage_clips for counts in result.per_recording)
+    assert match.counts_by_phase == result.counts_by_phase
     assert match.additions == network_additions(network, evaluate(network, played).spikes)
-    alone = [compare(Observed(levels, one[None])).latency_range_ns for one in played]
-    least, most = zip(*alone, strict=True)
-    assert match.latency_range_ns == (
-        None if None in least else pytest.approx(np.mean(least)),
-        None if None in most else pytest.approx(np.mean(most)),
-    )
+    ranges = [compare(Observed(levels, one[None])).latency_range_ns for one in played]
+    for bound, bounds_of_recordings in zip(
+        match.latency_range_ns, zip(*ranges, strict=True), strict=True
+    ):
+        # A bound that is unknown for one recording is unknown for all.
+        if None in bounds_of_recordings:
+            assert bound is None
+        else:
+            assert bound == pytest.approx(np.mean(bounds_of_recordings))
 
 
-def test_a_first_divergence_behind_the_first_chunk(network, levels):
-    played = np.concatenate(
-        (np.zeros((BATCH + 2, 40, 4), dtype=np.uint8), recordings(network, samples=1))
-    )
+def test_a_first_divergence_after_the_first_chunk_has_its_recording(network, levels):
+    silent = np.zeros((BATCH + 2, network.steps, network.channels), dtype=np.uint8)
+    played = np.concatenate((silent, recordings(network, samples=1)))
     assert compare(Observed(levels, played)).first_divergence.recording == BATCH + 2
 
 
 def test_the_time_axis_comes_first(network, levels):
-    """Of the recordings in which the location branch differs at an earlier step of its own."""
+    """Tested with recordings in which the location branch differs at an earlier step of its own axis."""
     played = recordings(network, samples=30)
-    wanted, found = evaluate(network, played).spikes, hw.simulate(levels.program, played).spikes
-    first = {
-        axis: [
-            min((int(np.argwhere(a != b)[0, 0]) for a, b in pairs if (a != b).any()), default=99)
-            for pairs in (
-                [
-                    (wanted[p.name][i], found[p.name][i])
-                    for p in network.populations
-                    if p.axis == axis
-                ]
-                for i in range(len(played))
-            )
-        ]
-        for axis in (phase.name for phase in network.phases)
-    }
-    tried = [i for i in range(len(played)) if first["location"][i] < first["time"][i] < 99]
-    assert tried
-    for i in tried:
-        divergence = compare(Observed(levels, played[i : i + 1])).first_divergence
-        assert divergence.population.startswith("time")
-        assert divergence.step == first["time"][i]
+    reference = evaluate(network, played).spikes
+    chip = hw.simulate(levels.program, played).spikes
+    never = 99  # after every step
+
+    def first_step_that_differs(axis, recording):
+        steps = [never]
+        for population in network.populations:
+            if population.axis == axis:
+                name = population.name
+                differs = reference[name][recording] != chip[name][recording]
+                steps += np.flatnonzero(differs.any(axis=1)).tolist()
+        return min(steps)
+
+    tested = 0
+    for recording in range(len(played)):
+        location_step = first_step_that_differs("location", recording)
+        time_step = first_step_that_differs("time", recording)
+        if location_step < time_step < never:
+            one_recording = played[recording : recording + 1]
+            divergence = compare(Observed(levels, one_recording)).first_divergence
+            assert divergence.population.startswith("time")
+            assert divergence.step == time_step
+            tested += 1
+    assert tested > 0
 
 
 def test_equal_spikes_have_no_divergence(network, levels):
     silent = np.zeros((2, network.steps, network.channels), dtype=np.uint8)
     match = compare(Observed(levels, silent))
     assert match.first_divergence is None
-    assert (match.spikes.agreement, match.prediction_agreement, match.tied_predictions) == (
-        None,
-        None,
-        2,
-    )
+    assert match.spikes.agreement is None
+    assert match.prediction_agreement is None
+    assert match.tied_predictions == 2
 
 
 @pytest.mark.parametrize(
@@ -211,58 +219,74 @@ def test_equal_spikes_have_no_divergence(network, levels):
         "the chip alone predicts",
     ],
 )
-def test_ties(network, levels, reference, chip, agreement, tied):
+def test_recordings_that_tie_on_both_sides_are_not_compared(
+    network, levels, reference, chip, agreement, tied
+):
+    """A prediction of -1 stands for scores that all tie."""
     match = compare(Observed(levels, recordings(network, samples=1)))
-    sides = {"reference_prediction": np.array(reference), "chip_prediction": np.array(chip)}
-    match = replace(match, samples=len(chip), labels=np.zeros(len(chip), dtype=np.int64), **sides)
-    assert (match.prediction_agreement, match.tied_predictions) == (
-        agreement and pytest.approx(agreement),
-        tied,
+    match = replace(
+        match,
+        samples=len(chip),
+        labels=np.zeros(len(chip), dtype=np.int64),
+        reference_prediction=np.array(reference),
+        chip_prediction=np.array(chip),
     )
+    assert match.prediction_agreement == (agreement and pytest.approx(agreement))
+    assert match.tied_predictions == tied
     assert match.accuracy == {
         "reference": np.mean(np.array(reference) == 0),
         "chip": np.mean(np.array(chip) == 0),
     }
 
 
-def with_network(levels, network):
-    return replace(levels, network=network, quantized=replace(levels.quantized, network=network))
-
-
-def test_helper_neurons_are_counted_apart(network, levels):
+def test_helper_neurons_are_counted_separately(network, levels):
+    """Helpers are neurons that the compiler added; they do not count as spikes of the network."""
     played = recordings(network, samples=4)
     first = network.populations[0]
-    helped = replace(network, populations=(replace(first, helper=True), *network.populations[1:]))
-    plain, found = (
-        compare(Observed(with_network(levels, net), played)) for net in (network, helped)
+    with_helper = replace(
+        network, populations=(replace(first, helper=True), *network.populations[1:])
     )
-    assert found.helpers == {first.name: plain.by_population[first.name]}
-    assert found.helpers | found.by_population == plain.by_population
-    assert plain.first_divergence.population == first.name != found.first_divergence.population
-    assert (
-        found.spikes.mismatches
-        == plain.spikes.mismatches - plain.by_population[first.name].mismatches
-    )
+
+    def match_as(network):
+        quantized = replace(levels.quantized, network=network)
+        return compare(Observed(replace(levels, network=network, quantized=quantized), played))
+
+    plain = match_as(network)
+    helped = match_as(with_helper)
+    of_helper = plain.by_population[first.name]
+    assert helped.helpers == {first.name: of_helper}
+    assert helped.helpers | helped.by_population == plain.by_population
+    assert plain.first_divergence.population == first.name
+    assert helped.first_divergence.population != first.name
+    assert helped.spikes.mismatches == plain.spikes.mismatches - of_helper.mismatches
 
 
 def test_a_short_recording_is_followed_by_silence(network, levels):
     played = recordings(network, samples=2)
     played[:, 25:] = 0
-    whole, short = (
-        compare(Observed(levels, network.fit(p, "array"))) for p in (played, played[:, :25])
-    )
+    whole = compare(Observed(levels, network.fit(played, "array")))
+    short = compare(Observed(levels, network.fit(played[:, :25], "array")))
     assert whole.by_population == short.by_population
 
 
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ((2, 40, 5), "events 'array': the channel count differs from the model's (5 channels against 4). Give recordings of 4 channels."),
-        ((2, 41, 4), "events 'array': the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps."),
+        pytest.param(
+            (2, 40, 5),
+            "events 'array': the channel count differs from the model's (5 channels against 4). "
+            "Give recordings of 4 channels.",
+            id="channels",
+        ),
+        pytest.param(
+            (2, 41, 4),
+            "events 'array': the recordings are longer than the model's (41 steps against 40). "
+            "Cut them to 40 steps.",
+            id="steps",
+        ),
     ],
-    ids=["channels", "steps"],
-)  # fmt: skip
-def test_recordings_that_do_not_fit(levels, shape, message):
+)
+def test_recordings_that_do_not_fit_are_refused(levels, shape, message):
     with pytest.raises(InputError) as caught:
         levels.network.fit(np.zeros(shape, dtype=np.uint8), "array")
     assert str(caught.value) == message
@@ -270,33 +294,48 @@ def test_recordings_that_do_not_fit(levels, shape, message):
 
 @pytest.mark.parametrize("steps", [5, 30], ids=["shorter", "longer"])
 def test_a_network_of_any_length_takes_recordings_as_they_are(steps):
-    endless, given = (
-        replace(single(NEURON, steps=20), any_length=True),
-        np.ones((2, steps, 1), dtype=np.uint8),
-    )
-    assert endless.fit(given, "array") is given
+    endless = replace(single(NEURON, steps=20), any_length=True)
+    spikes = np.ones((2, steps, 1), dtype=np.uint8)
+    assert endless.fit(spikes, "array") is spikes
 
 
-def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence():
-    given = hybrid(1, steps=40, hidden=6, scale=20.0)
-    views = tuple(replace(view, silence=3 * (view.walk is not None)) for view in given.views)
-    endless = replace(given, views=views, any_length=True)
-    levels, played = lower(endless, CHIP, weight_bits=3), recordings(endless)[:, :25]
-    walked = [phase.steps for phase in levels.program.phases]
-    assert walked == [None, endless.steps_of("location")] == [None, given.steps_of("location") + 3]
+def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence(network):
+    """Its time phase has no fixed steps; its location phase has a step per channel and the silent steps after them."""
+    time_view, location_view = network.views
+    views = (time_view, replace(location_view, silence=3))
+    endless = replace(network, views=views, any_length=True)
+    levels = lower(endless, CHIP, weight_bits=3)
+    location_steps = network.steps_of("location") + 3
+    assert endless.steps_of("location") == location_steps
+    assert [phase.steps for phase in levels.program.phases] == [None, location_steps]
+    played = recordings(endless)[:, :25]
     assert compare(Observed(levels, played)).samples == len(played)
 
 
 @pytest.mark.parametrize(
     ("labels", "message"),
     [
-        ([0], "labels of 'array': there is not one label per recording ((1,) against (2,)). Give one class number for every recording."),
-        ([0, 2], "labels of 'array': a label is not one of the model's classes (0..2 against 0..1). Check that the events belong to this model."),
-        ([-1, 0], "labels of 'array': a label is not one of the model's classes (-1..0 against 0..1). Check that the events belong to this model."),
+        pytest.param(
+            [0],
+            "labels of 'array': there is not one label per recording ((1,) against (2,)). "
+            "Give one class number for every recording.",
+            id="count",
+        ),
+        pytest.param(
+            [0, 2],
+            "labels of 'array': a label is not one of the model's classes (0..2 against 0..1). "
+            "Check that the events belong to this model.",
+            id="class",
+        ),
+        pytest.param(
+            [-1, 0],
+            "labels of 'array': a label is not one of the model's classes (-1..0 against 0..1). "
+            "Check that the events belong to this model.",
+            id="below 0",
+        ),
     ],
-    ids=["count", "class", "below 0"],
-)  # fmt: skip
-def test_labels_that_do_not_fit(network, levels, labels, message):
+)
+def test_labels_that_do_not_fit_are_refused(network, levels, labels, message):
     with pytest.raises(InputError) as caught:
         Observed(levels, recordings(network, samples=2), np.array(labels))
     assert str(caught.value) == message
@@ -306,8 +345,7 @@ def test_accuracy_counts_both_sides(network, levels):
     played = recordings(network, samples=6)
     match = compare(Observed(levels, played, np.array([0, 1, 0, 1, 0, 1])))
     assert match.tied_predictions < 6
-    again = replace(match, labels=match.chip_prediction)
-    assert again.accuracy["chip"] == 1.0
-    assert again.accuracy["reference"] == np.mean(
-        match.reference_prediction == match.chip_prediction
-    )
+    labelled_by_chip = replace(match, labels=match.chip_prediction)
+    agrees = match.reference_prediction == match.chip_prediction
+    assert labelled_by_chip.accuracy["chip"] == 1.0
+    assert labelled_by_chip.accuracy["reference"] == np.mean(agrees)

@@ -1,4 +1,7 @@
-"""What is seen of recordings on both sides is played once, and remembered while it is small."""
+"""``Observed``: network and chip play the recordings of a check once, and small results are remembered.
+
+Verification asks it for spikes and registers many times. These tests count how often the float network is evaluated.
+"""
 
 import numpy as np
 import pytest
@@ -24,13 +27,13 @@ def network():
 
 @pytest.fixture(scope="module")
 def levels(network):
-    """It at every level, with weights of 4 bits."""
+    """The compiled levels of the network with weights of 4 bits."""
     return lower(network, CHIP, weight_bits=4)
 
 
 @pytest.fixture
 def evaluated(monkeypatch):
-    """The number of recordings that the float network plays, a call an entry."""
+    """A list to which each evaluation of the float network adds its number of recordings."""
     calls = []
 
     def counted(network, spikes, **options):
@@ -42,7 +45,9 @@ def evaluated(monkeypatch):
     return calls
 
 
-def test_registers_of_a_sample_are_played_once_however_many_ask(levels, network, evaluated):
+def test_registers_of_a_sample_are_played_once_however_often_they_are_asked_for(
+    levels, network, evaluated
+):
     observed = Observed(levels, recordings(network, samples=BATCH + 2))
     for _ in range(3):
         for seen in observed.closely(observed.numbers):
@@ -56,14 +61,12 @@ def test_registers_of_large_samples_are_played_again_and_not_kept(
     monkeypatch.setattr(module, "REMEMBERED_NEURON_STEPS", 1)
     observed = Observed(levels, recordings(network, samples=BATCH + 2))
     for _ in range(2):
-        assert [len(seen.reference.scores) for seen in observed.closely(observed.numbers)] == [
-            BATCH,
-            2,
-        ]
+        samples = [len(seen.reference.scores) for seen in observed.closely(observed.numbers)]
+        assert samples == [BATCH, 2]
     assert evaluated == [BATCH, 2] * 2
 
 
-def test_one_recording_is_seen_as_both_sides_play_it(levels, network):
+def test_an_observed_recording_has_the_spikes_and_potentials_of_both_sides(levels, network):
     played = recordings(network, samples=4)
     seen = Observed(levels, played).recording(2)
     reference = evaluate(network, played[2:3], potentials=True)
@@ -81,13 +84,13 @@ def test_a_float_network_plays_a_batch_the_same_each_time(network, bits, evaluat
     played = recordings(network, samples=5)
     runs = FloatRuns(network, played, CHIP.registers)
     rows = slice(1, 4)
-    wanted = evaluate(network, played[rows])
+    expected = evaluate(network, played[rows])
     for _ in range(2):
         result = runs.batch(rows)
-        assert set(result.spikes) == set(wanted.spikes)
-        for name, spikes in wanted.spikes.items():
+        assert set(result.spikes) == set(expected.spikes)
+        for name, spikes in expected.spikes.items():
             assert np.array_equal(result.spikes[name], spikes)
-        assert np.array_equal(result.scores, wanted.scores)
+        assert np.array_equal(result.scores, expected.scores)
     assert evaluated == [3] if bits else [3, 3]
 
 
@@ -95,11 +98,11 @@ def test_auto_plays_the_float_network_once_for_all_candidates(network, evaluated
     played = recordings(network, samples=6)
     compiled = lc.compile(network, events=played, calibration=played, diagnosis=False)
     assert len(compiled.choice.candidates) > 1
-    # For rounding with potentials, for all candidates, and for the check.
+    # Once for the rounding of weights, which needs potentials, once for all candidates, and once for the check.
     assert evaluated == [6, 6, 6]
 
 
-def test_recordings_are_fitted_where_they_enter(network):
+def test_short_recordings_are_padded_before_they_are_observed(network):
     short = recordings(network, samples=3)[:, :25]
     compiled = lc.compile(network, events=short, diagnosis=False)
     assert compiled.observed.recordings.shape == (3, network.steps, network.channels)

@@ -1,4 +1,4 @@
-"""What people use from Python: names of all that they meet, one line on each, networks by hand, folders and pages."""
+"""The Python API: public types can be imported and print in a line, networks by hand, compiled folders, notebooks."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ NEURON = {"decay_v": 0.1, "threshold": 1.0}
 
 
 def by_hand(**changes):
-    """Four channels onto three neurons onto two."""
-    made = lc.Network(
-        "by-hand",
-        4,
-        12,
+    """Return a network of four channels, three hidden neurons and two outputs, with some fields changed."""
+    network = lc.Network(
+        name="by-hand",
+        channels=4,
+        steps=12,
         views=(lc.InputView("touch", "time", 4),),
         populations=(
             lc.Population("hidden", "time", 3, lc.Cuba.of(3, **NEURON)),
@@ -39,7 +39,7 @@ def by_hand(**changes):
         ),
         readout=lc.Readout(("scores",), (1.0,)),
     )
-    return replace(made, **changes)
+    return replace(network, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -50,16 +50,17 @@ def compiled():
 
 
 def test_a_target_may_be_a_chip(compiled):
-    network, given = compiled.network, compiled.match.labels
-    found = lc.compile(
-        network, hw.chip("loihi-sim"), events=recordings(network, rate=0.6), labels=given
+    network = compiled.network
+    events = recordings(network, rate=0.6)
+    for_chip = lc.compile(
+        network, hw.chip("loihi-sim"), events=events, labels=compiled.match.labels
     )
-    assert found.files() == compiled.files()
+    assert for_chip.files() == compiled.files()
 
 
 @pytest.fixture(scope="module")
 def values(compiled):
-    """One of every public type that holds much."""
+    """A value of every public type that holds large arrays or many parts."""
     spikes = recordings(compiled.network)
     result = hw.simulate(compiled.program, spikes)
     program = compiled.program
@@ -93,36 +94,39 @@ def values(compiled):
     }
 
 
-def test_every_public_value_says_what_it_is_in_a_line(values):
+def test_every_public_value_prints_in_a_line(values):
     for name, value in values.items():
         assert type(value).__name__ == name
         assert len(repr(value)) <= 450, name
         assert "\n" not in repr(value), name
 
 
-def test_every_large_public_type_has_such_a_line():
-    """A dataclass whose arrays or parts would be printed whole."""
-    own = {
+def test_only_small_public_types_print_all_their_fields():
+    """All other dataclasses print by ``Shown``, which shortens arrays and parts."""
+    with_all_fields = {
         name
         for name, kind in PUBLIC.items()
         if is_dataclass(kind) and kind.__repr__ is not Shown.__repr__
     }
-    assert own == {
-        *(
-            "CompiledModel",
-            "CompiledSpinnaker",
-            "CompiledXylo",
-            "Counts",
-            "Divergence",
-            "EpochRecord",
-            "ErrorBudget",
-            "Expected",
-        ),
-        *("Member", "PopulationMatch", "Probe", "Readout", "SensorLayout", "SrmAlpha"),
+    assert with_all_fields == {
+        "CompiledModel",
+        "CompiledSpinnaker",
+        "CompiledXylo",
+        "Counts",
+        "Divergence",
+        "EpochRecord",
+        "ErrorBudget",
+        "Expected",
+        "Member",
+        "PopulationMatch",
+        "Probe",
+        "Readout",
+        "SensorLayout",
+        "SrmAlpha",
     }
 
 
-def test_what_the_lines_say(compiled):
+def test_lines_of_large_types_name_their_parts(compiled):
     assert repr(compiled).startswith(
         "<CompiledModel 'small-hybrid' on loihi-sim: The chip predicts the same class as the float network in 1 of 1 "
     )
@@ -136,42 +140,38 @@ def test_what_the_lines_say(compiled):
 
 
 def own_types(hint):
-    """Give the types of our own in an annotation."""
-    if typing.get_args(hint):
-        return set().union(*(own_types(part) for part in typing.get_args(hint)))
-    return (
-        {hint}
-        if inspect.isclass(hint) and hint.__module__.startswith(("hw_model", "locsnn_compile"))
-        else set()
-    )
+    """Return the types of this project in an annotation, such as ``Network`` in ``list[Network] | None``."""
+    arguments = typing.get_args(hint)
+    if arguments:
+        return set().union(*(own_types(argument) for argument in arguments))
+    if inspect.isclass(hint) and hint.__module__.startswith(("hw_model", "locsnn_compile")):
+        return {hint}
+    return set()
 
 
 def test_every_type_of_a_public_function_can_be_imported():
-    functions = [value for value in PUBLIC.values() if inspect.isfunction(value)]
-    functions += [
-        getter.fget for getter in vars(lc.CompiledModel).values() if isinstance(getter, property)
-    ]
-    found = set().union(
-        *(own_types(hint) for f in functions for hint in typing.get_type_hints(f).values())
-    )
-    found |= set().union(
-        *(own_types(hint) for hint in typing.get_type_hints(lc.CompiledModel).values())
-    )
-    assert {kind.__name__ for kind in found} - set(PUBLIC) == set()
-    assert {lc.Match, lc.Network, lc.Checkpoint, hw.Profile} <= found
+    annotated = [value for value in PUBLIC.values() if inspect.isfunction(value)]
+    for member in vars(lc.CompiledModel).values():
+        if isinstance(member, property):
+            annotated.append(member.fget)
+    annotated.append(lc.CompiledModel)
+    types = set()
+    for value in annotated:
+        for hint in typing.get_type_hints(value).values():
+            types |= own_types(hint)
+    assert {kind.__name__ for kind in types} - set(PUBLIC) == set()
+    assert {lc.Match, lc.Network, lc.Checkpoint, hw.Profile} <= types
 
 
-def test_a_folder_holds_what_the_command_writes(compiled, tmp_path):
-    compiled.save(tmp_path / "build")
+def test_a_saved_folder_has_the_program_and_the_report(compiled, tmp_path):
+    build = tmp_path / "build"
+    compiled.save(build)
     names = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
-    assert {
-        file.name: file.read_bytes() for file in (tmp_path / "build").iterdir()
-    } == compiled.files()
+    assert {file.name: file.read_bytes() for file in build.iterdir()} == compiled.files()
     assert set(compiled.files()) == names
-    assert json.loads((tmp_path / "build/report.json").read_bytes()) == json.loads(
-        json.dumps(compiled.report)
-    )
-    assert hw.load_program(tmp_path / "build").populations == compiled.program.populations
+    document = json.loads((build / "report.json").read_bytes())
+    assert document == json.loads(json.dumps(compiled.report))
+    assert hw.load_program(build).populations == compiled.program.populations
     assert compiled.to_html().encode() == compiled.files()["report.html"]
 
 
@@ -193,51 +193,105 @@ def test_a_notebook_shows_the_summary(compiled):
     assert "<script" not in page + compiled.to_html()
 
 
-def test_a_notebook_shows_names_as_text(compiled):
+def test_a_notebook_shows_names_as_text_and_not_as_html(compiled):
     report = compiled.report | {"model": {"name": "<script>", "sha256": "", "members": []}}
     figures = typed(ReportFigures, report)
     assert "<script" not in replace(compiled, figures=figures)._repr_html_()
 
 
-def test_a_network_by_hand():
+def test_a_network_by_hand_compiles():
     network = by_hand()
-    found = lc.compile(network, events=recordings(network), diagnosis=False)
-    assert found.match.spikes.reference_spikes > 0
+    compiled = lc.compile(network, events=recordings(network), diagnosis=False)
+    assert compiled.match.spikes.reference_spikes > 0
     assert network.projections[0].weights.dtype == np.float64
     assert not network.projections[0].weights.flags.writeable
 
 
-def test_what_a_network_holds_stays_as_it_was():
+def test_a_network_copies_arrays_that_may_change():
     weights = np.ones((2, 3))
-    held = lc.Projection("a", "b", weights)
+    projection = lc.Projection("a", "b", weights)
     weights[0, 0] = 7
-    assert held.weights[0, 0] == 1
-    assert replace(held, target="c").weights is held.weights
+    assert projection.weights[0, 0] == 1
+    # The copy is read-only, so it is shared from then on.
+    assert replace(projection, target="c").weights is projection.weights
 
 
 READOUT = "readout: its populations or weights do not fit together"
 ONE_SIZE = "Name populations of one size, each with its weight."
 ONE = lc.Projection("touch", "hidden", np.ones((3, 4)))
 BROKEN = [
-    ("weights that are words", lambda: lc.Projection("touch", "hidden", [["a"]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
-    ("rows of two lengths", lambda: lc.Projection("touch", "hidden", [[1.0], [1.0, 2.0]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
-    ("parameters of other neurons", lambda: lc.Cuba.of(3, decay_v=[0.1, 0.2], threshold=1.0), "neurons: a parameter has the wrong shape ((2,) against (3,)). Give one number per neuron."),
-    ("weights the other way round", lambda: lc.compile(by_hand(projections=(replace(ONE, weights=np.ones((4, 3))),))), "projection 'touch' -> 'hidden': the weights have the wrong shape ((4, 3) against (3, 4)). Give one row per target and one column per source."),
-    ("scores of nobody", lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))), f"{READOUT} (populations ('score',), sizes [], weights (1.0,)). {ONE_SIZE}"),
-    ("scores of two sizes", lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))), f"{READOUT} (populations ('scores', 'hidden'), sizes [2, 3], weights (1.0, 1.0)). {ONE_SIZE}"),
-    ("scores without weights", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))), f"{READOUT} (populations ('scores',), sizes [2], weights ()). {ONE_SIZE}"),
-    ("scores that are no numbers", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (float("nan"),)))), f"{READOUT} (populations ('scores',), sizes [2], weights (nan,)). {ONE_SIZE}"),
-    ("scores beyond measure", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (1e300,)))), "readout: a weight is too large a number to compute with (1e+300 against 1e-100 to 1e+100). Give it in other units."),
-    ("complex weights", lambda: lc.Projection("touch", "hidden", [[1j]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
-    ("weights beyond floats", lambda: lc.Projection("touch", "hidden", [[10**400]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
-    ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), f"{READOUT} (populations (), sizes [], weights ()). {ONE_SIZE}"),
-]  # fmt: skip
+    pytest.param(
+        lambda: lc.Projection("touch", "hidden", [["a"]]),
+        "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one "
+        "row per target and one column per source.",
+        id="weights that are words",
+    ),
+    pytest.param(
+        lambda: lc.Projection("touch", "hidden", [[1.0], [1.0, 2.0]]),
+        "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one "
+        "row per target and one column per source.",
+        id="rows of two lengths",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(3, decay_v=[0.1, 0.2], threshold=1.0),
+        "neurons: a parameter has the wrong shape ((2,) against (3,)). Give one number per neuron.",
+        id="parameters of other neurons",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(projections=(replace(ONE, weights=np.ones((4, 3))),))),
+        "projection 'touch' -> 'hidden': the weights have the wrong shape ((4, 3) against "
+        "(3, 4)). Give one row per target and one column per source.",
+        id="weights the other way round",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))),
+        f"{READOUT} (populations ('score',), sizes [], weights (1.0,)). {ONE_SIZE}",
+        id="scores of nobody",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))),
+        f"{READOUT} (populations ('scores', 'hidden'), sizes [2, 3], weights (1.0, 1.0)). "
+        f"{ONE_SIZE}",
+        id="scores of two sizes",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))),
+        f"{READOUT} (populations ('scores',), sizes [2], weights ()). {ONE_SIZE}",
+        id="scores without weights",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (float("nan"),)))),
+        f"{READOUT} (populations ('scores',), sizes [2], weights (nan,)). {ONE_SIZE}",
+        id="scores that are no numbers",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (1e300,)))),
+        "readout: a weight is too large a number to compute with (1e+300 against 1e-100 to "
+        "1e+100). Give it in other units.",
+        id="scores beyond measure",
+    ),
+    pytest.param(
+        lambda: lc.Projection("touch", "hidden", [[1j]]),
+        "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one "
+        "row per target and one column per source.",
+        id="complex weights",
+    ),
+    pytest.param(
+        lambda: lc.Projection("touch", "hidden", [[10**400]]),
+        "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one "
+        "row per target and one column per source.",
+        id="weights beyond floats",
+    ),
+    pytest.param(
+        lambda: lc.compile(by_hand(readout=lc.Readout((), ()))),
+        f"{READOUT} (populations (), sizes [], weights ()). {ONE_SIZE}",
+        id="no scores",
+    ),
+]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN]
-)
-def test_a_network_by_hand_that_is_none_is_refused(call, message):
-    with pytest.raises(lc.InputError) as found:
+@pytest.mark.parametrize(("call", "message"), BROKEN)
+def test_an_inconsistent_network_by_hand_is_refused(call, message):
+    with pytest.raises(lc.InputError) as caught:
         call()
-    assert str(found.value) == message
+    assert str(caught.value) == message

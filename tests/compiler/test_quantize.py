@@ -1,4 +1,7 @@
-"""Scales, weights, decays and thresholds."""
+"""Quantising: the scale of a population, and its weights, decays and thresholds in the chip's integers.
+
+A scale is how many units of the registers a potential of 1 becomes.
+"""
 
 import math
 from dataclasses import replace
@@ -49,7 +52,7 @@ def test_every_weight_is_within_half_a_grid_step(seed, bits, scale, theta):
 @given(theta=st.floats(0.1, 100), v=st.integers(-(2**23), 2**23))
 @settings(max_examples=40, deadline=None)
 def test_the_threshold_rule_is_exact(theta, v):
-    """``u >= theta`` in float units is ``v > 64 * threshold`` in integers, for every v: the scale is made for it."""
+    """``u >= theta`` in float is ``v > 64 * threshold`` in integers for every v, since the scale is chosen for it."""
     population = quantize(hybrid(neuron=replace(NEURON, theta=theta)), CHIP).populations[0]
     exact = v * 1.0 >= population.scale[0] * theta * (1 - 1e-12)
     assert exact == (v > UNIT * population.neuron.threshold[0])
@@ -59,25 +62,26 @@ def test_the_threshold_rule_is_exact(theta, v):
     ("tau", "decay"), [(10.0, 390), (1.0, 2589), (0.05, 4096), (100.0, 41), (4000.0, 1)]
 )
 def test_decays_are_the_nearest(tau, decay):
-    """To 4096 * (1 - exp(-1 / tau)), which is 389.8, 2589.2, 4096.0, 40.8 and 1.02."""
+    """The exact values 4096 * (1 - exp(-1 / tau)) are 389.8, 2589.2, 4096.0, 40.8 and 1.02."""
     assert one_decay(tau, "tau")[:2] == (decay, decay)
 
 
 @pytest.mark.parametrize("tau", [0.3, 1.0, 3.0, 10.0, 77.0])
-def test_gain_and_error_are_those_of_the_kernels(tau):
+def test_gain_and_error_are_those_of_the_least_squares_fit(tau):
     decay, _, gain, error = one_decay(tau, "tau")
     k = np.arange(1, 20_000, dtype=float)
     kernel = k / tau * np.exp(1 - k / tau)
-    answer = k * ((4096 - decay) / 4096) ** (k - 1)
-    best = (kernel @ answer) / (answer @ answer)
-    left = math.sqrt(((kernel - best * answer) ** 2).sum() / (kernel @ kernel))
-    assert gain == pytest.approx(best, rel=1e-9)
-    assert error == pytest.approx(left, rel=1e-4, abs=1e-7)
+    response = k * ((4096 - decay) / 4096) ** (k - 1)
+    best_gain = (kernel @ response) / (response @ response)
+    squared_error = ((kernel - best_gain * response) ** 2).sum() / (kernel @ kernel)
+    assert gain == pytest.approx(best_gain, rel=1e-9)
+    assert error == pytest.approx(math.sqrt(squared_error), rel=1e-4, abs=1e-7)
 
 
-# At most 8,191 steps: with more, 4096 * (1 - exp(-1 / tau)) is below a half. At most 32,138 thresholds: the largest
-# weight, 255 * 2^7 mantissas, over the smallest threshold, 1 + 1/64. At most 32,767: the charge
-# units, which are 32,768 mantissas.
+# The limits in the messages:
+# - 8191 steps: for a longer time constant, 4096 * (1 - exp(-1 / tau)) is below a half.
+# - 32138 thresholds: the largest weight, 255 * 2^7 mantissas, over the smallest threshold, 1 + 1/64.
+# - 32767 thresholds: the largest charge, just below 2^21 units, which are 32,768 mantissas of 64.
 @pytest.mark.parametrize(
     ("network", "message"),
     [
@@ -99,13 +103,13 @@ def test_gain_and_error_are_those_of_the_kernels(tau):
     ],
     ids=["tau too long", "weights too large", "a drop too large"],
 )
-def test_what_no_scale_fits(network, message):
+def test_a_network_that_no_scale_fits_is_refused(network, message):
     with pytest.raises(TargetError) as caught:
         quantize(network, CHIP)
     assert str(caught.value) == message
 
 
-def test_silent_weights_are_held():
+def test_weights_of_zero_stay_zero():
     quantized = quantize(hybrid(scale=0.0), CHIP)
     assert all((p.mantissa == 0).all() for p in quantized.projections)
 
@@ -114,20 +118,26 @@ def test_silent_weights_are_held():
     ("sources", "several"), [(1024, True), (1025, False)], ids=["room", "no room"]
 )
 def test_weights_take_several_formats_where_a_core_has_room(sources, several):
-    """In 4 grades of 2 signs, a source has 8 lists of a word or more: 1,024 sources take half of a core's 16,384 words."""
+    """In 4 exponents of 2 signs, a source has 8 synapse lists of a word or more.
+
+    Lists of 1,024 sources then take half of a core's 16,384 words, which is the limit for several formats.
+    """
     weights = np.append(np.geomspace(0.0005, 0.01, sources - 1), 1.0)[None, :]
     network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), weights)
-    quantized = quantize(network, hw.chip("loihi-sim"), rounding=Rounding(graded=True))
+    quantized = quantize(network, CHIP, rounding=Rounding(graded=True))
     assert (len({p.exponent for p in quantized.projections}) > 1) == several
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_inputs_that_all_come_at_once_do_not_wrap(sign):
-    network = single(
-        Cuba.of(1, decay_v=1.0, threshold=1.0), sign * np.linspace(0.5, 1.5, 60)[None, :], steps=6
-    )
-    levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
-    assert {int(np.abs(values_of(p.mantissa)).max()) for p in levels.quantized.projections} == {255}
+    weights = sign * np.linspace(0.5, 1.5, 60)[None, :]
+    network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), weights, steps=6)
+    levels = lower(network, CHIP, weight_bits=8)
+    # No bit of the weights is given up for it.
+    for projection in levels.quantized.projections:
+        assert np.abs(values_of(projection.mantissa)).max() == 255
     result = hw.simulate(levels.program, np.ones((6, 60), dtype=np.uint8))
-    assert result.spikes["n"].ravel().tolist() == [0, *[int(sign > 0)] * 5]
-    assert (result.counts.charge_wraps, result.counts.current_wraps) == (0, 0)
+    spikes = int(sign > 0)
+    assert result.spikes["n"].ravel().tolist() == [0] + [spikes] * 5
+    assert result.counts.charge_wraps == 0
+    assert result.counts.current_wraps == 0

@@ -1,4 +1,4 @@
-"""The report of a build as types and as a document: both say the same, for every kind of chip."""
+"""The report as typed figures and as a JSON document: one converts to the other and back, for every kind of chip."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.support.networks import hybrid, recordings
 
 @pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f", "locsnn-130nm"])
 @pytest.mark.parametrize("diagnosis", [True, False], ids=["diagnosed", "bare"])
-def test_the_report_of_a_build_comes_back_byte_for_byte(target: str, diagnosis: bool):
+def test_a_report_read_into_types_is_written_byte_for_byte(target: str, diagnosis: bool):
     network = hybrid()
     compiled = lc.compile(
         network,
@@ -25,6 +25,7 @@ def test_the_report_of_a_build_comes_back_byte_for_byte(target: str, diagnosis: 
         strategy="dendrite",
         diagnosis=diagnosis,
     )
-    read = typed(ReportFigures, json.loads(json.dumps(compiled.report)))
-    assert json.dumps(plain(read)) == json.dumps(compiled.report)
-    assert read == compiled.figures
+    text = json.dumps(compiled.report)
+    figures = typed(ReportFigures, json.loads(text))
+    assert json.dumps(plain(figures)) == text
+    assert figures == compiled.figures

@@ -1,4 +1,7 @@
-"""Python, the command line and explore ask the compiler for the same thing in the same form."""
+"""Python, the command line and explore make the same compile request from the same options.
+
+Tests replace ``fulfil``, which compiles, and look at the request that it gets.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -7,7 +10,7 @@ import pytest
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile import api
-from locsnn_compile import settings as rows
+from locsnn_compile import settings as settings_module
 from locsnn_compile.cli import build
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Recordings
@@ -31,10 +34,12 @@ class StoppedError(Exception):
 
 
 def stop(request):
+    """Stand in for ``fulfil``."""
     raise StoppedError(request)
 
 
 def requested(call):
+    """Return the request that a call makes."""
     with pytest.raises(StoppedError) as caught:
         call()
     return caught.value.request
@@ -54,6 +59,7 @@ def played(network):
 
 @pytest.fixture
 def by_python(network, played, monkeypatch):
+    """The request that ``lc.compile`` makes."""
     monkeypatch.setattr(api, "fulfil", stop)
     return requested(lambda: lc.compile(network, "loihi-sim", events=played, **ASKED))
 
@@ -87,7 +93,7 @@ def test_explore_asks_for_the_same_as_python_without_a_diagnosis(by_python, netw
     assert vars(request.check) == {**vars(by_python.check), "diagnosis": False}
 
 
-def test_what_is_left_out_is_the_widest_weights_of_the_chip_and_none_of_them_split():
+def test_by_default_weights_are_the_widest_of_the_chip_and_none_is_split():
     assert setting_for(CHIP, {}) == Setting("auto", weight_bits=8, split_weights=0.0)
     narrow = hw.chip("tiny-sim")
     assert setting_for(narrow, {}).weight_bits == narrow.registers.weight_bits[-1]
@@ -129,6 +135,7 @@ def test_weights_wider_than_the_chip_make_a_refused_point(network, played):
     assert point.measure(study, Setting("reset", weight_bits=4)).refused is None
 
 
+# A dial that the compiler does not have, to test what a new row of DIALS brings.
 HEADROOM = Dial(
     "headroom",
     values=(8.0, 16.0),
@@ -143,25 +150,27 @@ HEADROOM = Dial(
 
 
 @dataclass(frozen=True)
-class Roomy(Setting):
+class SettingWithHeadroom(Setting):
+    """A setting with a value for the dial :data:`HEADROOM`."""
+
     headroom: float = 16.0
 
 
 @pytest.mark.parametrize(("given", "headroom"), [({}, 16.0), ({"headroom": 8.0}, 8.0)])
-def test_a_row_and_its_field_are_a_keyword_of_compile(
+def test_a_dial_and_its_field_are_a_keyword_of_compile(
     network, played, given, headroom, monkeypatch
 ):
-    monkeypatch.setattr(rows, "DIALS", (*DIALS, HEADROOM))
-    monkeypatch.setattr(rows, "Setting", Roomy)
+    monkeypatch.setattr(settings_module, "DIALS", (*DIALS, HEADROOM))
+    monkeypatch.setattr(settings_module, "Setting", SettingWithHeadroom)
     monkeypatch.setattr(api, "fulfil", stop)
     request = requested(lambda: lc.compile(network, events=played, **ASKED, **given))
-    assert request.setting.setting == Roomy("delay-line", 4, 0.5, headroom)
+    assert request.setting.setting == SettingWithHeadroom(**ASKED, headroom=headroom)
     assert request.setting.given == {*ASKED, *given}
 
 
-def test_a_value_out_of_the_bounds_of_a_row_is_refused(network, played, monkeypatch):
-    monkeypatch.setattr(rows, "DIALS", (*DIALS, HEADROOM))
-    monkeypatch.setattr(rows, "Setting", Roomy)
+def test_a_value_out_of_the_bounds_of_a_dial_is_refused(network, played, monkeypatch):
+    monkeypatch.setattr(settings_module, "DIALS", (*DIALS, HEADROOM))
+    monkeypatch.setattr(settings_module, "Setting", SettingWithHeadroom)
     with pytest.raises(InputError) as caught:
         lc.compile(network, events=played, headroom=99.0)
     assert str(caught.value) == (

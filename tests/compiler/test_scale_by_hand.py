@@ -1,4 +1,8 @@
-"""The scale of a population: weight exponent and threshold mantissa, worked out by hand."""
+"""The scale of a population, as weight exponent and threshold mantissa, worked out by hand.
+
+The compiler makes the threshold as large as registers allow, so that weights, which are fractions of it, are fine. A
+mantissa of 1 at exponent 0 is 64 units of the registers. The comment above a row says which limit decides.
+"""
 
 from dataclasses import replace
 
@@ -34,19 +38,22 @@ CHOICES = {
     "a weight of more thresholds than a mantissa": (1520.0, CHIP, 1, 16, (3, 1)),
     "a weight of exactly the largest mantissa": (510.0, CHIP, 1, 16, (1, 1)),
 }
-"""The heaviest weight in thresholds, the chip, the cap of the mantissa, the headroom, and (exponent, mantissa)."""
+"""The heaviest weight in thresholds, the chip, the largest mantissa of the threshold, the headroom (thresholds that the
+voltage must hold), and the expected exponent and mantissa."""
 
 
 @pytest.mark.parametrize(
-    ("heaviest", "chip", "cap", "headroom", "wanted"), CHOICES.values(), ids=CHOICES
+    ("heaviest", "chip", "cap", "headroom", "expected"), CHOICES.values(), ids=CHOICES
 )
-def test_exponent_and_threshold(heaviest, chip, cap, headroom, wanted):
-    found = exponent_and_threshold(heaviest, GRID, chip, cap=cap, over=0, headroom=headroom)
-    assert found == wanted
+def test_exponent_and_threshold_by_hand(heaviest, chip, cap, headroom, expected):
+    choice = exponent_and_threshold(heaviest, GRID, chip, cap=cap, over=0, headroom=headroom)
+    assert choice == expected
 
 
 ONE = {"decay_v": 1.0, "threshold": 1.0}
+"""A neuron that keeps nothing of its potential, with a threshold of 1."""
 READ = {"decay_u": 0.25, "decay_v": 0.125}
+"""Decays of neurons that are read out by their potentials."""
 SCALES = {
     # A bias of 4095 * 2^7 units is 8190 mantissas; one less leaves the unit of the rule.
     "the largest bias fits, rule included": (ONE | {"bias": 1.0}, [0.0], 0, 8189),
@@ -73,13 +80,13 @@ SCALES = {
 @pytest.mark.parametrize(
     ("settings", "weights", "exponent", "threshold"), SCALES.values(), ids=SCALES
 )
-def test_scale_of_integrators(settings, weights, exponent, threshold):
+def test_scale_of_leaky_neurons_by_hand(settings, weights, exponent, threshold):
     quantized = quantize(single(Cuba.of(1, **settings), [weights]), CHIP, weight_bits=8)
     assert [p.exponent for p in quantized.projections] == [exponent]
     assert quantized.populations[0].neuron.threshold.tolist() == [threshold]
 
 
-def test_a_bias_of_more_thresholds_than_the_chip_holds():
+def test_a_bias_of_more_thresholds_than_the_chip_holds_is_refused():
     with pytest.raises(TargetError) as caught:
         quantize(single(Cuba.of(1, **ONE, bias=5000.0), [[0.5]]), CHIP, weight_bits=8)
     assert str(caught.value) == (
@@ -91,13 +98,16 @@ def test_a_bias_of_more_thresholds_than_the_chip_holds():
 def test_paired_dendrites_share_weights_that_take_one_format():
     quantized = quantize(hybrid(), CHIP, weight_bits=8, strategy="paired-dendrite")
     assert [p.dendrite for p in quantized.projections if p.target == "time_hidden"] == [0, 1]
-    first, second = (p.mantissa for p in quantized.projections[:2])
+    first, second = (projection.mantissa for projection in quantized.projections[:2])
     assert np.abs(first).max() > 100
     assert np.abs(first - second).max() == 1
 
 
-def test_what_a_spike_takes_in_a_coarse_and_a_fine_part():
-    """The threshold is 8160, so that drops are 7344.816, 300 and 81.6; half of a current comes back a step later."""
+def test_the_drop_of_a_spike_has_a_coarse_and_a_fine_part():
+    """The threshold is 8160, so that drops are 7344.816, 300 and 81.6 mantissas, in parts of 128 (exponent 7) and 1.
+
+    The current keeps half of a charge, which synapses with a delay of 1 give back.
+    """
     drop = np.array([0.9001, 300 / 8160, 0.01])
     neuron = SoftCuba.of(3, decay_u=0.5, decay_v=0.25, threshold=1.0, drop=drop)
     (population,) = quantize(single(neuron, np.ones((3, 1))), CHIP, weight_bits=8).populations
@@ -116,25 +126,29 @@ def test_a_drop_of_ten_thresholds_fits_the_charge():
     assert population.neuron.refractory.mantissa.tolist() == [[-159], [-48]]
 
 
-def with_own(share):
-    """The published neuron, whose own spikes weigh so many thresholds."""
-    return replace(NEURON, scale_ref=share / one_decay(NEURON.tau_ref, "tau_ref").gain)
+def with_own_charge(thresholds):
+    """Return the published neuron with a refractory kernel for which an own spike weighs so many thresholds."""
+    return replace(NEURON, scale_ref=thresholds / one_decay(NEURON.tau_ref, "tau_ref").gain)
 
 
 def test_the_threshold_leaves_room_for_own_spikes():
-    """They weigh 633.47 thresholds of at most 32640 / 633.47 - 1; 633.47 * (50 + 1 / 64) is 247.53 times 2^7."""
-    (population,) = quantize(single(with_own(633.47), [[0.0]]), CHIP, weight_bits=8).populations
+    """An own spike weighs 633.47 thresholds, and a weight is at most 255 * 2^7 = 32640 mantissas.
+
+    The threshold is at most 32640 / 633.47 - 1, hence 50. The charge, 633.47 * (50 + 1 / 64), is 247.53 * 2^7.
+    """
+    (population,) = quantize(
+        single(with_own_charge(633.47), [[0.0]]), CHIP, weight_bits=8
+    ).populations
     taps = population.neuron.refractory
-    assert (population.neuron.threshold.tolist(), population.scale.tolist()) == (
-        [50],
-        [3201 / NEURON.theta],
-    )
-    assert (taps.mantissa.tolist(), taps.exponent.tolist()) == ([[-248]], [7])
+    assert population.neuron.threshold.tolist() == [50]
+    assert population.scale.tolist() == [(50 * 64 + 1) / NEURON.theta]
+    assert taps.mantissa.tolist() == [[-248]]
+    assert taps.exponent.tolist() == [7]
 
 
-def test_own_spikes_that_leave_no_room():
+def test_own_spikes_that_leave_no_room_are_refused():
     with pytest.raises(TargetError) as caught:
-        quantize(single(with_own(20_000)), CHIP, weight_bits=8)
+        quantize(single(with_own_charge(20_000)), CHIP, weight_bits=8)
     assert str(caught.value) == (
         "population 'n': no scale holds both the threshold and the refractory kernel "
         "(its own spike weighs 2e+04 thresholds against 16320). Use a smaller scale_ref, or strategy reset."
@@ -142,22 +156,23 @@ def test_own_spikes_that_leave_no_room():
 
 
 def test_two_dendrites_carry_half_of_a_weight_each():
-    """So a threshold may be twice as large, and one more mantissa for rounding."""
-    scales = {
-        strategy: quantize(single(NEURON, [[1000.0]]), CHIP, weight_bits=8, strategy=strategy)
-        .populations[0]
-        .neuron.threshold.tolist()
-        for strategy in ("dendrite", "paired-dendrite")
-    }
-    assert scales == {"dendrite": [1312], "paired-dendrite": [2640]}
+    """A threshold may therefore be twice as large, and one mantissa more for rounding."""
+
+    def threshold_with(strategy):
+        network = single(NEURON, [[1000.0]])
+        quantized = quantize(network, CHIP, weight_bits=8, strategy=strategy)
+        return quantized.populations[0].neuron.threshold.tolist()
+
+    assert threshold_with("dendrite") == [1312]
+    assert threshold_with("paired-dendrite") == [2640]
 
 
-# Two decays around 390, the nearest to the time constant of 10, together have a response that is nearer to the kernel.
 @pytest.mark.parametrize(
     ("strategy", "decays"),
     [("dendrite", (379, 401)), ("reset", (379, 401)), ("delay-line", (390, 390))],
 )
-def test_decays_are_fitted_where_no_taps_are_made_for_one(strategy, decays):
+def test_two_decays_are_fitted_unless_taps_need_a_single_one(strategy, decays):
+    """390 is the nearest decay to a time constant of 10; 379 and 401 together have a response nearer to the kernel."""
     (population,) = quantize(
         single(NEURON),
         CHIP,
@@ -168,41 +183,34 @@ def test_decays_are_fitted_where_no_taps_are_made_for_one(strategy, decays):
     assert (population.neuron.decay_u[0], population.neuron.decay_v[0]) == decays
 
 
-def test_refractory_mantissas_of_scales_that_are_free():
-    """Of 0.1 thresholds an own spike weighs 5.0 at one of 50, and 0.7 at one of 7."""
-    thresholds, mantissas, exponent = whole_mantissas(
-        dendrite_charge(with_own(0.1), "n"), np.array([50.0, 7.0]), GRID
-    )
-    assert (thresholds.tolist(), mantissas.tolist(), exponent) == ([50, 7], [-5, -1], 0)
+def test_refractory_mantissas_are_rounded_for_each_threshold():
+    """An own spike of 0.1 thresholds weighs 5.0 mantissas at a threshold of 50, and 0.7 at one of 7."""
+    charge = dendrite_charge(with_own_charge(0.1), "n")
+    thresholds, mantissas, exponent = whole_mantissas(charge, np.array([50.0, 7.0]), GRID)
+    assert thresholds.tolist() == [50, 7]
+    assert mantissas.tolist() == [-5, -1]
+    assert exponent == 0
 
 
 def test_decays_are_the_nearest():
-    assert nearest_decays(np.array([0.0, 1.4 / 4096, 0.25, 1.0]), "n").tolist() == [
-        0,
-        1,
-        1024,
-        4096,
-    ]
+    shares_lost = np.array([0.0, 1.4 / 4096, 0.25, 1.0])
+    assert nearest_decays(shares_lost, "n").tolist() == [0, 1, 1024, 4096]
 
 
-def test_charges_that_a_dendrite_answers_by_a_response():
-    assert own_charges(np.array([[1.0], [2.0], [3.0], [4.0]]), 0.5).tolist() == [
-        [1.0],
-        [1.0],
-        [1.25],
-        [1.5],
-    ]
+def test_charges_with_which_a_dendrite_gives_a_response():
+    """Current and voltage keep half: charge(k) = r(k) - r(k - 1) + r(k - 2) / 4."""
+    response = np.array([[1.0], [2.0], [3.0], [4.0]])
+    assert own_charges(response, 0.5).tolist() == [[1.0], [1.0], [1.25], [1.5]]
 
 
 def test_shares_of_two_dendrites_add_up():
-    assert [part.tolist() for part in shares(np.array([5, -7, 8]), 2, 1)] == [
-        [2, -3, 4],
-        [3, -4, 4],
-    ]
+    first, second = shares(np.array([5, -7, 8]), 2, 1)
+    assert first.tolist() == [2, -3, 4]
+    assert second.tolist() == [3, -4, 4]
 
 
-def test_weights_of_one_sign_make_one_list():
-    synapses = lower(
-        single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]]), CHIP, weight_bits=8
-    ).compartments.synapses
-    assert [(s.sign_mode, len(s.mantissa)) for s in synapses] == [("excitatory", 3)]
+def test_weights_of_one_sign_make_one_synapse_list():
+    network = single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]])
+    (synapses,) = lower(network, CHIP, weight_bits=8).compartments.synapses
+    assert synapses.sign_mode == "excitatory"
+    assert len(synapses.mantissa) == 3

@@ -1,4 +1,8 @@
-"""Location axes on which several channels are visited at one step, and silence follows: from the view to the report."""
+"""Location views that visit several channels per step and end with silent steps: from the view to the report.
+
+A location view reads the recording from the transpose buffer, channel by channel in the order of its walk. A visit
+plays all rows of a channel at once, each on a line of its own.
+"""
 
 from __future__ import annotations
 
@@ -30,38 +34,43 @@ CHIP = hw.chip("loihi-sim")
     channels=st.integers(1, 9),
     steps=st.integers(1, 6),
     silence=st.integers(0, 3),
-    missing=st.integers(-2, 2),
+    missing_rows=st.integers(-2, 2),
     data=st.data(),
 )
-def test_a_view_plays_what_a_loop_over_events_does(seed, channels, steps, silence, missing, data):
+def test_a_view_plays_what_a_loop_over_events_does(
+    seed, channels, steps, silence, missing_rows, data
+):
+    """Recordings may have fewer or more rows than the view has steps."""
     together = data.draw(st.integers(1, channels))
     r = np.random.default_rng(seed)
     walk = r.permutation(channels)
-    view = InputView("v", "location", together * steps, walk, together, silence)
-    rows = max(0, steps - missing)
-    given_rows = (r.random((2, rows, channels)) < 0.5).astype(np.uint8)
+    lines = together * steps
+    view = InputView("v", "location", lines, walk, together=together, silence=silence)
+    rows = max(0, steps - missing_rows)
+    recordings = (r.random((2, rows, channels)) < 0.5).astype(np.uint8)
     location_steps = -(-channels // together) + silence
-    wanted = np.zeros((2, location_steps, together * steps), dtype=np.uint8)
-    for b in range(2):
-        for i, channel in enumerate(walk):
-            for t in range(min(rows, steps)):
-                wanted[b, i // together, (i % together) * steps + t] = given_rows[b, t, channel]
+    expected = np.zeros((2, location_steps, lines), dtype=np.uint8)
+    for number, channel in enumerate(walk):
+        step = number // together
+        first_line = (number % together) * steps
+        for t in range(min(rows, steps)):
+            expected[:, step, first_line + t] = recordings[:, t, channel]
+        assert view.positions[channel] == step
+        if together > 1:
+            assert view.first_lines[channel] == first_line
+    played = view.play(recordings)
     assert view.steps == location_steps
-    found = view.play(given_rows)
-    assert found.dtype == np.uint8
-    assert np.array_equal(found, wanted)
-    for channel in range(channels):
-        i = walk.tolist().index(channel)
-        assert view.positions[channel] == i // together
-        assert together == 1 or view.first_lines[channel] == (i % together) * steps
+    assert played.dtype == np.uint8
+    assert np.array_equal(played, expected)
     assert (view.first_lines is None) == (together == 1)
 
 
 def test_a_time_view_is_the_recording():
-    given_rows = np.ones((1, 3, 2), dtype=np.uint8)
+    recording = np.ones((1, 3, 2), dtype=np.uint8)
     view = InputView("v", "time", 2)
-    assert view.play(given_rows) is given_rows
-    assert (view.positions, view.first_lines) == (None, None)
+    assert view.play(recording) is recording
+    assert view.positions is None
+    assert view.first_lines is None
 
 
 @pytest.mark.parametrize(
@@ -70,15 +79,14 @@ def test_a_time_view_is_the_recording():
 def test_the_location_axis_has_the_steps_of_its_view(together, silence, steps):
     network = hybrid(together=together, silence=silence)
     check_network(network)
-    assert (network.steps_of("time"), network.steps_of("location")) == (network.steps, steps)
+    assert network.steps_of("time") == network.steps
+    assert network.steps_of("location") == steps
     graph = lower(network, CHIP, weight_bits=8).compartments
     assert [phase.steps for phase in graph.phases] == [network.steps, steps]
-    item = graph.inputs[1]
-    assert (item.size, item.rows, item.channels) == (
-        together * network.steps,
-        network.steps,
-        network.channels,
-    )
+    _, location_input = graph.inputs
+    assert location_input.size == together * network.steps
+    assert location_input.rows == network.steps
+    assert location_input.channels == network.channels
 
 
 def test_levels_say_how_channels_are_visited():
@@ -98,22 +106,24 @@ def test_levels_say_how_channels_are_visited():
 
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), together=st.integers(1, 5), silence=st.integers(0, 3))
-def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence):
+def test_an_integer_network_is_exact_in_the_match_the_played_lines_and_the_excerpt(
+    seed, together, silence
+):
     network = on_grid(seed, channels=5, steps=9, together=together, silence=silence)
     levels = lower(network, CHIP, weight_bits=8)
     played = recordings(network, samples=3, seed=seed)
     assert compare(Observed(levels, played)).first_divergence is None
-    wanted = evaluate(network, played[:1])
+    reference = evaluate(network, played[:1])
     lines = play_recording(levels.program, played[0]).lines
     for view in network.views:
-        assert np.array_equal(lines[view.axis], wanted.spikes[view.name][0])
-    shown = take_excerpt(Observed(levels, played), None)
-    assert shown.all_steps["location"] == network.steps_of("location")
-    for item in shown.inputs:
-        whole = wanted.spikes[item.name][0][
-            shown.steps[item.axis].start : shown.steps[item.axis].stop
-        ]
-        assert item.reference.sum() == whole.sum() or item.together > 1
+        assert np.array_equal(lines[view.axis], reference.spikes[view.name][0])
+    excerpt = take_excerpt(Observed(levels, played), None)
+    assert excerpt.all_steps["location"] == network.steps_of("location")
+    for drawn in excerpt.inputs:
+        steps = excerpt.steps[drawn.axis]
+        spikes = reference.spikes[drawn.name][0][steps.start : steps.stop]
+        # Where neighbouring lines are drawn together, several spikes make one mark.
+        assert drawn.together > 1 or drawn.reference.sum() == spikes.sum()
 
 
 def test_predictions_over_time_end_in_those_of_whole_recordings():
@@ -122,8 +132,10 @@ def test_predictions_over_time_end_in_those_of_whole_recordings():
     )
     levels = lower(network, CHIP, weight_bits=8)
     played = recordings(network, samples=6)
-    found = over_time(Observed(levels, played))
-    assert isinstance(found, OverTime)
-    assert found.right["together"][-1] == 1.0
-    assert found.proven.all_steps == 20 + 5
+    predictions = over_time(Observed(levels, played))
+    assert isinstance(predictions, OverTime)
+    assert predictions.right["together"][-1] == 1.0
+    assert (
+        predictions.proven.all_steps == 20 + 5
+    )  # of the time phase, and 3 of the walk with 2 of silence
     assert hw.simulate(levels.program, played).counts_by_phase["location"].spikes > 0

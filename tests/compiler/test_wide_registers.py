@@ -1,4 +1,7 @@
-"""Wraps and clips: what wide registers would do, by hand, and what the report of a build says of it."""
+"""Wraps and clips: what a program would do in registers so wide that nothing overflows, and what the report says about it.
+
+Results are worked out by hand for one compartment that input pulls down and up.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +21,25 @@ from locsnn_compile.settings import Setting
 from locsnn_compile.verification import wide_registers
 from locsnn_compile.verification.wide_registers import play_wide
 from tests.support.networks import hybrid, recordings, single
+from tests.support.register_units import CHARGE_RANGE
 
 DOWN = 256 << 13
-"""Charge of the heaviest negative weight: -256, exponent 7, in registers."""
+"""Magnitude of the charge of the largest negative weight, in register units: 256 at exponent 7, times 64."""
 UP = 254 << 13
+"""Charge of the largest positive weight."""
 END = (1 << 23) - 1
+"""The largest voltage."""
+
+
+def narrow_chip(bits):
+    """Return the chip with voltages of so many bits."""
+    chip = hw.chip("loihi-sim")
+    return replace(chip, registers=replace(chip.registers, voltage_bits=bits))
 
 
 def integrator(bits=23, **settings):
-    """A compartment that keeps all of v: channel 0 pulls it down, channel 1 up."""
-    chip = hw.chip("loihi-sim")
-    chip = replace(chip, registers=replace(chip.registers, voltage_bits=bits))
-    builder = hw.ProgramBuilder(chip)
+    """Return a program of one compartment that keeps all of its voltage: channel 0 pulls it down, channel 1 up."""
+    builder = hw.ProgramBuilder(narrow_chip(bits))
     touch = builder.add_input("touch", 2)
     parameters = {"decay_u": 4096, "decay_v": 0, "threshold": 1000, **settings}
     neuron = builder.add_compartments("neuron", 1, **parameters)
@@ -38,7 +48,7 @@ def integrator(bits=23, **settings):
 
 
 def pulled(down, up):
-    """A recording that pulls down so often, then up, and ends a step later."""
+    """Return a recording that pulls down for some steps, then up, and ends a step later."""
     steps = np.zeros((down + up + 1, 2), dtype=np.uint8)
     steps[:down, 0] = 1
     steps[down:-1, 1] = 1
@@ -48,8 +58,10 @@ def pulled(down, up):
 def test_a_potential_that_was_clipped_stays_low_in_wide_registers():
     program = integrator()
     recording = pulled(6, 5)
-    # -6 DOWN is below the register: it is clipped, and 5 UP lift it above the threshold.
-    assert -END + 5 * UP > 64_000 > -6 * DOWN + 5 * UP
+    # Six pulls down leave the register, so that the voltage is clipped, and five up lift it above the threshold. Without
+    # the clip they would not.
+    threshold = 64 * 1000
+    assert -END + 5 * UP > threshold > -6 * DOWN + 5 * UP
     clipped = hw.simulate(program, recording, probe=("spikes", "v"))
     assert clipped.spikes["neuron"][0, :, 0].tolist() == [0] * 11 + [1]
     wide = play_wide(program, recording)
@@ -68,16 +80,15 @@ def test_a_potential_beyond_32_bits_needs_the_widest_registers():
     assert wide.potential["neuron"][0, :, 0].tolist() == [-k * DOWN for k in range(steps + 1)]
 
 
-def test_a_floor_of_the_program_stays_in_wide_registers():
-    program = integrator(vmin=1 - (1 << 20))
-    wide = play_wide(program, pulled(6, 1))
+def test_a_lowest_voltage_of_the_program_stays_in_wide_registers():
+    floor = 1 - (1 << 20)
+    wide = play_wide(integrator(vmin=floor), pulled(6, 1))
     assert wide is not None
     potential = wide.potential["neuron"][0, :, 0].tolist()
-    floor = 1 - (1 << 20)
-    assert potential == [0, *[floor] * 6, floor + UP][:8]
+    assert potential == [0, *[floor] * 6, floor + UP]
 
 
-def test_charge_that_wraps_is_whole_in_wide_registers():
+def test_a_charge_that_wraps_does_not_wrap_in_wide_registers():
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     touch = builder.add_input("touch", 2)
     neuron = builder.add_compartments("neuron", 1, decay_u=4096, decay_v=4096, threshold=100_000)
@@ -85,28 +96,26 @@ def test_charge_that_wraps_is_whole_in_wide_registers():
     program = builder.build()
     recording = np.array([[[1, 1], [0, 0]]], dtype=np.uint8)
     wrapped = hw.simulate(program, recording, probe=("u",))
-    assert wrapped.u["neuron"][0, 1, 0] == 2 * UP - (1 << 22)
+    assert wrapped.u["neuron"][0, 1, 0] == 2 * UP - CHARGE_RANGE
     wide = play_wide(program, recording)
     assert wide is not None
     assert wide.potential["neuron"][0, 1, 0] == 2 * UP
 
 
-def test_what_no_register_holds_is_not_played(monkeypatch):
+def test_a_program_that_overflows_even_in_wide_registers_is_not_played(monkeypatch):
+    """As long as no registers are widened, the clips of the recording remain."""
     monkeypatch.setattr(wide_registers, "with_wide_registers", lambda program: program)
     monkeypatch.setattr(wide_registers, "with_wide_voltages", lambda program: program)
     assert play_wide(integrator(), pulled(6, 5)) is None
 
 
 def inhibited():
-    """Two classes; the first is pulled far down before it is pulled up, the second spikes once."""
-    size = 2
-    neuron = Cuba(
-        decay_u=np.ones(size),
-        decay_v=np.zeros(size),
-        threshold=np.ones(size),
-        bias=np.zeros(size),
-        refractory=np.ones(size, dtype=np.int64),
-    )
+    """Return a network of two classes and three recordings, of which the first clips.
+
+    In the first recording, class 0 is pulled down for 30 steps and up for 25. In all of them, class 1 gets two inputs at
+    the end.
+    """
+    neuron = Cuba.of(2, decay_u=1.0, decay_v=0.0, threshold=1.0)
     network = single(neuron, [[-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], steps=80)
     spikes = np.zeros((3, 80, 3), dtype=np.uint8)
     spikes[0, :30, 0] = 1
@@ -116,21 +125,22 @@ def inhibited():
 
 
 def verdict_of(compiled):
-    """The answer of the report to whether registers are wide enough."""
+    """Return the report's answer to whether registers are wide enough."""
     figures = compiled.figures
     return registers(figures, figures.overflows, figures.range)
 
 
 def facts_of(verdict):
+    """Return the facts of a verdict by their labels."""
     return {fact.label: fact.value for fact in verdict.facts}
 
 
-def test_clips_that_change_a_class_get_a_no():
+def test_clips_that_change_a_prediction_make_the_answer_no():
     network, spikes = inhibited()
     compiled = lc.compile(network, "loihi-sim", events=spikes)
     overflows = compiled.report["overflows"]
-    # The register ends at -16 thresholds. The float network goes down by 30 of them, and 25 up are
-    # not enough for a spike of the first class.
+    # The register ends at -16 thresholds. The float network goes down by 30 of them, from which 25 up are not enough for
+    # a spike of class 0; the chip is clipped at -16, and spikes.
     (threshold,) = set(compiled.program.cores[0].threshold_voltage.tolist())
     assert END // threshold == 16
     assert compiled.report["match"]["prediction_agreement"] == pytest.approx(2 / 3)
@@ -151,7 +161,7 @@ def test_clips_that_change_a_class_get_a_no():
     )
 
 
-def test_clips_are_not_known_to_matter_where_no_register_is_wide_enough(monkeypatch):
+def test_whether_clips_matter_is_unknown_if_no_register_is_wide_enough(monkeypatch):
     network, spikes = inhibited()
     monkeypatch.setattr(wide_registers, "play_wide", lambda program, recordings: None)
     compiled = lc.compile(network, "loihi-sim", events=spikes)
@@ -178,35 +188,30 @@ def test_a_network_without_overflows_has_wide_enough_registers():
     assert compiled.report["overflows"]["matters"] == "nothing overflows"
 
 
-def narrow_chip(bits):
-    chip = hw.chip("loihi-sim")
-    return replace(chip, registers=replace(chip.registers, voltage_bits=bits))
-
-
 def test_settings_without_clips_are_named_with_their_price():
     network = hybrid(6)
     played = recordings(network, samples=6, rate=0.5)
     compiled = lc.compile(network, narrow_chip(14), events=played, strategy="dendrite")
     overflows = compiled.report["overflows"]
     assert overflows["matters"] == "spikes or scores"
-    settings = overflows["settings"]
-    for found in settings["without"]:
-        again = lc.compile(
+    settings_without_clips = overflows["settings"]["without"]
+    for setting in settings_without_clips:
+        report = lc.compile(
             network,
             narrow_chip(14),
             events=played,
             calibration=played,
-            strategy=found["strategy"],
-            weight_bits=found["weight_bits"],
+            strategy=setting["strategy"],
+            weight_bits=setting["weight_bits"],
         ).report
-        assert again["match"]["clips"] == again["match"]["wraps"] == 0
-        assert again["match"]["spike_agreement"] == pytest.approx(found["spike_agreement"])
-        ratio = again["energy"]["per_sample_pj"] / compiled.report["energy"]["per_sample_pj"]
-        assert found["energy_ratio"] == pytest.approx(ratio)
-    assert [(found["strategy"], found["weight_bits"]) for found in settings["without"]] == [
-        ("dendrite", 2),
-        ("reset", 8),
+        assert report["match"]["clips"] == report["match"]["wraps"] == 0
+        assert report["match"]["spike_agreement"] == pytest.approx(setting["spike_agreement"])
+        ratio = report["energy"]["per_sample_pj"] / compiled.report["energy"]["per_sample_pj"]
+        assert setting["energy_ratio"] == pytest.approx(ratio)
+    strategies_and_bits = [
+        (setting["strategy"], setting["weight_bits"]) for setting in settings_without_clips
     ]
+    assert strategies_and_bits == [("dendrite", 2), ("reset", 8)]
     verdict = verdict_of(compiled)
     assert (verdict.status, verdict.answer) == ("nearly", "Nearly, no prediction changes")
     assert facts_of(verdict)["removed by"] == (
@@ -220,21 +225,27 @@ WIDTHS = (6, 5, 4, 3, 2, 1)
 
 
 class WidthTrial:
-    """Stands for trials of narrower weights: the chip holds some widths, and some of these are clean."""
+    """Stands in for compiling with narrower weights.
 
-    def __init__(self, clean, held):
+    The chip can hold the widths ``possible``, and those of ``clean`` have no overflows.
+    """
+
+    def __init__(self, clean, possible):
         self.clean = clean
-        self.held = held
+        self.possible = possible
         self.measured = []
 
     def measure(self, setting):
+        """Return the overflows of a setting, or None if the chip cannot hold it."""
         bits = setting.weight_bits
         self.measured.append(bits)
-        return SimpleNamespace(overflows=int(bits not in self.clean)) if bits in self.held else None
+        if bits not in self.possible:
+            return None
+        return SimpleNamespace(overflows=int(bits not in self.clean))
 
 
 @pytest.mark.parametrize(
-    ("clean", "held", "measured"),
+    ("clean", "possible", "measured"),
     [
         pytest.param((), WIDTHS, [1], id="not even the narrowest"),
         pytest.param(WIDTHS, WIDTHS, [1, 4, 5, 6], id="all of them"),
@@ -244,17 +255,18 @@ class WidthTrial:
         pytest.param((), (), [1, 2, 3, 4, 5, 6], id="none can be held"),
     ],
 )
-def test_the_widest_weights_without_overflows_are_bisected(clean, held, measured):
-    trial = WidthTrial(clean, held)
+def test_the_widest_weights_without_overflows_are_bisected(clean, possible, measured):
+    trial = WidthTrial(clean, possible)
     try_widths(trial, [Setting("dendrite", bits) for bits in WIDTHS])
-    asked = list(dict.fromkeys(trial.measured))
-    assert asked == measured
+    in_order = list(dict.fromkeys(trial.measured))  # each width once
+    assert in_order == measured
     if clean:
-        assert max(clean) in asked
-        assert max(clean) == 6 or max(clean) + 1 in asked
+        widest = max(clean)
+        assert widest in in_order
+        assert widest == max(WIDTHS) or widest + 1 in in_order
 
 
-def test_registers_that_a_network_was_trained_with_are_its_own():
+def test_clips_of_registers_that_a_network_was_trained_with_are_its_own():
     compiled = lc.compile(
         lc.load("examples/models/containers-hybrid-loihi.pt"), "loihi-sim", diagnosis=False
     )
@@ -268,7 +280,7 @@ def test_registers_that_a_network_was_trained_with_are_its_own():
 
 
 @pytest.mark.slow
-def test_for_a_few_spikes_no_other_setting_is_looked_for():
+def test_for_a_few_changed_spikes_no_other_setting_is_tried():
     compiled = lc.compile(
         lc.load("examples/models/objects-hybrid.pt"),
         "loihi-sim",

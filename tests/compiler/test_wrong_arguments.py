@@ -1,4 +1,4 @@
-"""Public functions say in a line what they want, where they get something else."""
+"""Public functions name a wrong argument in one line: which it is, what it must be, and what was given."""
 
 from __future__ import annotations
 
@@ -33,61 +33,228 @@ def program():
 
 @pytest.fixture(scope="module")
 def network():
+    """A network that ships with the project."""
     return lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
 
 
-WITHOUT = [
-    ("a parameter that neurons have not", lambda: lc.Cuba.of(2, decay=0.1, threshold=1.0), "Cuba.of: there is no parameter 'decay'. Did you mean 'decay_v'?"),
-    ("neurons without a threshold", lambda: lc.Cuba.of(2, decay_v=0.1), "Cuba.of: parameter 'threshold' is missing. Give it by its name."),
-    ("a path for a network", lambda: lc.compile("model.pt"), f"compile, network: it must be a Network, Checkpoint or Sequence (got str 'model.pt'). {NETWORK}"),
-    ("a Path for a network", lambda: lc.compile(Path("model.pt")), f"compile, network: it must be a Network, Checkpoint or Sequence (got PosixPath PosixPath('model.pt')). {NETWORK}"),
-    ("nothing for a network", lambda: lc.compile(None), f"compile, network: it must be a Network, Checkpoint or Sequence (got NoneType None). {NETWORK}"),
-    ("a path for a build", lambda: lc.verify("build", "d.npz"), "verify, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
-    ("a diagnosis of a path", lambda: lc.diagnose("build", "d.npz"), "diagnose, compiled: it must be a CompiledModel (got str 'build'). Make one with lc.compile(network)."),
-    ("a number for a model", lambda: lc.load(3), "load, model: it must be a str, Path or Checkpoint (got int 3). Correct it."),
-    ("a step of text", lambda: lc.load("m.nir", dt="1e-3"), "load, dt: it must be a float (got str '1e-3'). Correct it."),
-    ("a model of a long name", lambda: lc.load(f"{LONG}.pt"), f"model '{LONG[:60]}...': the name is too long (303 bytes). Shorten it."),
-    ("a model of a long path", lambda: lc.load("d/" * 2100 + "m.pt"), f"model '{'d/' * 30}...': the path is too long (4204 bytes). Shorten it."),
-    ("a model of a NUL", lambda: lc.load("a\0.pt"), r"model 'a\x00.pt': it contains a NUL character. Give the path of a file."),
-    ("recordings of a number", lambda: lc.read_recordings(3), "read_recordings, path: it must be a Path or str (got int 3). Correct it."),
-    ("steps of text", lambda: lc.read_recordings("d.npz", steps="3"), "read_recordings, steps: it must be an int (got str '3'). Correct it."),
-    ("recordings of a long name", lambda: lc.read_recordings(LONG), f"path '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),
-    ("a chip of a number", lambda: hw.chip(3), "chip, name_or_path: it must be a str or Path (got int 3). Correct it."),
-    ("prices of a name", lambda: hw.priced_by("loihi-sim", "x"), f"priced_by, chip: it must be a Chip (got str 'loihi-sim'). {CHIP}"),
-    ("a builder of a name", lambda: hw.ProgramBuilder("loihi-sim"), f"ProgramBuilder, chip: it must be a Chip (got str 'loihi-sim'). {CHIP}"),
-    ("a program of a number", lambda: hw.load_program(3), "load_program, folder: it must be a str or Path (got int 3). Correct it."),
-    ("a simulation of a path", lambda: hw.simulate("build", [[1]]), f"simulate, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
-    ("a session of a path", lambda: hw.Session("build"), f"Session, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
-    ("stops of a path", lambda: hw.stop_when_proven("build", [[1]]), f"stop_when_proven, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
-    ("scores of a path", lambda: hw.timestep_scores("build", [[1]]), f"timestep_scores, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
-    ("a proof of a path", lambda: hw.prove_range("build"), f"prove_range, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
-    ("energy of a number", lambda: hw.energy_pj(3, 4), "energy_pj, counts: it must be a Counts (got int 3). Take .counts of hw.simulate(program, spikes)."),
-    ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Use chip.profile(name)."),
-    ("a budget in percent", lambda: lc.ErrorBudget(2.0), "budget 'min_agreement': it must be a number from 0 to 1 (got 2.0). Correct it."),
-    ("a budget of more than all spikes", lambda: lc.ErrorBudget(None, 1.5), "budget 'max_spike_error': it must be a number from 0 to 1 (got 1.5). Correct it."),
-    ("a budget below any error", lambda: lc.ErrorBudget(None, None, -0.1), "budget 'max_score_error': it must be a number of at least 0 (got -0.1). Correct it."),
-    ("a neuron of text", lambda: lc.Cuba.of(2, decay_v="x", threshold=1.0), "neurons: a parameter is not a number (<U1). Give numbers."),
-    ("a neuron of a complex number", lambda: lc.Cuba.of(2, decay_v=1j, threshold=1.0), "neurons: a parameter is not a number (complex128). Give numbers."),
-    ("a neuron of rows that differ", lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1), "Neuron.of, decay_u: it is not an array: its rows differ in length. Make them equal."),
-    ("half a neuron", lambda: lc.Cuba.of(0.5, decay_v=0.1, threshold=1.0), "Neuron.of, size: it must be an int (got float 0.5). Correct it."),
-    ("no neuron", lambda: lc.Cuba.of(0, decay_v=0.1, threshold=1.0), "size: it is out of range (got 0 against 1..10000000). Correct the number."),
-    ("more neurons than memory", lambda: lc.Cuba.of(2**31, decay_v=0.1, threshold=1.0), "size: it is out of range (got 2147483648 against 1..10000000). Correct the number."),
-    ("more compartments than memory", lambda: hw.ProgramBuilder(hw.chip("tiny-sim")).add_compartments("h", 2**31, threshold=1), "'h': no chip holds so many (2147483648 against 10000000). Give a smaller size."),
-]  # fmt: skip
+REFUSED_CALLS = [
+    pytest.param(
+        lambda: lc.Cuba.of(2, decay=0.1, threshold=1.0),
+        "Cuba.of: there is no parameter 'decay'. Did you mean 'decay_v'?",
+        id="a parameter that neurons have not",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(2, decay_v=0.1),
+        "Cuba.of: parameter 'threshold' is missing. Give it by its name.",
+        id="neurons without a threshold",
+    ),
+    pytest.param(
+        lambda: lc.compile("model.pt"),
+        "compile, network: it must be a Network, Checkpoint or Sequence (got str "
+        f"'model.pt'). {NETWORK}",
+        id="a path for a network",
+    ),
+    pytest.param(
+        lambda: lc.compile(Path("model.pt")),
+        "compile, network: it must be a Network, Checkpoint or Sequence (got PosixPath "
+        f"PosixPath('model.pt')). {NETWORK}",
+        id="a Path for a network",
+    ),
+    pytest.param(
+        lambda: lc.compile(None),
+        "compile, network: it must be a Network, Checkpoint or Sequence (got NoneType None). "
+        f"{NETWORK}",
+        id="nothing for a network",
+    ),
+    pytest.param(
+        lambda: lc.verify("build", "d.npz"),
+        "verify, compiled: it must be a CompiledModel (got str 'build'). Make one with "
+        "lc.compile(network).",
+        id="a path for a build",
+    ),
+    pytest.param(
+        lambda: lc.diagnose("build", "d.npz"),
+        "diagnose, compiled: it must be a CompiledModel (got str 'build'). Make one with "
+        "lc.compile(network).",
+        id="a diagnosis of a path",
+    ),
+    pytest.param(
+        lambda: lc.load(3),
+        "load, model: it must be a str, Path or Checkpoint (got int 3). Correct it.",
+        id="a number for a model",
+    ),
+    pytest.param(
+        lambda: lc.load("m.nir", dt="1e-3"),
+        "load, dt: it must be a float (got str '1e-3'). Correct it.",
+        id="a step of text",
+    ),
+    pytest.param(
+        lambda: lc.load(f"{LONG}.pt"),
+        f"model '{LONG[:60]}...': the name is too long (303 bytes). Shorten it.",
+        id="a model of a long name",
+    ),
+    pytest.param(
+        lambda: lc.load("d/" * 2100 + "m.pt"),
+        f"model '{'d/' * 30}...': the path is too long (4204 bytes). Shorten it.",
+        id="a model of a long path",
+    ),
+    pytest.param(
+        lambda: lc.load("a\0.pt"),
+        r"model 'a\x00.pt': it contains a NUL character. Give the path of a file.",
+        id="a model of a NUL",
+    ),
+    pytest.param(
+        lambda: lc.read_recordings(3),
+        "read_recordings, path: it must be a Path or str (got int 3). Correct it.",
+        id="recordings of a number",
+    ),
+    pytest.param(
+        lambda: lc.read_recordings("d.npz", steps="3"),
+        "read_recordings, steps: it must be an int (got str '3'). Correct it.",
+        id="steps of text",
+    ),
+    pytest.param(
+        lambda: lc.read_recordings(LONG),
+        f"path '{LONG[:60]}...': the name is too long (300 bytes). Shorten it.",
+        id="recordings of a long name",
+    ),
+    pytest.param(
+        lambda: hw.chip(3),
+        "chip, name_or_path: it must be a str or Path (got int 3). Correct it.",
+        id="a chip of a number",
+    ),
+    pytest.param(
+        lambda: hw.priced_by("loihi-sim", "x"),
+        f"priced_by, chip: it must be a Chip (got str 'loihi-sim'). {CHIP}",
+        id="prices of a name",
+    ),
+    pytest.param(
+        lambda: hw.ProgramBuilder("loihi-sim"),
+        f"ProgramBuilder, chip: it must be a Chip (got str 'loihi-sim'). {CHIP}",
+        id="a builder of a name",
+    ),
+    pytest.param(
+        lambda: hw.load_program(3),
+        "load_program, folder: it must be a str or Path (got int 3). Correct it.",
+        id="a program of a number",
+    ),
+    pytest.param(
+        lambda: hw.simulate("build", [[1]]),
+        f"simulate, program: it must be a ChipProgram (got str 'build'). {PROGRAM}",
+        id="a simulation of a path",
+    ),
+    pytest.param(
+        lambda: hw.Session("build"),
+        f"Session, program: it must be a ChipProgram (got str 'build'). {PROGRAM}",
+        id="a session of a path",
+    ),
+    pytest.param(
+        lambda: hw.stop_when_proven("build", [[1]]),
+        f"stop_when_proven, program: it must be a ChipProgram (got str 'build'). {PROGRAM}",
+        id="stops of a path",
+    ),
+    pytest.param(
+        lambda: hw.timestep_scores("build", [[1]]),
+        f"timestep_scores, program: it must be a ChipProgram (got str 'build'). {PROGRAM}",
+        id="scores of a path",
+    ),
+    pytest.param(
+        lambda: hw.prove_range("build"),
+        f"prove_range, program: it must be a ChipProgram (got str 'build'). {PROGRAM}",
+        id="a proof of a path",
+    ),
+    pytest.param(
+        lambda: hw.energy_pj(3, 4),
+        "energy_pj, counts: it must be a Counts (got int 3). Take .counts of "
+        "hw.simulate(program, spikes).",
+        id="energy of a number",
+    ),
+    pytest.param(
+        lambda: hw.energy_pj(hw.Counts(), "sanafe"),
+        "energy_pj, profile: it must be a Profile (got str 'sanafe'). Use chip.profile(name).",
+        id="energy by a name",
+    ),
+    pytest.param(
+        lambda: lc.ErrorBudget(2.0),
+        "budget 'min_agreement': it must be a number from 0 to 1 (got 2.0). Correct it.",
+        id="a budget in percent",
+    ),
+    pytest.param(
+        lambda: lc.ErrorBudget(None, 1.5),
+        "budget 'max_spike_error': it must be a number from 0 to 1 (got 1.5). Correct it.",
+        id="a budget of more than all spikes",
+    ),
+    pytest.param(
+        lambda: lc.ErrorBudget(None, None, -0.1),
+        "budget 'max_score_error': it must be a number of at least 0 (got -0.1). Correct it.",
+        id="a budget below any error",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(2, decay_v="x", threshold=1.0),
+        "neurons: a parameter is not a number (<U1). Give numbers.",
+        id="a neuron of text",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(2, decay_v=1j, threshold=1.0),
+        "neurons: a parameter is not a number (complex128). Give numbers.",
+        id="a neuron of a complex number",
+    ),
+    pytest.param(
+        lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1),
+        "Neuron.of, decay_u: it is not an array: its rows differ in length. Make them equal.",
+        id="a neuron of rows that differ",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(0.5, decay_v=0.1, threshold=1.0),
+        "Neuron.of, size: it must be an int (got float 0.5). Correct it.",
+        id="half a neuron",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(0, decay_v=0.1, threshold=1.0),
+        "size: it is out of range (got 0 against 1..10000000). Correct the number.",
+        id="no neuron",
+    ),
+    pytest.param(
+        lambda: lc.Cuba.of(2**31, decay_v=0.1, threshold=1.0),
+        "size: it is out of range (got 2147483648 against 1..10000000). Correct the number.",
+        id="more neurons than memory",
+    ),
+    pytest.param(
+        lambda: hw.ProgramBuilder(hw.chip("tiny-sim")).add_compartments("h", 2**31, threshold=1),
+        "'h': no chip holds so many (2147483648 against 10000000). Give a smaller size.",
+        id="more compartments than memory",
+    ),
+]
 OF_A_NETWORK = [
-    ("target", 3, "compile, target: it must be a str, Path, Chip, XyloChip or SpinnakerChip (got int 3). Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
+    (
+        "target",
+        3,
+        "compile, target: it must be a str, Path, Chip, XyloChip or SpinnakerChip (got int 3). Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
+    ),
     ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
     ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
     ("weight_bits", True, "compile, weight_bits: it must be an int (got bool True). Correct it."),
     ("psi", "x", "compile, psi: it must be a float (got str 'x'). Correct it."),
     ("budget", 3, "compile, budget: it must be an ErrorBudget (got int 3). Correct it."),
-    ("split_weights", "all", "compile, split_weights: it must be a float (got str 'all'). Correct it."),
+    (
+        "split_weights",
+        "all",
+        "compile, split_weights: it must be a float (got str 'all'). Correct it.",
+    ),
     ("profile", 3, "compile, profile: it must be a str or Path (got int 3). Correct it."),
     ("progress", 3, "compile, progress: it must be a Callable (got int 3). Correct it."),
-    ("events", object(), "recordings 'array': its number of axes is wrong (0 against 3). Give an array (samples, steps, channels)."),
+    (
+        "events",
+        object(),
+        "recordings 'array': its number of axes is wrong (0 against 3). Give an array (samples, steps, channels).",
+    ),
     ("events", LONG, f"events '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),
-    ("labels", [0], "labels: they belong to an array, and other events bring their own. Leave labels out."),
-]  # fmt: skip
+    (
+        "labels",
+        [0],
+        "labels: they belong to an array, and other events bring their own. Leave labels out.",
+    ),
+]
 OF_A_PROGRAM = [
     ("steps", "3", "simulate, steps: it must be an int (got str '3'). Correct it."),
     (
@@ -101,35 +268,43 @@ OF_A_PROGRAM = [
 
 
 OF_ACTIVITY = [
-    ("of all recordings", lambda activity: activity, "latency, activity['time']: it must be a StepActivity (got tuple (StepActivity(pieces=<Pieces>, routes=<Routes>, by_piece=<8 ...). Take that of a recording, result.activity[phase][0]."),
-    ("a phase that does not exist", lambda activity: {"tiem": activity["time"][0]}, "latency, activity: there is no phase 'tiem'. Did you mean 'time'?"),
-    ("a phase without a name", lambda activity: {None: activity["time"][0]}, "latency, activity: there is no phase None. Choose one of: time."),
-]  # fmt: skip
+    pytest.param(
+        lambda activity: activity,
+        "latency, activity['time']: it must be a StepActivity (got tuple "
+        "(StepActivity(pieces=<Pieces>, routes=<Routes>, by_piece=<8 ...). Take that of a "
+        "recording, result.activity[phase][0].",
+        id="of all recordings",
+    ),
+    pytest.param(
+        lambda activity: {"tiem": activity["time"][0]},
+        "latency, activity: there is no phase 'tiem'. Did you mean 'time'?",
+        id="a phase that does not exist",
+    ),
+    pytest.param(
+        lambda activity: {None: activity["time"][0]},
+        "latency, activity: there is no phase None. Choose one of: time.",
+        id="a phase without a name",
+    ),
+]
 
 
 def message_of(call):
-    """The message with which a call is refused."""
+    """Return the message with which a call is refused."""
     with pytest.raises(hw.InputError) as caught:
         call()
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"), [row[1:] for row in WITHOUT], ids=[row[0] for row in WITHOUT]
-)
-def test_wrong_arguments(call, message):
+@pytest.mark.parametrize(("call", "message"), REFUSED_CALLS)
+def test_a_wrong_argument_is_named(call, message):
     assert message_of(call) == message
 
 
-@pytest.mark.parametrize(
-    ("given", "message"), [row[1:] for row in OF_ACTIVITY], ids=[row[0] for row in OF_ACTIVITY]
-)
-def test_latency_of_what_is_not_the_activity_of_a_recording(program, given, message):
+@pytest.mark.parametrize(("argument_of", "message"), OF_ACTIVITY)
+def test_latency_takes_only_the_activity_of_one_recording(program, argument_of, message):
     activity = hw.simulate(program, [[1], [0]], probe=("activity",)).activity
-    assert (
-        message_of(lambda: hw.latency(program, given(activity), hw.chip("tiny-sim").costs))
-        == message
-    )
+    costs = hw.chip("tiny-sim").costs
+    assert message_of(lambda: hw.latency(program, argument_of(activity), costs)) == message
 
 
 @pytest.mark.parametrize(
@@ -187,7 +362,7 @@ def test_numbers_of_numpy_are_numbers(program):
     assert hw.calibrate_margin(program, [[[1], [0]]], np.float32(0.5)) > 0
 
 
-def test_calls_that_python_refuses_stay_python_s():
+def test_missing_arguments_raise_python_s_own_error():
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'network'"):
         lc.compile()
 
@@ -208,7 +383,7 @@ def test_recordings_that_do_not_fit_are_refused_before_all_the_work(network, mon
 
 
 class TypeAliasType:
-    """Stands for Python's own, which versions before 3.12 lack: what numpy's aliases of arrays are there."""
+    """Stands in for ``typing.TypeAliasType`` of Python 3.12 and later, which numpy uses for its aliases of arrays."""
 
     def __init__(self, value: object) -> None:
         self.__value__ = value
@@ -229,5 +404,6 @@ ALIAS = GenericAlias(TypeAliasType(np.ndarray[Any, np.dtype[Any]]), (np.int64,))
         pytest.param(TypeAliasType(int | ALIAS), [int, np.ndarray], id="an alias of several"),
     ],
 )
-def test_classes_behind_hints(hint, classes):
+def test_the_classes_of_an_annotation(hint, classes):
+    """Arguments are checked against the classes in their annotations."""
     assert list(classes_of(hint)) == classes
