@@ -212,11 +212,13 @@ def two_starts():
         ),
         (
             two_starts(),
-            "input 'touch': other inputs of the time phase start elsewhere. Give them the same align_events.",
+            "input 'touch': other inputs of the time phase start elsewhere. "
+            "Give them the same align_events.",
         ),
         (
             aligned(hybrid(), 0),
-            "input 'touch', align_events: it must be a whole number of at least 1 (got 0). Correct it.",
+            "input 'touch', align_events: it must be a whole number of at least 1 (got 0). "
+            "Correct it.",
         ),
     ],
     ids=["biases", "biases in another phase", "two starts", "no event"],

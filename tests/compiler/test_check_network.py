@@ -447,11 +447,13 @@ def test_entries_given_twice_are_added():
         ({"psi": "x"}, "Network, psi: it must be a number of at least 0 (got 'x'). Correct it."),
         (
             {"steps": 2**31},
-            "Network, steps: it must be a whole number from 1 to 10000000 (got 2147483648). Correct it.",
+            "Network, steps: it must be a whole number from 1 to 10000000 (got 2147483648). "
+            "Correct it.",
         ),
         (
             {"step_seconds": 1e300},
-            "Network, step_seconds: it must be a number above 0 and at most 1e+06 (got 1e+300). Correct it.",
+            "Network, step_seconds: it must be a number above 0 and at most 1e+06 (got 1e+300). "
+            "Correct it.",
         ),
         (
             {"any_length": "no"},
@@ -475,11 +477,13 @@ def test_fields_of_a_network_have_their_types(changes, line):
     [
         (
             {"size": "2"},
-            "population 'n', size: it must be a whole number from 1 to 10000000 (got '2'). Correct it.",
+            "population 'n', size: it must be a whole number from 1 to 10000000 (got '2'). "
+            "Correct it.",
         ),
         (
             {"helper": True},
-            "readout: its populations or weights do not fit together (populations ('n',), sizes [], weights (1.0,)). Name populations of one size, each with its weight.",
+            "readout: its populations or weights do not fit together (populations ('n',), sizes "
+            "[], weights (1.0,)). Name populations of one size, each with its weight.",
         ),
         (
             {"axis": np.ones(2)},

@@ -205,9 +205,7 @@ def test_delays_of_sparse_weights_belong_to_their_entries():
 
 
 @settings(max_examples=40)
-@given(
-    a=st.floats(0, 0.99), b=st.floats(0, 0.99), c=st.floats(0, 0.99), d=st.floats(0, 0.99)
-)  # fmt: skip
+@given(a=st.floats(0, 0.99), b=st.floats(0, 0.99), c=st.floats(0, 0.99), d=st.floats(0, 0.99))
 def test_the_gain_is_the_least_squares_one(a, b, c, d):
     """The response of factors (c, d), which current and voltage keep per step, times the gain is nearest to that of (a, b)."""
 

@@ -202,9 +202,14 @@ def test_a_program_by_hand_runs_on_another_chip():
     b = hw.ProgramBuilder(chip)
     x = b.add_input("x", 20)
     h = b.add_compartments(
-        "h", 200, decay_u=r.integers(1, 4097, 200), decay_v=r.integers(0, 4097, 200), threshold=r.integers(1, 900, 200),
-        bias=64, refractory=r.integers(1, 8, 200),
-    )  # fmt: skip
+        "h",
+        200,
+        decay_u=r.integers(1, 4097, 200),
+        decay_v=r.integers(0, 4097, 200),
+        threshold=r.integers(1, 900, 200),
+        bias=64,
+        refractory=r.integers(1, 8, 200),
+    )
     o = b.add_compartments("o", 9, decay_u=0, decay_v=0, threshold=20, vmin=-1)
     b.connect(
         x,

@@ -128,7 +128,8 @@ def test_only_small_public_types_print_all_their_fields():
 
 def test_lines_of_large_types_name_their_parts(compiled):
     assert repr(compiled).startswith(
-        "<CompiledModel 'small-hybrid' on loihi-sim: The chip predicts the same class as the float network in 1 of 1 "
+        "<CompiledModel 'small-hybrid' on loihi-sim: The chip predicts the same class as the "
+        "float network in 1 of 1 "
     )
     assert repr(compiled.network.populations[0]) == (
         "Population(name='time_hidden', axis='time', size=3, neuron=<SrmAlpha>)"

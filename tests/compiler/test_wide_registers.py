@@ -150,7 +150,8 @@ def test_clips_that_change_a_prediction_make_the_answer_no():
     assert overflows["wide_registers"]["prediction_agreement"] == 1.0
     assert overflows["wide_registers"]["spike_agreement"] == 1.0
     verdict = verdict_of(compiled)
-    assert (verdict.status, verdict.answer) == ("no", "No")
+    assert verdict.status == "no"
+    assert verdict.answer == "No"
     chip_spikes = compiled.report["match"]["spike_mismatches"]
     clips = compiled.report["match"]["clips"]
     assert verdict.sentence == (
@@ -174,7 +175,8 @@ def test_whether_clips_matter_is_unknown_if_no_register_is_wide_enough(monkeypat
     }
     verdict = verdict_of(compiled)
     clips = compiled.report["match"]["clips"]
-    assert (verdict.status, verdict.answer) == ("unknown", "Not known")
+    assert verdict.status == "unknown"
+    assert verdict.answer == "Not known"
     assert verdict.sentence == (
         f"Whether {clips} clips change anything is not known: even registers of 40 bits are too narrow."
     )
@@ -184,7 +186,8 @@ def test_a_network_without_overflows_has_wide_enough_registers():
     network, spikes = inhibited()
     compiled = lc.compile(network, "loihi-sim", events=spikes[1:])
     verdict = verdict_of(compiled)
-    assert (verdict.status, verdict.sentence) == ("yes", "No register wrapped or was clipped.")
+    assert verdict.status == "yes"
+    assert verdict.sentence == "No register wrapped or was clipped."
     assert compiled.report["overflows"]["matters"] == "nothing overflows"
 
 
@@ -213,7 +216,8 @@ def test_settings_without_clips_are_named_with_their_price():
     ]
     assert strategies_and_bits == [("dendrite", 2), ("reset", 8)]
     verdict = verdict_of(compiled)
-    assert (verdict.status, verdict.answer) == ("nearly", "Nearly, no prediction changes")
+    assert verdict.status == "nearly"
+    assert verdict.answer == "Nearly, no prediction changes"
     assert facts_of(verdict)["removed by"] == (
         "--weight-bits 2 (on 6 recordings that have some: 100 % of the predictions equal instead of "
         "100 %, 90.0 % of the spikes equal instead of 98.2 %, 0.987 times the energy, 0.991 times "
@@ -272,7 +276,8 @@ def test_clips_of_registers_that_a_network_was_trained_with_are_its_own():
     )
     assert compiled.report["overflows"]["matters"] == "as in the network"
     verdict = verdict_of(compiled)
-    assert (verdict.status, verdict.answer) == ("yes", "Yes, as in the network")
+    assert verdict.status == "yes"
+    assert verdict.answer == "Yes, as in the network"
     assert verdict.sentence == (
         "831 clips in 14 of 16 recordings are those of the network's own integers, which have the "
         "same registers; wide ones would change 84 spikes and no prediction."

@@ -229,7 +229,8 @@ OF_A_NETWORK = [
     (
         "target",
         3,
-        "compile, target: it must be a str, Path, Chip, XyloChip or SpinnakerChip (got int 3). Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
+        "compile, target: it must be a str, Path, Chip, XyloChip or SpinnakerChip (got int 3). "
+        "Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
     ),
     ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
     ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
@@ -246,7 +247,8 @@ OF_A_NETWORK = [
     (
         "events",
         object(),
-        "recordings 'array': its number of axes is wrong (0 against 3). Give an array (samples, steps, channels).",
+        "recordings 'array': its number of axes is wrong (0 against 3). "
+        "Give an array (samples, steps, channels).",
     ),
     ("events", LONG, f"events '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),
     (

@@ -1,4 +1,8 @@
-"""Arrays whose axes have the sizes of another order are refused by its name; those that sizes leave open are read."""
+"""Arrays with axes in an unusual order: recognised by the sizes of the axes, and refused by an error that names the order.
+
+A NeuTouch fingertip has 39 taxels with two polarities, 78 channels; two fingertips have 156. Where sizes leave the order
+open, an array is read in the usual order.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from locsnn_compile.errors import InputError
 
 
 @pytest.mark.parametrize(
-    ("shape", "channels", "order", "wanted"),
+    ("shape", "channels", "order", "usual_order"),
     [
         pytest.param((100, 78), None, "steps, channels", "channels, steps", id="one recording"),
         pytest.param(
@@ -76,8 +80,8 @@ from locsnn_compile.errors import InputError
         ),
     ],
 )
-def test_another_order_is_named(
-    tmp_path: Path, shape: tuple[int, ...], channels: int | None, order: str, wanted: str
+def test_an_unusual_order_is_recognised_and_named(
+    tmp_path: Path, shape: tuple[int, ...], channels: int | None, order: str, usual_order: str
 ) -> None:
     np.save(tmp_path / "a.npy", np.zeros(shape, dtype=np.uint8))
     with pytest.raises(InputError) as caught:
@@ -85,12 +89,12 @@ def test_another_order_is_named(
     sizes = " x ".join(map(str, shape))
     assert str(caught.value) == (
         f"file 'a.npy': its axes look like ({order}) ({sizes} values). "
-        f"Give --axes {order.replace(', ', ',')}, or transpose it to ({wanted}), as files have it."
+        f"Give --axes {order.replace(', ', ',')}, or transpose it to ({usual_order}), as files have it."
     )
 
 
 @pytest.mark.parametrize(
-    ("shape", "channels", "found"),
+    ("shape", "channels", "shape_read"),
     [
         pytest.param((48, 78, 156), None, (48, 156, 78), id="both may be channels"),
         pytest.param((48, 100, 78), 100, (48, 78, 100), id="channels are given"),
@@ -99,14 +103,14 @@ def test_another_order_is_named(
         pytest.param((6, 100, 2, 50), None, (6, 50, 200), id="taxels of another sensor"),
     ],
 )
-def test_what_sizes_leave_open_is_read(
-    tmp_path: Path, shape: tuple[int, ...], channels: int | None, found: tuple[int, ...]
+def test_an_array_is_read_in_the_usual_order_if_its_sizes_leave_the_order_open(
+    tmp_path: Path, shape: tuple[int, ...], channels: int | None, shape_read: tuple[int, ...]
 ) -> None:
     np.save(tmp_path / "a.npy", np.zeros(shape, dtype=np.uint8))
-    assert read_recordings(tmp_path / "a.npy", channels=channels).spikes.shape == found
+    assert read_recordings(tmp_path / "a.npy", channels=channels).spikes.shape == shape_read
 
 
-def test_a_member_of_a_folder_is_named(tmp_path: Path) -> None:
+def test_the_error_names_the_file_of_a_folder(tmp_path: Path) -> None:
     for i, shape in enumerate([(78, 40), (50, 78)]):
         np.save(tmp_path / f"sample_{i}_label_0.npy", np.zeros(shape, dtype=np.uint8))
     with pytest.raises(InputError) as caught:

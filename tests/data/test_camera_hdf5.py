@@ -1,4 +1,4 @@
-"""HDF5 files of cameras, in the layouts of DSEC and of Prophesee, written by h5py."""
+"""HDF5 files of event cameras, in the layouts of the DSEC data set and of Prophesee's tools, written here by h5py."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from locsnn_compile.errors import InputError
 
 EVENTS = [(0, 1, 0, 1), (400, 0, 1, 0), (1000, 1, 1, 1), (2900, 0, 0, 1)]
 """Microseconds, x, y, polarity."""
-# By hand, in bins of 1 ms: [recording, step, 2 (2 y + x) + p].
 BINS = [[0, 0, 3], [0, 0, 4], [0, 1, 7], [0, 2, 1]]
+"""The events by hand in steps of 1 ms, on 2 x 2 pixels: [recording, step, channel], where channels are 2 (2 y + x) + p."""
 KINDS = {"t": "<u4", "x": "<u2", "y": "<u2", "p": "|u1"}
 BLOSC = 32001
+"""The number of a compression filter that HDF5 has only as a plug-in."""
 
 
 def dsec(path: Path, offset_us: int | None = 49_599_300_523, names: str = "txyp") -> Path:
@@ -46,16 +47,16 @@ def prophesee(path: Path) -> Path:
 @pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
 def test_events_of_a_camera_are_one_recording(write, suffix: str, tmp_path: Path) -> None:
     path = write(tmp_path / f"events{suffix}")
-    found = read_recordings(path, grid="2x2", step_seconds=0.001)
-    assert found.spikes.shape == (1, 3, 8)
-    assert np.argwhere(found.spikes).tolist() == BINS
-    assert found.labels is None
+    recordings = read_recordings(path, grid="2x2", step_seconds=0.001)
+    assert recordings.spikes.shape == (1, 3, 8)
+    assert np.argwhere(recordings.spikes).tolist() == BINS
+    assert recordings.labels is None
 
 
 def test_dsec_counts_times_from_its_offset(tmp_path: Path) -> None:
     path = dsec(tmp_path / "events.h5", offset_us=5_000)
-    found = read_recordings(path, grid="2x2", step_seconds=0.001, start=0.003)
-    assert np.argwhere(found.spikes).tolist() == [[0, 2 + step, c] for _, step, c in BINS]
+    recordings = read_recordings(path, grid="2x2", step_seconds=0.001, start=0.003)
+    assert np.argwhere(recordings.spikes).tolist() == [[0, 2 + step, c] for _, step, c in BINS]
     late = read_recordings(path, grid="2x2", step_seconds=0.001)
     assert late.assumed == (
         "Recordings start at their first event, up to 0.005 s after time 0 of their files (--start).",

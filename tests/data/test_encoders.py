@@ -1,4 +1,7 @@
-"""Plain numbers become spikes, and what is lost is as stated."""
+"""Encoders turn plain numbers into spikes: as rates, as latencies, or where a signal crosses levels.
+
+Each states how far the numbers that can be decoded from the spikes are from the original ones.
+"""
 
 import numpy as np
 import pytest
@@ -15,11 +18,12 @@ from locsnn_compile.errors import InputError
 
 def test_rates_are_the_share_of_steps_with_a_spike():
     values = np.array([[0.0, 0.25, 1.0]])
-    encoded = rate_spikes(values, 10_000, seed=3)
-    rates = encoded.spikes.sum(axis=1) / 10_000
+    steps = 10_000
+    encoded = rate_spikes(values, steps, seed=3)
+    rates = encoded.spikes.sum(axis=1) / steps
     assert rates[0, [0, 2]].tolist() == [0.0, 1.0]
-    # Five standard deviations of sqrt(p (1 - p) / steps).
-    assert abs(rates[0, 1] - 0.25) < 5 * np.sqrt(0.25 * 0.75 / 10_000)
+    # A spike in each step with probability p has a rate with a standard deviation of sqrt(p (1 - p) / steps).
+    assert abs(rates[0, 1] - 0.25) < 5 * np.sqrt(0.25 * 0.75 / steps)
     assert encoded.decoded.tolist() == rates.tolist()
     assert encoded.largest_error == abs(rates[0, 1] - 0.25)
 
@@ -32,9 +36,9 @@ def test_the_loss_of_rates_is_the_stated_one():
 
 def test_a_seed_gives_the_same_spikes_again():
     values = np.full((2, 5), 0.5)
-    first, again, other = (rate_spikes(values, 20, seed=seed).spikes for seed in (1, 1, 2))
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, other)
+    first = rate_spikes(values, 20, seed=1).spikes
+    assert np.array_equal(rate_spikes(values, 20, seed=1).spikes, first)
+    assert not np.array_equal(rate_spikes(values, 20, seed=2).spikes, first)
 
 
 def test_larger_values_spike_earlier():
@@ -53,7 +57,8 @@ def test_latencies_lose_half_a_step_at_most():
 def test_a_signal_spikes_where_it_has_moved_by_the_threshold():
     signal = np.array([2.0, 2.5, 3.0, 4.5, 4.5, 4.4, 2.0])
     encoded = level_spikes(signal[None, :, None], 1.0)
-    rising, falling = encoded.spikes[0, :, 1], encoded.spikes[0, :, 0]
+    falling = encoded.spikes[0, :, 0]
+    rising = encoded.spikes[0, :, 1]
     assert rising.tolist() == [0, 0, 1, 1, 0, 0, 0]
     assert falling.tolist() == [0, 0, 0, 0, 0, 0, 1]
     assert encoded.decoded[0, :, 0].tolist() == [2, 2, 3, 4, 4, 4, 3]
@@ -72,7 +77,8 @@ def test_encoded_values_are_written_and_read_as_recordings(tmp_path):
     write_recordings(tmp_path / "a.npz", recordings)
     back = read_recordings(tmp_path / "a.npz")
     assert np.array_equal(back.spikes, encoded.spikes)
-    assert (back.labels.tolist(), back.step_seconds) == ([4], 0.01)
+    assert back.labels.tolist() == [4]
+    assert back.step_seconds == 0.01
 
 
 @pytest.mark.parametrize(

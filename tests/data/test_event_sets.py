@@ -1,4 +1,4 @@
-"""Event data as others have it: N-MNIST's folders of ``.bin``, AEDAT4, and data sets of Tonic."""
+"""Event data sets: N-MNIST's folders of ``.bin`` files, AEDAT4 files, and data sets of the library Tonic."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ SENSOR = SensorLayout("34x34", 34 * 34, polarities=2, columns=34)
 EVENTS = [(0, 5, 7, 1), (20_000, 33, 33, 0), (59_999, 0, 0, 1)]
 """Microseconds, x, y and polarity."""
 PLACES = [(0, 2 * (34 * 7 + 5) + 1), (1, 2 * (34 * 33 + 33)), (2, 1)]
-"""Steps of 20 ms and channels of these."""
+"""Step of 20 ms and channel of each of the events; channels are 2 (34 y + x) + polarity."""
 
 
 def places(spikes: np.ndarray) -> list[tuple[int, int]]:
-    """The (step, channel) of every event of a recording."""
+    """Return the (step, channel) of every event of a recording."""
     return [(int(step), int(channel)) for step, channel in zip(*np.nonzero(spikes), strict=True)]
 
 
 def packed(events: list[tuple[int, int, int, int]]) -> bytes:
-    """Return the 40 bits of an event as N-MNIST's page has them: x, y, polarity, and 23 bits of time."""
+    """Return events of 40 bits, as N-MNIST's page describes them: x, y, polarity, and 23 bits of time."""
     return b"".join((x << 32 | y << 24 | p << 23 | t).to_bytes(5, "big") for t, x, y, p in events)
 
 
 def n_mnist(folder: Path) -> Path:
+    """Write a set as N-MNIST: a folder per part and digit, with one, two or three events per recording."""
     for part in ("Train", "Test"):
         for digit in (0, 3, 10):
             where = folder / part / str(digit)
@@ -48,28 +49,28 @@ def n_mnist(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("part", ["train", "test"])
-def test_folders_of_bin_files(tmp_path: Path, part: str) -> None:
+def test_folders_of_bin_files_are_parts_and_classes(tmp_path: Path, part: str) -> None:
     path = n_mnist(tmp_path / "N-MNIST")
     assert recording_parts(path) == ("train", "test")
-    found = read_recordings(path, split=part, sensor=SENSOR)
-    assert found.labels is not None
-    assert found.labels.tolist() == [0, 1, 2]
-    assert found.class_names == ("0", "3", "10")
-    assert found.spikes.shape == (3, 2, 2 * 34 * 34)
-    assert places(found.spikes[2]) == PLACES[:2]
+    recordings = read_recordings(path, split=part, sensor=SENSOR)
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [0, 1, 2]
+    assert recordings.class_names == ("0", "3", "10")
+    assert recordings.spikes.shape == (3, 2, 2 * 34 * 34)
+    assert places(recordings.spikes[2]) == PLACES[:2]
 
 
-def test_time_goes_on_where_its_bits_end(tmp_path: Path) -> None:
-    """Row 240 is no event: everything after it is 2^13 microseconds later."""
+def test_times_go_on_beyond_the_bits_of_an_event(tmp_path: Path) -> None:
+    """An event in row 240 marks an overflow of time: all events after it are 2^13 microseconds later."""
     mark = (0, 0, 240, 0)
     (tmp_path / "a.bin").write_bytes(
         packed([(100, 1, 0, 0), mark, (100, 2, 0, 0), mark, (100, 3, 0, 0)])
     )
-    found = read_recordings(tmp_path / "a.bin", step_seconds=8192e-6, sensor=SENSOR)
-    assert places(found.spikes[0]) == [(0, 2), (1, 4), (2, 6)]
+    recordings = read_recordings(tmp_path / "a.bin", step_seconds=8192e-6, sensor=SENSOR)
+    assert places(recordings.spikes[0]) == [(0, 2), (1, 4), (2, 6)]
 
 
-def test_a_bin_file_that_ends_within_an_event(tmp_path: Path) -> None:
+def test_a_bin_file_that_ends_within_an_event_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(packed(EVENTS)[:-1])
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.bin")
@@ -79,7 +80,7 @@ def test_a_bin_file_that_ends_within_an_event(tmp_path: Path) -> None:
     )
 
 
-def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:
+def test_events_outside_the_grid_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(packed(EVENTS))
     with pytest.raises(InputError) as caught:
         read_recordings(
@@ -92,7 +93,7 @@ def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:
 
 
 class Digits(list):
-    """What a data set of Tonic is to its user: a sequence of (events, label) that says its sensor and its classes."""
+    """A data set as Tonic's users have it: a sequence of (events, label) with the size of its sensor and its classes."""
 
     sensor_size = (34, 34, 2)
     classes = ("zero", "one")
@@ -102,20 +103,20 @@ FIELDS = np.dtype([("x", np.int16), ("y", np.int16), ("t", np.int64), ("p", bool
 
 
 def structured(events: list[tuple[int, int, int, int]]) -> np.ndarray:
-    """Events (t, x, y, polarity) as a structured array."""
+    """Return events (t, x, y, polarity) as a structured array."""
     return np.array([(x, y, t, p) for t, x, y, p in events], dtype=FIELDS)
 
 
 def test_a_data_set_of_tonic_becomes_recordings() -> None:
-    found = from_tonic(Digits([(structured(EVENTS), 1), (structured([]), 0)]), step_seconds=0.02)
-    assert found.spikes.shape == (2, 3, 2 * 34 * 34)
-    assert places(found.spikes[0]) == PLACES
-    assert found.labels is not None
-    assert (found.labels.tolist(), found.class_names, found.source) == (
-        [1, 0],
-        ("zero", "one"),
-        "Digits",
+    recordings = from_tonic(
+        Digits([(structured(EVENTS), 1), (structured([]), 0)]), step_seconds=0.02
     )
+    assert recordings.spikes.shape == (2, 3, 2 * 34 * 34)
+    assert places(recordings.spikes[0]) == PLACES
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [1, 0]
+    assert recordings.class_names == ("zero", "one")
+    assert recordings.source == "Digits"
 
 
 @pytest.mark.parametrize(
@@ -128,7 +129,8 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
         ),
         pytest.param(
             Digits([(structured(EVENTS), "one")]),
-            "data set 'Digits': its labels are not class numbers. Give a target_transform that gives them.",
+            "data set 'Digits': its labels are not class numbers. "
+            "Give a target_transform that gives them.",
             id="labels",
         ),
         pytest.param(
@@ -151,14 +153,14 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
         ),
     ],
 )
-def test_data_sets_that_are_none(dataset: Digits, message: str) -> None:
+def test_data_sets_that_cannot_be_converted_are_refused(dataset: Digits, message: str) -> None:
     with pytest.raises(InputError) as caught:
         from_tonic(dataset)
     assert str(caught.value) == message
 
 
 def test_tonic_reads_the_same_files(tmp_path: Path) -> None:
-    """Its own reader of N-MNIST, and one of its data sets made of these files, against ours."""
+    """Tonic's reader of N-MNIST, within a data set of Tonic made of these files, against the project's reader."""
     pytest.importorskip("tonic")
     from tonic import Dataset
     from tonic.io import read_mnist_file
@@ -183,41 +185,45 @@ def test_tonic_reads_the_same_files(tmp_path: Path) -> None:
         def _check_exists(self) -> bool:
             return True
 
-    theirs, ours = from_tonic(OfFiles()), read_recordings(folder, sensor=SENSOR)
+    theirs = from_tonic(OfFiles())
+    ours = read_recordings(folder, sensor=SENSOR)
     assert np.array_equal(theirs.spikes, ours.spikes)
     assert theirs.class_names == ours.class_names
 
 
 CAMERA = Path(__file__).with_name("camera.aedat4")
-"""EVENTS of a camera of 34 x 34 pixels, as its own library writes them: see ``write_camera.py``."""
+""":data:`EVENTS` of a camera of 34 x 34 pixels, written by the camera's own library: see ``write_camera.py``."""
 
 
 @pytest.fixture
 def camera(tmp_path: Path) -> Path:
+    """A copy of :data:`CAMERA`."""
     pytest.importorskip("aedat")
     return Path(shutil.copy(CAMERA, tmp_path / "a.aedat4"))
 
 
-def test_aedat4_as_a_camera_writes_it(camera: Path) -> None:
-    found = read_recordings(camera)
-    assert found.spikes.shape == (1, 3, 2 * 34 * 34)
-    assert places(found.spikes[0]) == PLACES
+def test_an_aedat4_file_of_a_camera_is_read(camera: Path) -> None:
+    recordings = read_recordings(camera)
+    assert recordings.spikes.shape == (1, 3, 2 * 34 * 34)
+    assert places(recordings.spikes[0]) == PLACES
 
 
 def test_aedat4_of_several_cameras_gives_the_first(camera: Path) -> None:
-    """Its library lists them in another order each time."""
+    """The library that reads AEDAT4 lists cameras in another order each time."""
     shutil.copy(CAMERA.with_name("cameras.aedat4"), camera)
-    found = read_recordings(camera)
-    assert found.spikes.shape == (1, 3, 2 * 34 * 34)
-    assert places(found.spikes[0]) == PLACES
-    assert found.binned is not None
-    assert found.binned.words == (
+    recordings = read_recordings(camera)
+    assert recordings.spikes.shape == (1, 3, 2 * 34 * 34)
+    assert places(recordings.spikes[0]) == PLACES
+    assert recordings.binned is not None
+    assert recordings.binned.words == (
         "15 of 18 events dropped: 0 outside the steps, 0 in bins of at most 0, "
         "15 in further streams or before the first time"
     )
 
 
-def test_aedat4_of_too_many_events(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_aedat4_of_too_many_events_is_refused(
+    camera: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for module in (event_formats, event_stream):
         monkeypatch.setattr(module, "MAX_EVENTS", 2)
     with pytest.raises(InputError) as caught:
@@ -242,7 +248,7 @@ DAMAGED = "file 'a.aedat4': it is damaged, truncated or has no events. Give a wh
         ),
     ],
 )
-def test_aedat4_that_is_damaged(
+def test_aedat4_that_is_damaged_is_refused_without_output_of_its_library(
     camera: Path, damage: Callable[[bytes], bytes], capfd: pytest.CaptureFixture[str]
 ) -> None:
     camera.write_bytes(damage(camera.read_bytes()))
@@ -252,7 +258,9 @@ def test_aedat4_that_is_damaged(
     assert capfd.readouterr() == ("", "")
 
 
-def test_aedat4_that_takes_too_long(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_aedat4_that_takes_too_long_is_refused(
+    camera: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(event_formats, "_AEDAT4_SECONDS", 0.0)
     with pytest.raises(InputError) as caught:
         read_recordings(camera)
@@ -271,9 +279,11 @@ def test_aedat4_says_which_package_it_needs(
     )
 
 
-def test_a_stream_may_say_its_columns() -> None:
-    one = EventStream(*(np.array([value]) for value in (0, 1, 2, 0)), columns=5)
-    assert bin_streams([one], "a", Binning()).spikes.shape == (1, 1, 12)
+def test_a_stream_may_state_the_columns_of_its_sensor() -> None:
+    """One event at x 1, y 2 of five columns reaches channel 11."""
+    time, x, y, polarity = (np.array([value]) for value in (0, 1, 2, 0))
+    stream = EventStream(time, x, y, polarity, columns=5)
+    assert bin_streams([stream], "a", Binning()).spikes.shape == (1, 1, 12)
 
 
 FLAT = [(0, 79, 1), (20_000, 3, 0), (45_000, 40, 1)]
@@ -282,7 +292,7 @@ FLAT = [(0, 79, 1), (20_000, 3, 0), (45_000, 40, 1)]
 
 @pytest.mark.parametrize("columns", [4, 10, 16])
 @pytest.mark.parametrize("suffix", [".bs1", ".npy"])
-def test_the_columns_of_a_grid_do_not_bound_taxels_that_are_counted_without_rows(
+def test_taxels_that_are_numbered_without_rows_may_exceed_the_columns_of_a_grid(
     tmp_path: Path, suffix: str, columns: int
 ) -> None:
     path = tmp_path / f"sample_0{suffix}"
@@ -290,7 +300,8 @@ def test_the_columns_of_a_grid_do_not_bound_taxels_that_are_counted_without_rows
         path.write_bytes(b"".join((x << 24 | p << 23 | t).to_bytes(5, "big") for t, x, p in FLAT))
     else:
         np.save(path, np.array(FLAT, dtype=[("t", int), ("x", int), ("p", int)]))
-    found = read_recordings(
+    recordings = read_recordings(
         path, sensor=SensorLayout("grid", taxels=80, polarities=2, columns=columns)
     ).spikes
-    assert (found.shape, places(found[0])) == ((1, 3, 160), [(0, 159), (1, 6), (2, 81)])
+    assert recordings.shape == (1, 3, 160)
+    assert places(recordings[0]) == [(0, 159), (1, 6), (2, 81)]

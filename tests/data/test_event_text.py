@@ -1,4 +1,4 @@
-"""Single events in lines of text."""
+"""Event files of text: tables with a line per event (CSV), with or without names of the columns."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from locsnn_compile.cli.main import main
 from locsnn_compile.data import Recordings, read_recordings, write_recordings
 
 BINS = [[0, 0, 3], [0, 1, 6]]
-"""Recording, step and channel of the events below, on 2 x 2 pixels of two polarities."""
+"""Recording, step of 1 ms and channel of the events below, on 2 x 2 pixels of two polarities."""
 TEXTS = {
     "named by faery": "t,x@2,y@2,on\n1000,1,0,1\n2500,1,1,0\n",
     "named in another order": "x;y;polarity;timestamp[us]\n1;0;1;1000\n1;1;0;2500\n",
@@ -21,26 +21,31 @@ TEXTS = {
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
 def test_csv_files_become_bins(text: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
-    found = read_recordings(tmp_path / "a.csv", grid="2x2", step_seconds=0.001)
-    assert [list(map(int, place)) for place in zip(*found.spikes.nonzero(), strict=True)] == BINS
+    recordings = read_recordings(tmp_path / "a.csv", grid="2x2", step_seconds=0.001)
+    assert [
+        list(map(int, place)) for place in zip(*recordings.spikes.nonzero(), strict=True)
+    ] == BINS
 
 
-def test_times_of_csv_files_have_the_unit_that_is_asked_for(tmp_path: Path) -> None:
+def test_the_unit_of_times_in_csv_files_can_be_given(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t,x,y,p\n0.001,1,0,1\n0.0025,1,1,0\n")
-    found = read_recordings(tmp_path / "a.csv", grid="2x2", step_seconds=0.001, time_unit="s")
-    assert [list(map(int, place)) for place in zip(*found.spikes.nonzero(), strict=True)] == BINS
+    recordings = read_recordings(tmp_path / "a.csv", grid="2x2", step_seconds=0.001, time_unit="s")
+    assert [
+        list(map(int, place)) for place in zip(*recordings.spikes.nonzero(), strict=True)
+    ] == BINS
 
 
 def test_folders_of_csv_files_have_the_labels_of_their_names(tmp_path: Path) -> None:
     for label in (0, 1):
         (tmp_path / f"r_label_{label}.csv").write_text("t,x,p\n5,0,1\n9,1,0\n")
-    found = read_recordings(tmp_path, step_seconds=0.02)
-    assert found.labels is not None
-    assert found.labels.tolist() == [0, 1]
+    recordings = read_recordings(tmp_path, step_seconds=0.02)
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("name", ["sample_0.npy", "train.npz", "r.bs1"])
-def test_csv_files_next_to_other_recordings_are_about_these(name: str, tmp_path: Path) -> None:
+def test_csv_files_next_to_other_recordings_are_not_recordings(name: str, tmp_path: Path) -> None:
+    """They may describe the recordings, such as a table of labels."""
     spikes = np.zeros((1, 2, 3), dtype=np.uint8)
     spikes[0, 1, 2] = 1
     write_recordings(

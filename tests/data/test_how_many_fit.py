@@ -1,4 +1,4 @@
-"""Too many recordings: the message says how many fit, and what to do with the parts."""
+"""Recordings that are too large for memory are refused; the message says how many fit, and what to do with the parts."""
 
 from __future__ import annotations
 
@@ -10,19 +10,13 @@ from locsnn_compile.data.recordings import Recordings, check_size
 from locsnn_compile.errors import InputError
 
 
-def test_as_many_as_fit_are_taken(monkeypatch):
+def test_as_many_recordings_as_fit_are_accepted(monkeypatch):
     monkeypatch.setattr(recordings, "MAX_ELEMENTS", 3 * 4 * 5)
-    assert (
-        len(
-            Recordings(
-                np.zeros((3, 4, 5), np.uint8), labels=None, step_seconds=None, source="three"
-            )
-        )
-        == 3
-    )
+    three = np.zeros((3, 4, 5), np.uint8)
+    assert len(Recordings(three, labels=None, step_seconds=None, source="three")) == 3
 
 
-def test_more_are_refused_with_the_number_that_fits(monkeypatch):
+def test_more_recordings_are_refused_with_the_number_that_fits(monkeypatch):
     monkeypatch.setattr(recordings, "MAX_ELEMENTS", 3 * 4 * 5)
     with pytest.raises(InputError) as refused:
         Recordings(np.zeros((4, 4, 5), np.uint8), labels=None, step_seconds=None, source="four")
@@ -41,7 +35,8 @@ def test_a_recording_that_does_not_fit_alone_needs_wider_bins():
     )
 
 
-def test_an_array_of_files_is_refused_before_it_is_turned(monkeypatch):
+def test_a_large_array_is_refused_before_its_axes_are_reordered(monkeypatch):
+    """Reordering would copy it."""
     monkeypatch.setattr(axes, "MAX_ELEMENTS", 1000)
     monkeypatch.setattr(recordings, "MAX_ELEMENTS", 1000)
     with pytest.raises(InputError) as refused:

@@ -1,4 +1,7 @@
-"""Recordings read some at a time are those that are read at once."""
+"""Recordings read in chunks are equal to those read at once, with equal errors.
+
+Only ``.npy`` files are read in chunks, which keeps large files out of memory; others come as one chunk.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +16,29 @@ from locsnn_compile.data.recordings import OPEN, Expected
 from locsnn_compile.errors import InputError
 
 TWENTY = (np.random.default_rng(0).random((20, 39, 2, 7)) < 0.3).astype(np.uint8)
-NOTHING = {"step_seconds": None, "threshold": None, "steps": None}
+NO_OPTIONS = {"step_seconds": None, "threshold": None, "steps": None}
 
 
-def sizes(path: Path, model: Expected = OPEN, many: int = 6, **asked: Any) -> list[int]:
-    """Read both ways, compare, and return how many recordings each chunk has."""
-    chunks = list(read_in_chunks(str(path), many, model=model, **NOTHING | asked))
-    whole = read_recordings(path, model=model, **asked)
-    assert np.array_equal(np.concatenate([chunk.spikes for chunk in chunks]), whole.spikes)
+def sizes(path: Path, model: Expected = OPEN, many: int = 6, **options: Any) -> list[int]:
+    """Check that chunks of ``many`` recordings are those read at once, and return the size of each chunk."""
+    chunks = list(read_in_chunks(str(path), many, model=model, **NO_OPTIONS | options))
+    at_once = read_recordings(path, model=model, **options)
+    assert np.array_equal(np.concatenate([chunk.spikes for chunk in chunks]), at_once.spikes)
     labels = [chunk.labels for chunk in chunks]
-    assert (
-        all(found is None for found in labels)
-        if whole.labels is None
-        else np.array_equal(np.hstack(labels), whole.labels)
-    )
-    beside = [(chunk.source, chunk.step_seconds, chunk.origin, chunk.binned) for chunk in chunks]
-    assert set(beside) == {(whole.source, whole.step_seconds, whole.origin, whole.binned)}
+    if at_once.labels is None:
+        assert labels == [None] * len(chunks)
+    else:
+        assert np.array_equal(np.hstack(labels), at_once.labels)
+    for chunk in chunks:
+        assert chunk.source == at_once.source
+        assert chunk.step_seconds == at_once.step_seconds
+        assert chunk.origin == at_once.origin
+        assert chunk.binned == at_once.binned
     return [len(chunk) for chunk in chunks]
 
 
 @pytest.mark.parametrize(
-    ("array", "found"),
+    ("array", "chunk_sizes"),
     [
         (TWENTY, [6, 6, 6, 2]),
         (TWENTY.reshape(20, 78, 7), [6, 6, 6, 2]),
@@ -45,26 +50,38 @@ def sizes(path: Path, model: Expected = OPEN, many: int = 6, **asked: Any) -> li
         (TWENTY[0].reshape(78, 7), [1]),
         (np.asfortranarray(TWENTY), [20]),
     ],
-    ids=["taxels", "channels", "floats", "booleans", "sizes of an order in the last four", "one chunk", "one recording", "one of channels", "Fortran's order"],
-)  # fmt: skip
-def test_a_file_in_chunks(tmp_path: Path, array: np.ndarray[Any, Any], found: list[int]) -> None:
+    ids=[
+        "taxels",
+        "channels",
+        "floats",
+        "booleans",
+        "sizes of an order in the last four",
+        "one chunk",
+        "one recording",
+        "one of channels",
+        "Fortran's order",
+    ],
+)
+def test_a_file_in_chunks(
+    tmp_path: Path, array: np.ndarray[Any, Any], chunk_sizes: list[int]
+) -> None:
     np.save(tmp_path / "x.npy", array)
-    assert sizes(tmp_path / "x.npy") == found
+    assert sizes(tmp_path / "x.npy") == chunk_sizes
 
 
-def test_the_last_two_are_no_polarities(tmp_path: Path) -> None:
-    """Two recordings of 39 channels have the sizes of (polarities, taxels, steps); eight have not."""
+def test_a_last_chunk_of_two_recordings_is_not_taken_for_polarities(tmp_path: Path) -> None:
+    """Two recordings of 39 channels have the sizes of (polarities, taxels, steps); all eight have not."""
     np.save(tmp_path / "x.npy", TWENTY[:8, :, 0])
     assert sizes(tmp_path / "x.npy") == [6, 2]
 
 
-def test_labels_and_what_a_model_says(tmp_path: Path) -> None:
+def test_chunks_have_labels_and_what_a_model_expects(tmp_path: Path) -> None:
     np.save(tmp_path / "x.npy", TWENTY)
     np.save(tmp_path / "x_labels.npy", np.arange(20) % 3)
     assert sizes(tmp_path / "x.npy", Expected("model 'm'", 0.02, 0, 7, 78)) == [6, 6, 6, 2]
 
 
-def test_with_an_option_and_of_other_files_all_are_read_at_once(tmp_path: Path) -> None:
+def test_with_options_or_from_other_files_all_come_in_one_chunk(tmp_path: Path) -> None:
     np.save(tmp_path / "x.npy", TWENTY)
     assert sizes(tmp_path / "x.npy", steps=9) == [20]
     np.savez(tmp_path / "x.npz", spikes=TWENTY)
@@ -100,20 +117,20 @@ def text(path: Path) -> None:
 @pytest.mark.parametrize(
     "spoil", [damaged, graded, labels_of_others, other_order, gone, text], ids=lambda f: f.__name__
 )
-def test_what_is_wrong_is_said_in_the_same_words(tmp_path: Path, spoil: Any) -> None:
+def test_errors_are_the_same_in_chunks_and_at_once(tmp_path: Path, spoil: Any) -> None:
     np.save(tmp_path / "x.npy", TWENTY)
     spoil(tmp_path / "x.npy")
-    with pytest.raises(InputError) as whole:
+    with pytest.raises(InputError) as at_once:
         read_recordings(tmp_path / "x.npy")
-    with pytest.raises(InputError) as found:
-        list(read_in_chunks(str(tmp_path / "x.npy"), 6, model=OPEN, **NOTHING))
-    assert str(found.value) == str(whole.value)
+    with pytest.raises(InputError) as in_chunks:
+        list(read_in_chunks(str(tmp_path / "x.npy"), 6, model=OPEN, **NO_OPTIONS))
+    assert str(in_chunks.value) == str(at_once.value)
 
 
-def test_a_file_that_is_cut_while_it_is_read(tmp_path: Path) -> None:
+def test_a_file_that_becomes_shorter_while_it_is_read_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.npy"
     np.save(path, TWENTY)
-    chunks = read_in_chunks(str(path), 6, model=OPEN, **NOTHING)
+    chunks = read_in_chunks(str(path), 6, model=OPEN, **NO_OPTIONS)
     assert len(next(chunks)) == 6
     path.write_bytes(path.read_bytes()[:-600])
     with pytest.raises(InputError) as caught:

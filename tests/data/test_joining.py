@@ -1,4 +1,9 @@
-"""Recordings and models joined by pixel and polarity: what fits, what is refused, and what is said of the rest."""
+"""Recordings are joined to a model's inputs by pixel and polarity, whatever the order in which each side numbers them.
+
+A numbering is "yxp" (rows, columns, polarities) or "pyx" (polarities first). Where a side does not know its pixels, the
+assumption is reported; contradictions are refused. ``reached=True`` marks columns and rows that are only the largest
+places that events reach, as in files that do not state the size of their sensor.
+"""
 
 from __future__ import annotations
 
@@ -12,68 +17,71 @@ from locsnn_compile.data.joining import by_pixel, join_channels, merged
 from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.errors import InputError
 
-IMAGE = Channels(4, 4, 2, "pyx")
+IMAGE = Channels(columns=4, rows=4, polarities=2, numbering="pyx")
 MODEL = Expected("model 'm'", channels=32, inputs=IMAGE)
 FLAT = Expected("model 'm'", channels=32)
 
 
 def numbered(channels: Channels | None, count: int) -> Recordings:
-    """One recording in which channel i, and no other, spikes in step i."""
+    """Return one recording in which channel i, and no other, spikes in step i."""
     spikes = np.eye(count, dtype=np.uint8)[np.newaxis]
     return Recordings(spikes, labels=None, step_seconds=0.001, source="r", channels=channels)
 
 
 def inputs_of(recordings: Recordings, model: Expected) -> list[int]:
-    """Return the input that each channel becomes."""
+    """Return the input of a model that each channel becomes."""
     joined = join_channels(recordings, model)
     _, steps, inputs = np.nonzero(joined.spikes)
     assert steps.tolist() == [*range(recordings.spikes.shape[1])]
     return inputs.tolist()
 
 
-def by_hand(channels: Channels, whole: Channels, first_polarity: int = 0) -> list[int]:
-    """Return the channels of the whole by the two formulas, written out."""
-    places = {}
+def channel_of(channels: Channels, x: int, y: int, p: int) -> int:
+    """Return the channel of a pixel and polarity by the formula of its numbering."""
+    if channels.numbering == "yxp":
+        return channels.polarities * (channels.columns * y + x) + p
+    return channels.columns * channels.rows * p + channels.columns * y + x
+
+
+def by_hand(channels: Channels, sensor: Channels, first_polarity: int = 0) -> list[int]:
+    """Return the channel of the whole sensor that each channel of a part of it is."""
+    sensor_channels = {}
     for y in range(channels.rows):
         for x in range(channels.columns):
             for p in range(channels.polarities):
-                q = p + first_polarity
-                source = {
-                    "yxp": channels.polarities * (channels.columns * y + x) + p,
-                    "pyx": channels.columns * channels.rows * p + channels.columns * y + x,
-                }[channels.numbering]
-                places[source] = {
-                    "yxp": whole.polarities * (whole.columns * y + x) + q,
-                    "pyx": whole.columns * whole.rows * q + whole.columns * y + x,
-                }[whole.numbering]
-    return [places[source] for source in sorted(places)]
+                channel = channel_of(channels, x, y, p)
+                sensor_channels[channel] = channel_of(sensor, x, y, p + first_polarity)
+    return [sensor_channels[channel] for channel in sorted(sensor_channels)]
 
 
 @pytest.mark.parametrize("numbering", ["yxp", "pyx"])
-@pytest.mark.parametrize("whole", [IMAGE, Channels(4, 4, 2)], ids=["an image", "a grid"])
-@pytest.mark.parametrize("size", [(4, 4, False), (2, 3, True), (3, 2, True), (1, 4, True)], ids=str)
-def test_a_pixel_stays_where_it_is(numbering: Any, whole: Channels, size: Any) -> None:
-    columns, rows, reached = size
-    given = Channels(columns, rows, 2, numbering, reached=reached)
-    model = Expected("model 'm'", channels=32, inputs=whole)
-    assert inputs_of(numbered(given, given.count), model) == by_hand(given, whole)
+@pytest.mark.parametrize("sensor", [IMAGE, Channels(4, 4, 2)], ids=["an image", "a grid"])
+@pytest.mark.parametrize(
+    ("columns", "rows", "reached"), [(4, 4, False), (2, 3, True), (3, 2, True), (1, 4, True)]
+)
+def test_a_pixel_stays_where_it_is(
+    numbering: Any, sensor: Channels, columns: int, rows: int, reached: bool
+) -> None:
+    recorded = Channels(columns, rows, 2, numbering, reached=reached)
+    model = Expected("model 'm'", channels=32, inputs=sensor)
+    assert inputs_of(numbered(recorded, recorded.count), model) == by_hand(recorded, sensor)
 
 
 @pytest.mark.parametrize("polarity", [0, 1])
 def test_a_single_polarity_keeps_its_number(polarity: int) -> None:
-    given = Channels(2, 3, 1, reached=True, polarity=polarity)
-    assert inputs_of(numbered(given, 6), MODEL) == by_hand(given, IMAGE, polarity)
+    recorded = Channels(2, 3, 1, reached=True, polarity=polarity)
+    assert inputs_of(numbered(recorded, 6), MODEL) == by_hand(recorded, IMAGE, polarity)
 
 
 def test_places_without_rows_are_pixels_row_by_row() -> None:
-    """SLAYER's ``.bs1`` of an image: x is 4 * row + column."""
-    given = Channels(11, 1, 2, reached=True)
-    wanted = [16 * p + place for place in range(11) for p in range(2)]
-    assert inputs_of(numbered(given, 22), MODEL) == wanted
+    """In SLAYER's ``.bs1`` files of an image, x is 4 * row + column."""
+    recorded = Channels(11, 1, 2, reached=True)
+    expected = [16 * p + place for place in range(11) for p in range(2)]
+    assert inputs_of(numbered(recorded, 22), MODEL) == expected
 
 
 @pytest.mark.parametrize(
-    ("model", "given", "count", "said"),
+    ("model", "recorded", "count", "assumptions"),
     [
         pytest.param(MODEL, Channels(4, 4, 2), 32, (), id="both sides know"),
         pytest.param(
@@ -122,20 +130,21 @@ def test_places_without_rows_are_pixels_row_by_row() -> None:
             Channels(4, 4, 2),
             32,
             (),
-            id="told",
+            id="the order of the model is known",
         ),
     ],
 )
-def test_what_one_side_does_not_know_is_said(
-    model: Expected, given: Channels | None, count: int, said: tuple[str, ...]
+def test_an_assumption_is_reported_if_a_side_does_not_know_its_pixels(
+    model: Expected, recorded: Channels | None, count: int, assumptions: tuple[str, ...]
 ) -> None:
-    joined = join_channels(numbered(given, count), model)
-    assert joined.assumed == said
-    assert join_channels(joined, model).assumed == said
+    joined = join_channels(numbered(recorded, count), model)
+    assert joined.assumed == assumptions
+    # Joining again adds nothing.
+    assert join_channels(joined, model).assumed == assumptions
 
 
 @pytest.mark.parametrize(
-    ("model", "given", "message"),
+    ("model", "recorded", "message"),
     [
         pytest.param(
             MODEL,
@@ -161,13 +170,15 @@ def test_what_one_side_does_not_know_is_said(
         pytest.param(
             MODEL,
             Channels(17, 1, 2, reached=True),
-            "a place lies outside the grid (place 16 against 4 x 4 pixels). Give recordings of this sensor.",
+            "a place lies outside the grid (place 16 against 4 x 4 pixels). "
+            "Give recordings of this sensor.",
             id="a place outside",
         ),
         pytest.param(
             MODEL,
             Channels(4, 4, 1),
-            "they do not have the polarities of model 'm' (1 against 2). Give recordings of its sensor.",
+            "they do not have the polarities of model 'm' (1 against 2). "
+            "Give recordings of its sensor.",
             id="one polarity for two",
         ),
         pytest.param(
@@ -187,14 +198,15 @@ def test_what_one_side_does_not_know_is_said(
         pytest.param(
             FLAT,
             Channels(4, 3, 2, reached=True),
-            "the width of its grid is not known (up to 4 x 3 in 32 channels). Give --grid WxH of the sensor.",
+            "the width of its grid is not known (up to 4 x 3 in 32 channels). "
+            "Give --grid WxH of the sensor.",
             id="a grid of unknown width for a flat model",
         ),
     ],
 )
-def test_contradictions_are_refused(model: Expected, given: Channels, message: str) -> None:
+def test_contradictions_are_refused(model: Expected, recorded: Channels, message: str) -> None:
     with pytest.raises(InputError) as caught:
-        join_channels(numbered(given, given.count), model)
+        join_channels(numbered(recorded, recorded.count), model)
     assert str(caught.value) == f"recordings 'r': {message}"
 
 
@@ -227,9 +239,9 @@ def test_merged_polarities_are_one_channel_of_each_pixel() -> None:
         source="r",
         channels=Channels(4, 3, 2, "pyx"),
     )
-    found = merged(recordings)
-    assert np.array_equal(found.spikes, images.max(axis=2).reshape(2, 5, 12))
-    assert found.channels == Channels(4, 3, 1)
+    merged_recordings = merged(recordings)
+    assert np.array_equal(merged_recordings.spikes, images.max(axis=2).reshape(2, 5, 12))
+    assert merged_recordings.channels == Channels(4, 3, 1)
     pixels_first = by_pixel(recordings).spikes
     assert np.array_equal(pixels_first, images.transpose(0, 1, 3, 4, 2).reshape(2, 5, 24))
 

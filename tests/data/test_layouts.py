@@ -1,6 +1,9 @@
-"""Layouts of any sensor: what their options and files say, and the walks, graphs and frames over them."""
+"""Layouts of sensors, by options and by files, and the walks, graphs and frames over them.
 
-import math
+A layout has taxels (touch-sensitive points, or pixels) at positions, with one or two polarities. A walk is the order in
+which location neurons visit the taxels, and a taxel graph joins neighbours.
+"""
+
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +27,9 @@ from locsnn_compile.errors import InputError
 
 
 def grid_layout(text: str, polarities: int) -> SensorLayout:
-    """The layout of a grid, such as ``34x34``."""
-    return SensorLayout(
-        f"grid {text}",
-        math.prod(map(int, text.split("x"))),
-        polarities,
-        columns=int(text.split("x")[0]),
-    )
+    """Return the layout of a grid, such as ``34x34``."""
+    columns, rows = map(int, text.split("x"))
+    return SensorLayout(f"grid {text}", columns * rows, polarities, columns=columns)
 
 
 GRID = grid_layout("4x3", 2)
@@ -46,7 +45,7 @@ GLOVE = SensorLayout(
 
 
 def refused(call: object, *args: object, **options: object) -> str:
-    """The message with which a call is refused."""
+    """Return the message with which a call is refused."""
     with pytest.raises(InputError) as caught:
         call(*args, **options)  # type: ignore[operator]
     return str(caught.value)
@@ -63,9 +62,10 @@ def refused(call: object, *args: object, **options: object) -> str:
     ],
 )
 def test_options_name_a_sensor(options: tuple, channels: int, name: str) -> None:
-    found = asked_layout(*options)
-    assert found is not None
-    assert (found.channels, found.name) == (channels, name)
+    layout = asked_layout(*options)
+    assert layout is not None
+    assert layout.channels == channels
+    assert layout.name == name
 
 
 def test_no_option_names_no_sensor() -> None:
@@ -77,12 +77,14 @@ def test_no_option_names_no_sensor() -> None:
     [
         pytest.param(
             ("16x16", None, 40, None),
-            "sensor: its layout is not clear (grid and channels). Give one of --grid, --channels and --layout.",
+            "sensor: its layout is not clear (grid and channels). "
+            "Give one of --grid, --channels and --layout.",
             id="two",
         ),
         pytest.param(
             (None, 2, None, None),
-            "sensor: its layout is not clear (polarities alone). Give one of --grid, --channels and --layout.",
+            "sensor: its layout is not clear (polarities alone). "
+            "Give one of --grid, --channels and --layout.",
             id="polarities of nothing",
         ),
         pytest.param(
@@ -103,11 +105,11 @@ def test_no_option_names_no_sensor() -> None:
         ),
     ],
 )
-def test_options_that_name_none(options: tuple, message: str) -> None:
+def test_options_that_do_not_name_one_sensor_are_refused(options: tuple, message: str) -> None:
     assert refused(asked_layout, *options) == message
 
 
-def test_a_file_says_positions_and_names(tmp_path: Path) -> None:
+def test_a_file_gives_positions_and_names(tmp_path: Path) -> None:
     path = tmp_path / "glove.yaml"
     path.write_text(
         "surfaces: 2\npositions: [[0, 0], [2, 0], [0, 1]]\nnames: [thumb, index, palm]\n"
@@ -116,7 +118,7 @@ def test_a_file_says_positions_and_names(tmp_path: Path) -> None:
     assert asked_layout(grid=None, polarities=2, channels=None, layout=str(path)).channels == 12  # type: ignore[union-attr]
 
 
-def test_a_layout_comes_back_from_its_plain_values() -> None:
+def test_a_layout_is_equal_after_a_round_trip_through_its_document() -> None:
     for layout in (GRID, NOWHERE, GLOVE, neutouch(2)):
         assert parse_layout(layout.document(), "layout") == layout
 
@@ -177,9 +179,10 @@ def test_a_layout_comes_back_from_its_plain_values() -> None:
         ),
     ],
 )
-def test_files_that_are_no_layout(document: dict, message: str) -> None:
-    found = refused(parse_layout, document, "layout")
-    assert found == message + ("Correct the layout of the sensor." if message.endswith(" ") else "")
+def test_files_that_are_no_layout_are_refused(document: dict, message: str) -> None:
+    """Messages that end with a space go on with the usual way out."""
+    way_out = "Correct the layout of the sensor." if message.endswith(" ") else ""
+    assert refused(parse_layout, document, "layout") == message + way_out
 
 
 EXPECTED = {
@@ -258,12 +261,15 @@ def test_a_file_of_numbers_is_an_order(tmp_path: Path) -> None:
         pytest.param(
             "1,2,2",
             GLOVE,
-            "location order: taxel 2 is repeated at entry 3. Give every taxel from 1 to 3 exactly once.",
+            "location order: taxel 2 is repeated at entry 3. "
+            "Give every taxel from 1 to 3 exactly once.",
             id="repeated",
         ),
     ],
 )
-def test_orders_that_a_layout_has_not(name: str, layout: SensorLayout, message: str) -> None:
+def test_walks_that_a_layout_does_not_have_are_refused(
+    name: str, layout: SensorLayout, message: str
+) -> None:
     assert refused(location_order, name, layout) == message
 
 
@@ -295,7 +301,9 @@ def test_graphs_join_neighbours_of_a_grid() -> None:
         ),
     ],
 )
-def test_graphs_that_a_layout_has_not(kind: str, layout: SensorLayout, message: str) -> None:
+def test_graphs_that_a_layout_does_not_have_are_refused(
+    kind: str, layout: SensorLayout, message: str
+) -> None:
     assert refused(taxel_graph, kind, layout, neighbours=3, nearer_mm=3.0) == message
 
 
@@ -326,17 +334,15 @@ def test_a_channel_is_called_by_its_place(channel: int, layout: SensorLayout, pl
     "layout", [GRID, NOWHERE, GLOVE, SensorLayout("one", taxels=1)], ids=lambda layout: layout.name
 )
 def test_synthetic_touches_of_any_sensor(layout: SensorLayout) -> None:
-    found = synthetic_touches(4, steps=60, classes=2, sensor=layout)
-    assert found.spikes.shape == (4, 60, layout.channels)
-    assert 0 < found.spikes.mean() < 0.5
+    touches = synthetic_touches(4, steps=60, classes=2, sensor=layout)
+    assert touches.spikes.shape == (4, 60, layout.channels)
+    assert 0 < touches.spikes.mean() < 0.5
 
 
 def test_synthetic_touches_of_a_fingertip_are_those_of_its_layout() -> None:
-    first, second = (
-        synthetic_touches(2, steps=50, **given)
-        for given in ({"fingertips": 2}, {"sensor": neutouch(2)})
-    )
-    assert np.array_equal(first.spikes, second.spikes)
+    by_fingertips = synthetic_touches(2, steps=50, fingertips=2)
+    by_layout = synthetic_touches(2, steps=50, sensor=neutouch(2))
+    assert np.array_equal(by_fingertips.spikes, by_layout.spikes)
 
 
 @pytest.mark.parametrize(
@@ -348,19 +354,22 @@ def test_synthetic_touches_of_a_fingertip_are_those_of_its_layout() -> None:
         pytest.param("columns,rows,steps,samples", (4, 3, 5, 2), id="no polarities"),
     ],
 )
-def test_axes_are_taken_as_said(order: str, shape: tuple[int, ...]) -> None:
+def test_axes_are_taken_in_the_given_order(order: str, shape: tuple[int, ...]) -> None:
+    """Every value of the array is different, so that one value at the end of an axis shows where the axis went."""
     array = np.arange(np.prod(shape)).reshape(shape)
     names = parse_axes(order, "axes")
-    found = to_step_major(array, "array", order=names)
+    step_major = to_step_major(array, "array", order=names)
     size = dict(zip(names, shape, strict=True))
-    assert found.shape == (size.get("samples", 1), 5, np.prod(shape) // 5 // size.get("samples", 1))
-    # A place of the array, and where its value must be found.
-    at = dict.fromkeys(names, 0) | {
-        name: size[name] - 1 for name in names if name in ("rows", "taxels", "channels")
+    samples = size.get("samples", 1)
+    steps = 5
+    assert step_major.shape == (samples, steps, array.size // steps // samples)
+    # The last row, taxel or channel, at index 0 of all other axes, and its channel.
+    index = {
+        name: size[name] - 1 if name in ("rows", "taxels", "channels") else 0 for name in names
     }
-    cell = at.get("rows", 0) * size.get("columns", 1) + at.get("columns", 0) + at.get("taxels", 0)
-    channel = cell * size.get("polarities", 1) + at.get("channels", 0)
-    assert found[0, 0, channel] == array[tuple(at[name] for name in names)]
+    cell = index.get("rows", 0) * size.get("columns", 1) + index.get("taxels", 0)
+    channel = cell * size.get("polarities", 1) + index.get("channels", 0)
+    assert step_major[0, 0, channel] == array[tuple(index.values())]
 
 
 @pytest.mark.parametrize(
@@ -374,14 +383,14 @@ def test_axes_are_taken_as_said(order: str, shape: tuple[int, ...]) -> None:
         "",
     ],
 )
-def test_texts_that_are_no_order_of_axes(order: str) -> None:
+def test_texts_that_are_no_order_of_axes_are_refused(order: str) -> None:
     assert refused(parse_axes, order, "axes") == (
         f"axes: it is not an order of axes (got {order!r}). Name steps and channels, or taxels, "
         "or rows and columns, with polarities or without, and samples."
     )
 
 
-def test_an_array_of_other_axes_than_said() -> None:
+def test_an_array_with_another_number_of_axes_than_named_is_refused() -> None:
     assert refused(
         to_step_major, np.zeros((2, 3)), "array", order=("samples", "steps", "channels")
     ) == (

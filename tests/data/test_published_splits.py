@@ -72,34 +72,36 @@ def test_a_published_split_is_read_as_it_is_kept(
     path = packed(path) if archive else path
     assert recording_parts(path) == ("train", "test")
     for part, name in zip(SETS, names, strict=True):
-        found = read_recordings(path, split=part)
-        assert np.array_equal(found.spikes, SETS[part].swapaxes(1, 2))
-        assert found.labels is not None
-        assert np.array_equal(found.labels, LABELS[part])
-        assert found.source == f"{path.name}, {Path(name).name}"
+        recordings = read_recordings(path, split=part)
+        assert np.array_equal(recordings.spikes, SETS[part].swapaxes(1, 2))
+        assert recordings.labels is not None
+        assert np.array_equal(recordings.labels, LABELS[part])
+        assert recordings.source == f"{path.name}, {Path(name).name}"
     assert len(read_recordings(path)) == 3
 
 
 def test_files_of_one_part_are_joined_and_silence_follows_the_shorter(tmp_path: Path) -> None:
     for name, part in (("a.npz", "train"), ("b.npz", "test")):
         write_set(tmp_path / "set/train" / name, SETS[part], labels=LABELS[part])
-    found = read_recordings(tmp_path / "set", split="train")
+    recordings = read_recordings(tmp_path / "set", split="train")
     shorter = np.zeros((3, 8, 6), dtype=np.uint8)
     shorter[:, :7] = SETS["test"].swapaxes(1, 2)
-    assert np.array_equal(found.spikes, np.concatenate([SETS["train"].swapaxes(1, 2), shorter]))
-    assert found.labels is not None
-    assert found.labels.tolist() == [0, 1, 2, 1, 0, 2, 0, 1]
-    assert found.source == "set, 2 files"
+    assert np.array_equal(
+        recordings.spikes, np.concatenate([SETS["train"].swapaxes(1, 2), shorter])
+    )
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [0, 1, 2, 1, 0, 2, 0, 1]
+    assert recordings.source == "set, 2 files"
 
 
 def test_files_of_one_part_with_classes_in_other_orders_are_joined_by_name(tmp_path: Path) -> None:
     orders = {"a.npz": ["cup", "ball", "egg"], "b.npz": ["egg", "cup", "ball"]}
     for name, order in orders.items():
         write_set(tmp_path / "set" / name, SETS["test"], labels=LABELS["test"], class_names=order)
-    found = read_recordings(tmp_path / "set")
-    assert found.class_names == ("cup", "ball", "egg")
-    assert found.labels is not None
-    assert found.labels.tolist() == [2, 0, 1, 1, 2, 0]
+    recordings = read_recordings(tmp_path / "set")
+    assert recordings.class_names == ("cup", "ball", "egg")
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [2, 0, 1, 1, 2, 0]
 
 
 @pytest.mark.parametrize(
@@ -113,7 +115,8 @@ def test_files_of_one_part_with_classes_in_other_orders_are_joined_by_name(tmp_p
         ),
         pytest.param(
             {"spikes": SETS["train"]},
-            "folder 'set': only some of its files have labels (a.npz, not b.npz). Give labels in all or none.",
+            "folder 'set': only some of its files have labels (a.npz, not b.npz). "
+            "Give labels in all or none.",
             id="labels",
         ),
         pytest.param(
@@ -123,7 +126,7 @@ def test_files_of_one_part_with_classes_in_other_orders_are_joined_by_name(tmp_p
             id="widths",
         ),
     ],
-)  # fmt: skip
+)
 def test_files_of_one_part_that_differ_are_refused(
     tmp_path: Path, more: dict[str, Any], message: str
 ) -> None:
@@ -168,47 +171,47 @@ ENGLISH = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight
 def test_numbers_and_number_words_keep_their_order(
     tmp_path: Path, written: list[str], order: list[str]
 ) -> None:
-    found = read_recordings(folder_of_classes(tmp_path / "set", written))
-    assert found.class_names == tuple(order)
+    recordings = read_recordings(folder_of_classes(tmp_path / "set", written))
+    assert recordings.class_names == tuple(order)
 
 
 def test_a_digit_is_the_label_even_if_another_digit_is_missing(tmp_path: Path) -> None:
     """As in a part of N-MNIST without an 8: what lies in the folder 9 is a nine."""
     digits = ["0", "1", "2", "3", "4", "5", "6", "7", "9"]
-    found = read_recordings(folder_of_classes(tmp_path / "set", digits))
-    assert sorted(found.labels.tolist()) == [0, 1, 2, 3, 4, 5, 6, 7, 9]
+    recordings = read_recordings(folder_of_classes(tmp_path / "set", digits))
+    assert sorted(recordings.labels.tolist()) == [0, 1, 2, 3, 4, 5, 6, 7, 9]
 
 
-def true_names(found: Any) -> list[str]:
+def true_names(recordings: Any) -> list[str]:
     """Return the class name of each recording, in the order of the channel that its events are on."""
-    channel = found.spikes.any(axis=1).argmax(axis=1)
-    return [found.class_names[found.labels[i]] for i in np.argsort(channel)]
+    channel = recordings.spikes.any(axis=1).argmax(axis=1)
+    return [recordings.class_names[recordings.labels[i]] for i in np.argsort(channel)]
 
 
 def test_an_order_of_class_names_can_be_given(tmp_path: Path) -> None:
     names = ["cup", "ball", "egg"]
     path = folder_of_classes(tmp_path / "set", names)
     assert read_recordings(path).class_names == ("ball", "cup", "egg")
-    found = read_recordings(path, classes="egg,cup,ball,none")
-    assert found.class_names == ("egg", "cup", "ball", "none")
-    assert true_names(found) == names
+    recordings = read_recordings(path, classes="egg,cup,ball,none")
+    assert recordings.class_names == ("egg", "cup", "ball", "none")
+    assert true_names(recordings) == names
 
 
 def test_recordings_take_the_order_of_class_names_of_their_model(tmp_path: Path) -> None:
     names = ["cup", "ball", "egg"]
     path = folder_of_classes(tmp_path / "set", names)
     model = Expected("model 'a'", class_names=("egg", "hand", "cup", "ball"))
-    found = read_recordings(path, model=model)
-    assert found.class_names == model.class_names
-    assert true_names(found) == names
+    recordings = read_recordings(path, model=model)
+    assert recordings.class_names == model.class_names
+    assert true_names(recordings) == names
 
 
 def test_class_names_are_given_to_labels_that_have_none(tmp_path: Path) -> None:
     write_set(tmp_path / "a.npz", SETS["test"], labels=LABELS["test"])
-    found = read_recordings(tmp_path / "a.npz", classes="egg,cup,ball")
-    assert found.class_names == ("egg", "cup", "ball")
-    assert found.labels is not None
-    assert found.labels.tolist() == LABELS["test"].tolist()
+    recordings = read_recordings(tmp_path / "a.npz", classes="egg,cup,ball")
+    assert recordings.class_names == ("egg", "cup", "ball")
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == LABELS["test"].tolist()
 
 
 @pytest.mark.parametrize(
@@ -234,9 +237,10 @@ def test_labels_may_be_the_names_of_classes(
     names: tuple[str, ...],
 ) -> None:
     write_set(tmp_path / "a.npz", SETS["test"], labels=written, **more)
-    found = read_recordings(tmp_path / "a.npz")
-    assert found.labels is not None
-    assert (found.labels.tolist(), found.class_names) == (labels, names)
+    recordings = read_recordings(tmp_path / "a.npz")
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == labels
+    assert recordings.class_names == names
 
 
 def test_a_label_that_is_no_class_is_refused(tmp_path: Path) -> None:
@@ -259,9 +263,12 @@ def test_a_label_that_is_no_class_is_refused(tmp_path: Path) -> None:
             "egg,cup,cup",
             "classes: a class is named twice (cup). Name each class once, from class 0 on.",
         ),
-        ("egg,,cup", "classes: a class has no name (got 'egg,,cup'). Name each class once, from class 0 on."),
+        (
+            "egg,,cup",
+            "classes: a class has no name (got 'egg,,cup'). Name each class once, from class 0 on.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_names_that_are_not_those_of_the_classes_are_refused(
     tmp_path: Path, classes: str, message: str
 ) -> None:

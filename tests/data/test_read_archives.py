@@ -57,15 +57,17 @@ def test_parts_are_read_in_the_order_of_their_numbers(
         with zipfile.ZipFile(path) as packed:
             packed.extractall(tmp_path / "x")
         path = tmp_path / "x"
-    found = read_recordings(path, split=split, step_seconds=0.02)
-    assert found.labels is not None
-    assert found.labels.tolist() == labels
+    recordings = read_recordings(path, split=split, step_seconds=0.02)
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == labels
     for row, sample in enumerate(samples):
         for taxel, polarity, step in np.ndindex(39, 2, 12):
             assert (
-                found.spikes[row, step, 2 * taxel + polarity] == ONE[sample][taxel, polarity, step]
+                recordings.spikes[row, step, 2 * taxel + polarity]
+                == ONE[sample][taxel, polarity, step]
             )
-    assert (found.source, found.step_seconds) == (path.name, 0.02)
+    assert recordings.source == path.name
+    assert recordings.step_seconds == 0.02
     assert recording_parts(path) == ("train", "test")
 
 
@@ -124,7 +126,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "nothing inside",
         lambda path: archive(path, {"notes.txt": b"x"}),
-        "archive 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
+        "archive 'a.zip': no recordings inside. "
+        "Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
     ),
     (
         "an array of another name",
@@ -138,7 +141,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "empty folder",
         Path.mkdir,
-        "folder 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
+        "folder 'a.zip': no recordings inside. "
+        "Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
     ),
     (
         "mixed shapes",
@@ -168,7 +172,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "no numpy file",
         members(_0=b"hello"),
-        "archive 'a.zip', 'sample_0_label_0.npy': it is damaged or not a numpy file. Write it again with numpy.save.",
+        "archive 'a.zip', 'sample_0_label_0.npy': it is damaged or not a numpy file. "
+        "Write it again with numpy.save.",
     ),
     (
         "truncated member",
@@ -193,7 +198,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "several recordings in one file",
         members(_0=npy(np.zeros((2, 39, 2, 5)))),
-        "archive 'a.zip', 'sample_0_label_0.npy': it is not one recording (2 against 1). Give one per file.",
+        "archive 'a.zip', 'sample_0_label_0.npy': it is not one recording (2 against 1). "
+        "Give one per file.",
     ),
 ]
 
@@ -217,15 +223,15 @@ def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> N
     path = archive(
         tmp_path / "a.zip", {f"sample_{i}.npy": npy(ONE[i][..., : 12 - 5 * i]) for i in (0, 1, 2)}
     )
-    found = read_recordings(path, steps=steps)
-    assert found.spikes.shape == (3, steps or 12, 78)
-    for i, spikes in enumerate(found.spikes):
-        wanted = np.zeros((steps or 12, 78))
-        own = ONE[i][..., : min(12 - 5 * i, len(wanted))].reshape(78, -1).T
-        wanted[: len(own)] = own
-        assert np.array_equal(spikes, wanted)
+    recordings = read_recordings(path, steps=steps)
+    assert recordings.spikes.shape == (3, steps or 12, 78)
+    for i, spikes in enumerate(recordings.spikes):
+        expected = np.zeros((steps or 12, 78))
+        own = ONE[i][..., : min(12 - 5 * i, len(expected))].reshape(78, -1).T
+        expected[: len(own)] = own
+        assert np.array_equal(spikes, expected)
     late = int(ONE[0][..., 9:].sum())
-    assert found.binned == (
+    assert recordings.binned == (
         Binned(None, int(sum(ONE[i][..., : 12 - 5 * i].sum() for i in range(3))), late, 0)
         if steps == 9
         else None
@@ -273,8 +279,8 @@ def test_parts_that_do_not_exist(tmp_path: Path, split: str, message: str) -> No
 )
 def test_real_recordings(name: str, steps: int, classes: int, train: int, test: int) -> None:
     for split, samples in (("train", train), ("test", test)):
-        found = read_recordings(REAL / f"{name}.zip", split=split)
-        assert found.labels is not None
-        assert found.spikes.shape == (samples, steps, 78)
-        assert np.bincount(found.labels).tolist() == [samples // classes] * classes
-        assert 2400 < found.spikes.sum() / samples < 2700
+        recordings = read_recordings(REAL / f"{name}.zip", split=split)
+        assert recordings.labels is not None
+        assert recordings.spikes.shape == (samples, steps, 78)
+        assert np.bincount(recordings.labels).tolist() == [samples // classes] * classes
+        assert 2400 < recordings.spikes.sum() / samples < 2700

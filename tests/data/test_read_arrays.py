@@ -49,9 +49,11 @@ def test_orders_of_axes(
         np.savez_compressed(path, touches=array)
     else:
         torch.save(torch.from_numpy(array), path)
-    found = read_recordings(path)
-    assert np.array_equal(found.spikes, expected)
-    assert (found.labels, found.step_seconds, found.source) == (None, None, f"x{suffix}")
+    read_back = read_recordings(path)
+    assert np.array_equal(read_back.spikes, expected)
+    assert read_back.labels is None
+    assert read_back.step_seconds is None
+    assert read_back.source == f"x{suffix}"
     assert recording_parts(path) == ()
 
 
@@ -78,16 +80,16 @@ def labels_in_pt(path: Path) -> Path:
 
 @pytest.mark.parametrize("make", [labels_beside, labels_in_npz, labels_in_pt])
 def test_labels_as_a_vector(tmp_path: Path, make: Callable[[Path], Path]) -> None:
-    found = read_recordings(make(tmp_path))
-    assert found.labels is not None
-    assert found.labels.tolist() == LABELS.tolist()
+    read_back = read_recordings(make(tmp_path))
+    assert read_back.labels is not None
+    assert read_back.labels.tolist() == LABELS.tolist()
 
 
 def test_label_in_the_name(tmp_path: Path) -> None:
     np.save(tmp_path / "sample_4_label_17.npy", FULL[0])
-    found = read_recordings(tmp_path / "sample_4_label_17.npy")
-    assert found.labels is not None
-    assert found.labels.tolist() == [17]
+    read_back = read_recordings(tmp_path / "sample_4_label_17.npy")
+    assert read_back.labels is not None
+    assert read_back.labels.tolist() == [17]
 
 
 def test_a_bin_width_that_is_not_the_files_is_refused(tmp_path: Path) -> None:
@@ -105,8 +107,8 @@ def test_a_bin_width_that_is_not_the_files_is_refused(tmp_path: Path) -> None:
 def test_a_bin_width_in_single_precision_is_that_of_its_model(tmp_path: Path, width: float) -> None:
     np.savez(tmp_path / "x.npz", spikes=FULL, step_seconds=np.float32(width))
     model = Expected("model 'm'", step_seconds=width, steps=FULL.shape[-1])
-    found = read_recordings(tmp_path / "x.npz", step_seconds=width, model=model)
-    assert found.step_seconds == float(np.float32(width))
+    read_back = read_recordings(tmp_path / "x.npz", step_seconds=width, model=model)
+    assert read_back.step_seconds == float(np.float32(width))
 
 
 @pytest.mark.parametrize(
@@ -124,15 +126,15 @@ def test_written_recordings_come_back_and_are_the_same_bytes(
     tmp_path: Path, recordings: Recordings
 ) -> None:
     write_recordings(tmp_path / "x.npz", recordings)
-    found = read_recordings(tmp_path / "x.npz")
-    assert np.array_equal(found.spikes, recordings.spikes)
+    read_back = read_recordings(tmp_path / "x.npz")
+    assert np.array_equal(read_back.spikes, recordings.spikes)
     assert (
-        np.array_equal(found.labels, recordings.labels)
+        np.array_equal(read_back.labels, recordings.labels)
         if recordings.labels is not None
-        else found.labels is None
+        else read_back.labels is None
     )
-    assert found.step_seconds == recordings.step_seconds
-    write_recordings(tmp_path / "again.npz", found)
+    assert read_back.step_seconds == recordings.step_seconds
+    write_recordings(tmp_path / "again.npz", read_back)
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "x.npz").read_bytes()
     assert sorted(file.name for file in tmp_path.iterdir()) == ["again.npz", "x.npz"]
     with np.load(tmp_path / "x.npz") as entries:
@@ -193,7 +195,9 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "unknown kind",
         "a.xyz",
         Path.touch,
-        "file 'a.xyz': its kind is not known (ending '.xyz'). Give one of: .zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, .csv, or a folder.",
+        "file 'a.xyz': its kind is not known (ending '.xyz'). "
+        "Give one of: .zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, "
+        ".aedat, .raw, .dat, .csv, or a folder.",
     ),
     (
         "empty npy",
@@ -225,7 +229,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "no samples",
         "a.npy",
         lambda path: np.save(path, FULL[:0]),
-        "recordings 'a.npy': no recordings inside (shape (0, 10, 78)). Give binned recordings of zeros and ones.",
+        "recordings 'a.npy': no recordings inside (shape (0, 10, 78)). "
+        "Give binned recordings of zeros and ones.",
     ),
     (
         "NaN",
@@ -259,7 +264,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "npz with several arrays",
         "a.npz",
         npz(a=FULL, b=FULL),
-        "file 'a.npz': it is not clear which entry holds the recordings (entries: a, b). Name the entry 'spikes'.",
+        "file 'a.npz': it is not clear which entry holds the recordings (entries: a, b). "
+        "Name the entry 'spikes'.",
     ),
     (
         "npz with labels alone",
@@ -277,7 +283,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "npz with an entry of two spellings",
         "a.npz",
         twice("spikes.npy", "spikes"),
-        "file 'a.npz': it contains an entry twice, with and without '.npy'. Write it again with numpy.savez.",
+        "file 'a.npz': it contains an entry twice, with and without '.npy'. "
+        "Write it again with numpy.savez.",
     ),
     (
         "pt with a label that no float holds",
@@ -308,7 +315,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "a checkpoint as events",
         "a.pt",
         lambda path: torch.save({"format": "locsnn-checkpoint", "weights": {}}, path),
-        "file 'a.pt': it is a trained network, not recordings. Give it as the model, and recordings as events.",
+        "file 'a.pt': it is a trained network, not recordings. "
+        "Give it as the model, and recordings as events.",
     ),
     (
         "text in pt",
@@ -326,7 +334,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "sparse tensor",
         "a.pt",
         lambda path: torch.save(torch.zeros(2, 3, 4).to_sparse(), path),
-        "file 'a.pt': its entry 'spikes' is not an array (torch.sparse_coo on cpu). Give a dense tensor.",
+        "file 'a.pt': its entry 'spikes' is not an array (torch.sparse_coo on cpu). "
+        "Give a dense tensor.",
     ),
     (
         "tensor that claims to be huge",
@@ -363,7 +372,13 @@ def test_what_are_no_recordings(
     assert not (tmp_path / "ran").exists()
 
 
-MEANT = {"label": "labels", "Labels": "labels", "lables": "labels", "step_second": "step_seconds", "class_name": "class_names"}  # fmt: skip
+MEANT = {
+    "label": "labels",
+    "Labels": "labels",
+    "lables": "labels",
+    "step_second": "step_seconds",
+    "class_name": "class_names",
+}
 
 
 @pytest.mark.parametrize("name", MEANT)
@@ -395,9 +410,9 @@ def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
         label=LABELS + 1,
         **dict.fromkeys(others, LABELS),
     )
-    found = read_recordings(tmp_path / "a.npz").labels
-    assert found is not None
-    assert np.array_equal(found, LABELS)
+    read_back = read_recordings(tmp_path / "a.npz").labels
+    assert read_back is not None
+    assert np.array_equal(read_back, LABELS)
 
 
 class Notes:
@@ -437,19 +452,20 @@ def test_what_is_not_made_of_numbers_may_lie_beside(
             file.create_dataset("empty", data=h5py.Empty("f"))
             if called == "spikes":
                 file["spread"], file["phase"] = NOT_NUMBERS["spread"], NOT_NUMBERS["phase"]
-    found = read_recordings(path)
-    assert np.array_equal(found.spikes, STEPS)
-    assert found.labels is not None
-    assert np.array_equal(found.labels, LABELS)
+    read_back = read_recordings(path)
+    assert np.array_equal(read_back.spikes, STEPS)
+    assert read_back.labels is not None
+    assert np.array_equal(read_back.labels, LABELS)
 
 
 def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
     """Limits are those of putting events into bins, and these are bins already."""
     np.save(tmp_path / "a.npy", np.zeros((1, 2, 3)))
-    found = read_recordings(
+    read_back = read_recordings(
         tmp_path / "a.npy", model=Expected("model 'a'", step_seconds=1e-7, channels=2)
     )
-    assert (found.spikes.shape, found.step_seconds) == ((1, 3, 2), 1e-7)
+    assert read_back.spikes.shape == (1, 3, 2)
+    assert read_back.step_seconds == 1e-7
 
 
 def test_a_file_has_no_parts(tmp_path: Path) -> None:

@@ -24,41 +24,42 @@ from tests.support.published_files import REACHING, START, write_slip
 @pytest.mark.parametrize("nanoseconds", [True, False], ids=["four columns", "three columns"])
 def test_a_folder_of_slips(given: str, nanoseconds: bool, tmp_path: Path) -> None:
     bins = write_slip(tmp_path / "slip", nanoseconds=nanoseconds)
-    found = read_recordings(tmp_path / "slip" / given)
-    assert (found.spikes.shape, found.step_seconds) == ((8, 150, 156), 0.001)
-    assert found.class_names == ("stable", "rotate")
-    assert found.labels is not None
+    recordings = read_recordings(tmp_path / "slip" / given)
+    assert recordings.spikes.shape == (8, 150, 156)
+    assert recordings.step_seconds == 0.001
+    assert recordings.class_names == ("stable", "rotate")
+    assert recordings.labels is not None
     names = [f"{kind}_{k:02}" for k in range(1, 5) for kind in ("rotate", "stable")]
-    assert found.labels.tolist() == [1, 0] * 4
-    for name, spikes in zip(names, found.spikes, strict=True):
+    assert recordings.labels.tolist() == [1, 0] * 4
+    for name, spikes in zip(names, recordings.spikes, strict=True):
         assert np.array_equal(spikes, bins[name]), name
-    assert found.binned is not None
-    assert found.binned.outside == 2 * 8
+    assert recordings.binned is not None
+    assert recordings.binned.outside == 2 * 8
 
 
 def test_one_slip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bins = write_slip(tmp_path / "slip")
     monkeypatch.chdir(tmp_path / "slip" / "aces_recordings")
-    found = read_recordings("stable_02.tact")
-    assert np.array_equal(found.spikes[0], bins["stable_02"])
-    assert found.labels is None
+    recordings = read_recordings("stable_02.tact")
+    assert np.array_equal(recordings.spikes[0], bins["stable_02"])
+    assert recordings.labels is None
 
 
 def test_the_bins_are_those_that_are_asked_for(tmp_path: Path) -> None:
     bins = write_slip(tmp_path / "slip", each=1)
     # 0.15 s hold 21 whole bins of 7 ms.
-    found = read_recordings(tmp_path / "slip", step_seconds=0.007)
-    assert found.spikes.shape == (2, 21, 156)
+    recordings = read_recordings(tmp_path / "slip", step_seconds=0.007)
+    assert recordings.spikes.shape == (2, 21, 156)
     pooled = bins["rotate_01"][:147].reshape(21, 7, 156).max(axis=1)
-    assert np.array_equal(found.spikes[0], pooled)
+    assert np.array_equal(recordings.spikes[0], pooled)
 
 
 def test_a_file_beside_the_recording_counts_first(tmp_path: Path) -> None:
     write_slip(tmp_path / "slip", each=1)
     (tmp_path / "slip" / "aces_recordings" / "stable_01.startend").write_text("1 2 3 5 6 7")
-    found = read_recordings(tmp_path / "slip" / "aces_recordings" / "stable_01.tact")
-    assert found.spikes.shape == (1, 325, 156)
-    assert not found.spikes.any()
+    recordings = read_recordings(tmp_path / "slip" / "aces_recordings" / "stable_01.tact")
+    assert recordings.spikes.shape == (1, 325, 156)
+    assert not recordings.spikes.any()
 
 
 @pytest.mark.parametrize(
@@ -114,10 +115,10 @@ def test_any_text_is_read_or_refused(
 def test_classes_stand_before_the_number_of_a_name(tmp_path: Path) -> None:
     for name in ("108-a_tuna_fish_can_01", "107-b_pepsi_bottle_02", "107-b_pepsi_bottle_01"):
         (tmp_path / f"{name}.tact").write_text("1 1 1.0\n")
-    found = read_recordings(tmp_path)
-    assert found.class_names == ("107-b_pepsi_bottle", "108-a_tuna_fish_can")
-    assert found.labels is not None
-    assert found.labels.tolist() == [0, 0, 1]
+    recordings = read_recordings(tmp_path)
+    assert recordings.class_names == ("107-b_pepsi_bottle", "108-a_tuna_fish_can")
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [0, 0, 1]
 
 
 def test_one_name_is_not_a_class(tmp_path: Path) -> None:
@@ -148,14 +149,10 @@ def test_slips_train_a_network_of_two_fingertips(
         )
         == 0
     )
-    found = read_checkpoint("slip.pt").description
-    assert (found.input.sensor.surfaces, found.input.steps, found.input.step_seconds) == (
-        2,
-        150,
-        0.001,
-    )
-    assert (found.input.channels, found.classes, found.class_names) == (
-        156,
-        2,
-        ("stable", "rotate"),
-    )
+    recordings = read_checkpoint("slip.pt").description
+    assert recordings.input.sensor.surfaces == 2
+    assert recordings.input.steps == 150
+    assert recordings.input.step_seconds == 0.001
+    assert recordings.input.channels == 156
+    assert recordings.classes == 2
+    assert recordings.class_names == ("stable", "rotate")

@@ -35,12 +35,13 @@ def write(path: Path, events: list[tuple[int, int, float]]) -> Path:
     ],
 )
 def test_cells_become_channels(tmp_path: Path, cell: int, polarity: int, channel: int) -> None:
-    found = read_recordings(
+    recordings = read_recordings(
         write(tmp_path / "a.tact", [(polarity, cell, 5.0), (polarity, cell, 5.001)])
     )
-    assert found.spikes.shape == (1, 1, 156)
-    assert np.flatnonzero(found.spikes[0, 0]).tolist() == [channel]
-    assert (found.step_seconds, found.labels) == (0.02, None)
+    assert recordings.spikes.shape == (1, 1, 156)
+    assert np.flatnonzero(recordings.spikes[0, 0]).tolist() == [channel]
+    assert recordings.step_seconds == 0.02
+    assert recordings.labels is None
 
 
 def test_bins_and_threshold(tmp_path: Path) -> None:
@@ -109,10 +110,10 @@ def test_startend_selects_the_grasp(tmp_path: Path, text: str) -> None:
 def test_a_folder_of_recordings(tmp_path: Path) -> None:
     for name, cell in (("b_label_1", 2), ("a_label_0", 1)):
         write(tmp_path / f"{name}.tact", [(1, cell, 1.0), (1, cell, 1.0)])
-    found = read_recordings(tmp_path)
-    assert found.labels is not None
-    assert found.labels.tolist() == [0, 1]
-    assert [int(c) for c in found.spikes.argmax(axis=2)[:, 0]] == [0, 2]
+    recordings = read_recordings(tmp_path)
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [0, 1]
+    assert [int(c) for c in recordings.spikes.argmax(axis=2)[:, 0]] == [0, 2]
 
 
 def message_of(path: Path) -> str:
@@ -149,7 +150,8 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 o
         ),
         pytest.param(
             f"1 1 1 {'9' * 400}\n",
-            f"file 'a.tact', line 1: it is not an event (got '1 1 1 9999999999999999999999999999999999'). {FIX}",
+            "file 'a.tact', line 1: it is not an event (got '1 1 1 "
+            f"9999999999999999999999999999999999'). {FIX}",
             id="absurd nanoseconds",
         ),
         pytest.param(
@@ -209,7 +211,8 @@ def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
         ),
         pytest.param(
             {"threshold": -1},
-            "recordings, threshold: it must be a whole number from 0 to 20000000 (got -1). Correct it.",
+            "recordings, threshold: it must be a whole number from 0 to 20000000 (got -1). "
+            "Correct it.",
             id="negative threshold",
         ),
     ],

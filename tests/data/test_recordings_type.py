@@ -36,7 +36,8 @@ def test_subset_takes_rows_in_order() -> None:
     assert part.labels is not None
     assert part.labels.tolist() == [3, 0]
     assert part.spikes[:, 0, 0].tolist() == [1, 0]
-    assert (part.step_seconds, part.source) == (0.5, "x.npy")
+    assert part.step_seconds == 0.5
+    assert part.source == "x.npy"
 
 
 def one(value: float) -> np.ndarray:
@@ -102,21 +103,24 @@ NUMBERS = (
             np.zeros((2, 3, 4)),
             np.array([0]),
             None,
-            "labels and recordings differ in number ((1,) against (2,)). Give one class number from 0 up per recording.",
+            "labels and recordings differ in number ((1,) against (2,)). "
+            "Give one class number from 0 up per recording.",
             id="too few labels",
         ),
         pytest.param(
             np.zeros((2, 3, 4)),
             np.array([0, -1]),
             None,
-            "its labels are not class numbers (-1 of recording 1 against 0..100000). Give one class number from 0 up per recording.",
+            "its labels are not class numbers (-1 of recording 1 against 0..100000). "
+            "Give one class number from 0 up per recording.",
             id="negative label",
         ),
         pytest.param(
             np.zeros((2, 3, 4)),
             np.array([0, np.nan]),
             None,
-            "its labels are not class numbers (nan of recording 1 against 0..100000). Give one class number from 0 up per recording.",
+            "its labels are not class numbers (nan of recording 1 against 0..100000). "
+            "Give one class number from 0 up per recording.",
             id="NaN label",
         ),
         pytest.param(

@@ -94,12 +94,12 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_channels_are_picked_and_merged(data, options, expected):
     sensor = asked_layout(f"{TAXELS}x1", polarities=None, channels=None, layout=None)
 
-    found = read_recordings(data, sensor=sensor, **options)
+    recordings = read_recordings(data, sensor=sensor, **options)
 
-    assert (found.spikes == expected(touches()).transpose(0, 2, 1)).all()
+    assert (recordings.spikes == expected(touches()).transpose(0, 2, 1)).all()
     layout = selected_layout(sensor, ChannelSelection(**options))
-    assert layout.channels == found.spikes.shape[2]
-    assert layout.inputs == found.channels
+    assert layout.channels == recordings.spikes.shape[2]
+    assert layout.inputs == recordings.channels
 
 
 def test_merged_taxels_lie_in_the_middle_of_theirs_and_picked_ones_keep_their_names():
@@ -186,7 +186,8 @@ SENSOR = {"sensor": SensorLayout("grid 10x1", TAXELS, polarities=2, columns=TAXE
         ),
         pytest.param(
             {"merge_channels": 22} | SENSOR,
-            "merge_channels: there are fewer channels to merge (22 against 20). Give fewer, or leave it out.",
+            "merge_channels: there are fewer channels to merge (22 against 20). "
+            "Give fewer, or leave it out.",
             id="more than there are",
         ),
         pytest.param(
@@ -227,10 +228,10 @@ def test_a_checkpoint_knows_the_sensor_that_it_was_trained_on(trained):
 
 
 def test_a_model_reads_its_sensor_as_its_training_did(trained, data):
-    found = read_recordings(data, model=lc.load(trained).expected)
+    recordings = read_recordings(data, model=lc.load(trained).expected)
     expected = by_taxel(touches()).reshape(8, 5, 4, STEPS).any(axis=2)
-    assert (found.spikes == expected.transpose(0, 2, 1)).all()
-    assert found.assumed == (SAID,)
+    assert (recordings.spikes == expected.transpose(0, 2, 1)).all()
+    assert recordings.assumed == (SAID,)
 
 
 def test_a_program_reads_its_sensor_as_the_training_did(trained, data, tmp_path, capsys):

@@ -46,12 +46,14 @@ LOOP = list(range(1, 40))
     [
         pytest.param(
             [1, 1, *LOOP[2:]],
-            "location order: taxel 1 is repeated at entry 2. Give every taxel from 1 to 39 exactly once.",
+            "location order: taxel 1 is repeated at entry 2. "
+            "Give every taxel from 1 to 39 exactly once.",
             id="repeated",
         ),
         pytest.param(
             LOOP[1:],
-            "location order: taxel 1 is missing (38 of 39 taxels given). Give every taxel from 1 to 39 exactly once.",
+            "location order: taxel 1 is missing (38 of 39 taxels given). "
+            "Give every taxel from 1 to 39 exactly once.",
             id="missing",
         ),
         pytest.param(
@@ -62,7 +64,8 @@ LOOP = list(range(1, 40))
         ),
         pytest.param(
             [],
-            "location order: taxel 1 is missing (0 of 39 taxels given). Give every taxel from 1 to 39 exactly once.",
+            "location order: taxel 1 is missing (0 of 39 taxels given). "
+            "Give every taxel from 1 to 39 exactly once.",
             id="empty",
         ),
     ],
@@ -96,12 +99,14 @@ def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> Non
         ),
         pytest.param(
             "radial",
-            "location order: 'radial' is not known. Choose one of: arch, hilbert, loop, raster, reverse, snake, spiral, tour, whorl.",
+            "location order: 'radial' is not known. "
+            "Choose one of: arch, hilbert, loop, raster, reverse, snake, spiral, tour, whorl.",
             id="unknown",
         ),
         pytest.param(
             "1,2,x",
-            "location order: entry 3 is not a taxel number (got 'x'). Give taxels separated by commas.",
+            "location order: entry 3 is not a taxel number (got 'x'). "
+            "Give taxels separated by commas.",
             id="no number",
         ),
     ],

@@ -40,13 +40,13 @@ def heidelberg(
 
 
 def test_spike_times_become_bins(tmp_path: Path) -> None:
-    found = read_recordings(heidelberg(tmp_path / "shd.h5"), step_seconds=0.01, channels=700)
-    assert found.spikes.shape == (3, 6, 700)
-    assert np.argwhere(found.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
-    assert found.labels is not None
-    assert found.labels.tolist() == [1, 0, 1]
-    assert found.class_names == ("zero", "one")
-    assert found.step_seconds == 0.01
+    recordings = read_recordings(heidelberg(tmp_path / "shd.h5"), step_seconds=0.01, channels=700)
+    assert recordings.spikes.shape == (3, 6, 700)
+    assert np.argwhere(recordings.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [1, 0, 1]
+    assert recordings.class_names == ("zero", "one")
+    assert recordings.step_seconds == 0.01
 
 
 @pytest.mark.parametrize(
@@ -54,24 +54,24 @@ def test_spike_times_become_bins(tmp_path: Path) -> None:
 )
 def test_any_order_of_bytes(tmp_path: Path, kinds: tuple[str, str]) -> None:
     path = heidelberg(tmp_path / "shd.h5", [[0, 1, 5], [], [2]], kinds=kinds)
-    found = read_recordings(path, step_seconds=1.0, channels=700)
-    assert np.argwhere(found.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
+    recordings = read_recordings(path, step_seconds=1.0, channels=700)
+    assert np.argwhere(recordings.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
 
 
 @pytest.mark.parametrize(("grid", "polarities"), [("35x10", 2), ("35x20", 1)])
 def test_units_are_channels_of_a_grid(tmp_path: Path, grid: str, polarities: int) -> None:
     sensor = asked_layout(grid, polarities, channels=None, layout=None)
-    found = read_recordings(heidelberg(tmp_path / "shd.h5"), step_seconds=0.01, sensor=sensor)
-    assert np.argwhere(found.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
+    recordings = read_recordings(heidelberg(tmp_path / "shd.h5"), step_seconds=0.01, sensor=sensor)
+    assert np.argwhere(recordings.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
 
 
 def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
-    found = read_recordings(
+    recordings = read_recordings(
         heidelberg(tmp_path / "shd.hdf5"), step_seconds=0.01, channels=700, steps=2
     )
-    assert found.spikes.sum() == 2
-    assert found.binned is not None
-    assert found.binned.document() == {
+    assert recordings.spikes.sum() == 2
+    assert recordings.binned is not None
+    assert recordings.binned.document() == {
         "threshold": 0,
         "events": 4,
         "outside": 2,
@@ -90,9 +90,10 @@ def test_arrays_by_name(tmp_path: Path, axes: str) -> None:
         )
         file["labels"], file["step_seconds"], file["axes"] = [0, 1, 1, 0], 0.02, axes
         file["class_names"] = ["left", "right"]
-    found = read_recordings(tmp_path / "a.h5", channels=7)
-    assert np.array_equal(found.spikes, spikes)
-    assert (found.class_names, found.step_seconds) == (("left", "right"), 0.02)
+    recordings = read_recordings(tmp_path / "a.h5", channels=7)
+    assert np.array_equal(recordings.spikes, spikes)
+    assert recordings.class_names == ("left", "right")
+    assert recordings.step_seconds == 0.02
 
 
 def link(path: Path) -> None:
@@ -137,17 +138,20 @@ WAY = "Give times and units from 0 up."
         ),
         pytest.param(
             lambda path: heidelberg(path, [[0.1]], [[0, 1]]),
-            "file 'a.h5': its times and units differ in number. Give a time and a unit for each spike.",
+            "file 'a.h5': its times and units differ in number. "
+            "Give a time and a unit for each spike.",
             id="ragged",
         ),
         pytest.param(
             lambda path: heidelberg(path, [[60_000.0]], [[0]]),
-            "file 'a.h5', recording 0: it lasts too long for its bins (60000 s in bins of 0.02 s against 20000 bins). Start it at its first event with --start first.",
+            "file 'a.h5', recording 0: it lasts too long for its bins (60000 s in bins of 0.02 s "
+            "against 20000 bins). Start it at its first event with --start first.",
             id="too long",
         ),
         pytest.param(
             many,
-            "file 'a.h5': 'times' has too many rows (1000000000000 against 100000). Give fewer recordings.",
+            "file 'a.h5': 'times' has too many rows (1000000000000 against 100000). "
+            "Give fewer recordings.",
             id="absurd rows",
         ),
         pytest.param(
@@ -168,7 +172,8 @@ WAY = "Give times and units from 0 up."
         ),
         pytest.param(
             lambda path: path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100)),
-            "file 'a.h5': it is damaged, truncated or not an HDF5 file. Give a whole file, or write it again.",
+            "file 'a.h5': it is damaged, truncated or not an HDF5 file. "
+            "Give a whole file, or write it again.",
             id="damaged",
         ),
     ],

@@ -73,31 +73,31 @@ def test_recordings_start_at_their_first_event_unless_the_format_counts_from_0(
     tmp_path: Path, name: str, put: Callable[[Path, int], None], silent_steps: int
 ) -> None:
     put(tmp_path / name, 2_000_000)
-    found = read_recordings(tmp_path / name)
-    steps = [step for step, _ in places(found)]
+    recordings = read_recordings(tmp_path / name)
+    steps = [step for step, _ in places(recordings)]
     in_bins = [step for step, _ in late(silent_steps)]
     rounded = [silent_steps + step for step in (0, 1, 3)]
     assert steps == (rounded if name == "a.bs1" else in_bins)
-    assert found.spikes.shape[1] == 1 + steps[-1]
+    assert recordings.spikes.shape[1] == 1 + steps[-1]
 
 
 def test_times_since_1970_and_an_offset_of_10_s_are_not_silence(tmp_path: Path) -> None:
     for index, offset in enumerate((UNIX_MICROSECONDS, 10_000_000)):
         np.save(tmp_path / f"sample_{index}.npy", fields(offset))
-    found = read_recordings(tmp_path)
-    assert found.spikes.shape == (2, 3, 6)
-    assert places(found, 0) == places(found, 1) == PLACES
+    recordings = read_recordings(tmp_path)
+    assert recordings.spikes.shape == (2, 3, 6)
+    assert places(recordings, 0) == places(recordings, 1) == PLACES
     said = "Recordings start at their first event, up to 1.7e+09 s after time 0 of their files (--start)."
-    assert found.assumed == (said,)
+    assert recordings.assumed == (said,)
 
 
 def test_a_data_set_of_tonic_starts_at_its_first_event() -> None:
-    found = from_tonic([(fields(10_000_000), 0)], step_seconds=0.02)
-    assert places(found) == PLACES
+    recordings = from_tonic([(fields(10_000_000), 0)], step_seconds=0.02)
+    assert places(recordings) == PLACES
 
 
 @pytest.mark.parametrize(
-    ("name", "put", "start", "wanted"),
+    ("name", "put", "start", "expected"),
     [
         pytest.param("a.npy", put_fields, 0, late(100), id="as in the file"),
         pytest.param("a.npy", put_fields, 1.98, late(1), id="at a time"),
@@ -105,19 +105,20 @@ def test_a_data_set_of_tonic_starts_at_its_first_event() -> None:
     ],
 )
 def test_the_start_of_recordings_can_be_given(
-    tmp_path: Path, name: str, put: Callable[[Path, int], None], start: Any, wanted: Any
+    tmp_path: Path, name: str, put: Callable[[Path, int], None], start: Any, expected: Any
 ) -> None:
     put(tmp_path / name, 2_000_000)
-    found = read_recordings(tmp_path / name, start=start)
-    assert places(found) == wanted
-    assert found.assumed == ()
+    recordings = read_recordings(tmp_path / name, start=start)
+    assert places(recordings) == expected
+    assert recordings.assumed == ()
 
 
 def test_events_before_the_start_are_counted_as_dropped(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", fields(0))
-    found = read_recordings(tmp_path / "a.npy", start=0.02)
-    assert found.binned is not None
-    assert (found.binned.outside, found.binned.dropped) == (1, 1)
+    recordings = read_recordings(tmp_path / "a.npy", start=0.02)
+    assert recordings.binned is not None
+    assert recordings.binned.outside == 1
+    assert recordings.binned.dropped == 1
 
 
 def test_a_recording_whose_events_all_lie_before_its_start_is_refused(tmp_path: Path) -> None:
@@ -165,13 +166,13 @@ def test_a_table_of_events_is_recognised(
         np.save(tmp_path / "a.npy", table)
     else:
         np.savez(tmp_path / "a.npz", events=table, speaker="Ada")
-    found = read_recordings(tmp_path / f"a{suffix}")
+    recordings = read_recordings(tmp_path / f"a{suffix}")
     rows = GRID["y"] if "y" in order else [0, 0, 0]
     cells = [8 * y + x for x, y in zip(GRID["x"], rows, strict=True)]
     channels = [2 * cell + p for cell, p in zip(cells, GRID["p"], strict=True)]
-    assert places(found) == list(zip([0, 1, 2], channels, strict=True))
+    assert places(recordings) == list(zip([0, 1, 2], channels, strict=True))
     said = f"The columns of file 'a{suffix}' were taken as {ORDERS[order]}, with t in microseconds (--time-unit)."
-    assert said in found.assumed
+    assert said in recordings.assumed
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
@@ -184,8 +185,8 @@ def test_events_may_be_arrays_called_t_x_y_and_p(tmp_path: Path, suffix: str) ->
         with h5py.File(path, "w") as file:
             for name, column in columns.items():
                 file[name] = column
-    found = read_recordings(path)
-    assert places(found) == [(0, 2 * (8 * 3 + 5) + 1), (1, 2 * 8 * 3), (2, 2 * 7 + 1)]
+    recordings = read_recordings(path)
+    assert places(recordings) == [(0, 2 * (8 * 3 + 5) + 1), (1, 2 * 8 * 3), (2, 2 * 7 + 1)]
 
 
 def test_arrays_of_events_that_differ_in_size_are_refused(tmp_path: Path) -> None:
@@ -201,9 +202,9 @@ def test_tables_may_be_the_recordings_of_a_folder(tmp_path: Path) -> None:
     for index in range(2):
         table = np.stack([GRID[name] for name in "txyp"], axis=1)[: 3 - index]
         np.save(tmp_path / f"sample_{index}_label_{index}.npy", table)
-    found = read_recordings(tmp_path)
-    assert found.spikes.shape == (2, 3, 60)
-    assert found.spikes.sum(axis=(1, 2)).tolist() == [3, 2]
+    recordings = read_recordings(tmp_path)
+    assert recordings.spikes.shape == (2, 3, 60)
+    assert recordings.spikes.sum(axis=(1, 2)).tolist() == [3, 2]
 
 
 def test_an_array_of_bins_is_not_a_table(tmp_path: Path) -> None:
@@ -225,28 +226,72 @@ def test_the_unit_of_times_can_be_given(
         rows = list(zip(times, GRID["x"], GRID["p"], strict=True))
         array = np.array(rows, dtype=[("t", "f8"), ("x", "i8"), ("p", "i1")])
     np.save(tmp_path / "a.npy", array)
-    found = read_recordings(tmp_path / "a.npy", time_unit=unit)
-    assert places(found) == [(0, 11), (1, 0), (2, 15)]
+    recordings = read_recordings(tmp_path / "a.npy", time_unit=unit)
+    assert places(recordings) == [(0, 11), (1, 0), (2, 15)]
 
 
 TABLE = np.stack([GRID[name] for name in "txyp"], axis=1)
 UNSORTED = TABLE[::-1]
 UNCLEAR = np.array([[5, 1, 9, 1], [3, 2, 8, 0]])
-REFUSED: list[tuple[str, np.ndarray, dict[str, Any], str]] = [
-    ("fractions of microseconds", TABLE[:, [0, 1, 3]] * [1e-6, 1, 1], {}, "file 'a.npy': its times are not in whole microseconds (0.005 of event 0). Give their unit: --time-unit ms or s."),
-    ("no column of times", UNCLEAR, {}, "file 'a.npy': it is neither an array of 0 and 1 nor a table of events (no column t that rises, in order x y p t, x y t p or t x y p). Give the fields t, x, y and p, sorted by time."),
-    ("no column of polarities", TABLE[:, [0, 1, 2, 1]], {}, "file 'a.npy': it is neither an array of 0 and 1 nor a table of events (5 in the column of polarities). Give the fields t, x, y and p, sorted by time."),
-    ("an unknown unit", TABLE, {"time_unit": "min"}, "time_unit: 'min' is not known. Choose one of: ms, ns, s, us."),
-    ("a start that is no time", TABLE, {"start": "last"}, "start: it is neither a time nor first (got 'last'). Give the seconds at which step 0 begins, or first."),
-    ("a start that is not finite", TABLE, {"start": float("nan")}, "start: it is neither a time nor first (got nan). Give the seconds at which step 0 begins, or first."),
-    ("a start of bins", np.zeros((2, 3)), {"start": 0}, "start: 'a.npy' holds bins, not single events to count. Leave it out."),
-    ("a unit of bins", np.zeros((2, 3)), {"time_unit": "s"}, "time_unit: 'a.npy' holds bins, not single events to count. Leave it out."),
-]  # fmt: skip
+REFUSED = [
+    pytest.param(
+        TABLE[:, [0, 1, 3]] * [1e-6, 1, 1],
+        {},
+        "file 'a.npy': its times are not in whole microseconds (0.005 of event 0). "
+        "Give their unit: --time-unit ms or s.",
+        id="fractions of microseconds",
+    ),
+    pytest.param(
+        UNCLEAR,
+        {},
+        "file 'a.npy': it is neither an array of 0 and 1 nor a table of events (no "
+        "column t that rises, in order x y p t, x y t p or t x y p). "
+        "Give the fields t, x, y and p, sorted by time.",
+        id="no column of times",
+    ),
+    pytest.param(
+        TABLE[:, [0, 1, 2, 1]],
+        {},
+        "file 'a.npy': it is neither an array of 0 and 1 nor a table of events (5 in the "
+        "column of polarities). Give the fields t, x, y and p, sorted by time.",
+        id="no column of polarities",
+    ),
+    pytest.param(
+        TABLE,
+        {"time_unit": "min"},
+        "time_unit: 'min' is not known. Choose one of: ms, ns, s, us.",
+        id="an unknown unit",
+    ),
+    pytest.param(
+        TABLE,
+        {"start": "last"},
+        "start: it is neither a time nor first (got 'last'). "
+        "Give the seconds at which step 0 begins, or first.",
+        id="a start that is no time",
+    ),
+    pytest.param(
+        TABLE,
+        {"start": float("nan")},
+        "start: it is neither a time nor first (got nan). "
+        "Give the seconds at which step 0 begins, or first.",
+        id="a start that is not finite",
+    ),
+    pytest.param(
+        np.zeros((2, 3)),
+        {"start": 0},
+        "start: 'a.npy' holds bins, not single events to count. Leave it out.",
+        id="a start of bins",
+    ),
+    pytest.param(
+        np.zeros((2, 3)),
+        {"time_unit": "s"},
+        "time_unit: 'a.npy' holds bins, not single events to count. Leave it out.",
+        id="a unit of bins",
+    ),
+]
 
 
-@pytest.mark.parametrize(
-    ("array", "options", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
-)
+@pytest.mark.parametrize(("array", "options", "message"), REFUSED)
 def test_what_is_no_table_of_events(
     tmp_path: Path, array: np.ndarray, options: dict[str, Any], message: str
 ) -> None:
@@ -259,10 +304,19 @@ def test_what_is_no_table_of_events(
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("a.bs1", {"time_unit": "ms"}, "time_unit: times in 'a.bs1' are in microseconds, as its format has them. Leave it out."),
-        ("a.tact", {"start": 0}, "start: 'a.tact' starts where its .startend file or its first event is. Leave it out."),
+        (
+            "a.bs1",
+            {"time_unit": "ms"},
+            "time_unit: times in 'a.bs1' are in microseconds, as its format has them. "
+            "Leave it out.",
+        ),
+        (
+            "a.tact",
+            {"start": 0},
+            "start: 'a.tact' starts where its .startend file or its first event is. Leave it out.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_formats_that_say_their_time_take_no_other(
     tmp_path: Path, name: str, options: dict[str, Any], message: str
 ) -> None:
@@ -288,8 +342,8 @@ def test_half_a_minute_in_steps_of_1_ms_is_read_where_it_is_allowed(tmp_path: Pa
         "Give wider bins, or allow more with --max-steps."
     )
     for options in ({"max_steps": 30_001}, {"steps": 30_001}):
-        found = read_recordings(path, step_seconds=0.001, **options)
-        assert np.flatnonzero(found.spikes[0, :, 0]).tolist() == list(range(0, 30_001, 1000))
+        recordings = read_recordings(path, step_seconds=0.001, **options)
+        assert np.flatnonzero(recordings.spikes[0, :, 0]).tolist() == list(range(0, 30_001, 1000))
 
 
 def test_times_of_a_format_that_counts_from_0_may_be_read_from_the_first_event(

@@ -25,11 +25,11 @@ def test_equal_arguments_give_equal_recordings() -> None:
 
 @pytest.mark.parametrize("fingertips", [1, 2])
 def test_shape_labels_and_pace(fingertips: int) -> None:
-    found = synthetic_touches(9, steps=250, fingertips=fingertips, classes=4)
-    assert found.spikes.shape == (9, 250, 78 * fingertips)
-    assert found.labels is not None
-    assert found.labels.tolist() == [0, 1, 2, 3, 0, 1, 2, 3, 0]
-    events = found.spikes.sum(axis=(1, 2)) / fingertips
+    recordings = synthetic_touches(9, steps=250, fingertips=fingertips, classes=4)
+    assert recordings.spikes.shape == (9, 250, 78 * fingertips)
+    assert recordings.labels is not None
+    assert recordings.labels.tolist() == [0, 1, 2, 3, 0, 1, 2, 3, 0]
+    events = recordings.spikes.sum(axis=(1, 2)) / fingertips
     assert (events > 2200).all()
     assert (events < 2800).all()
 
@@ -45,12 +45,12 @@ def test_contact_arrives_before_it_leaves() -> None:
 
 
 def test_classes_differ_more_than_their_recordings() -> None:
-    found = synthetic_touches(12, steps=250, classes=3, seed=3)
-    assert found.labels is not None
-    rates = found.spikes.reshape(12, 25, 10, 78).mean(axis=2).reshape(12, -1)
-    means = np.stack([rates[found.labels == label].mean(axis=0) for label in range(3)])
+    recordings = synthetic_touches(12, steps=250, classes=3, seed=3)
+    assert recordings.labels is not None
+    rates = recordings.spikes.reshape(12, 25, 10, 78).mean(axis=2).reshape(12, -1)
+    means = np.stack([rates[recordings.labels == label].mean(axis=0) for label in range(3)])
     nearest = ((rates[:, None] - means[None]) ** 2).sum(axis=2).argmin(axis=1)
-    assert nearest.tolist() == found.labels.tolist()
+    assert nearest.tolist() == recordings.labels.tolist()
 
 
 @pytest.mark.parametrize(
@@ -58,17 +58,20 @@ def test_classes_differ_more_than_their_recordings() -> None:
     [
         pytest.param(
             {"samples": 0},
-            "synthetic touches, 'samples': it is out of range (got 0 against 1..100000). Correct the number.",
+            "synthetic touches, 'samples': it is out of range (got 0 against 1..100000). "
+            "Correct the number.",
             id="no samples",
         ),
         pytest.param(
             {"seed": -1},
-            "synthetic touches, 'seed': it is out of range (got -1 against 0..4294967295). Correct the number.",
+            "synthetic touches, 'seed': it is out of range (got -1 against 0..4294967295). "
+            "Correct the number.",
             id="negative seed",
         ),
         pytest.param(
             {"steps": 10**9},
-            "synthetic touches, 'steps': it is out of range (got 1000000000 against 1..20000). Correct the number.",
+            "synthetic touches, 'steps': it is out of range (got 1000000000 against 1..20000). "
+            "Correct the number.",
             id="absurd steps",
         ),
     ],

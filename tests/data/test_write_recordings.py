@@ -43,13 +43,13 @@ def no_last_column() -> Recordings:
     return Recordings(spikes, BOTH.labels, step_seconds=0.02, source="a column")
 
 
-def same(found: Recordings, wanted: Recordings) -> None:
+def same(read_back: Recordings, expected: Recordings) -> None:
     """Assert that recordings have equal spikes, labels and widths of a step."""
-    assert np.array_equal(found.spikes, wanted.spikes)
-    assert (found.labels is None) == (wanted.labels is None)
-    if found.labels is not None and wanted.labels is not None:
-        assert found.labels.tolist() == wanted.labels.tolist()
-    assert found.step_seconds == wanted.step_seconds
+    assert np.array_equal(read_back.spikes, expected.spikes)
+    assert (read_back.labels is None) == (expected.labels is None)
+    if read_back.labels is not None and expected.labels is not None:
+        assert read_back.labels.tolist() == expected.labels.tolist()
+    assert read_back.step_seconds == expected.step_seconds
 
 
 SETS = [
@@ -122,13 +122,25 @@ def test_one_recording_comes_back(tmp_path: Path, kind: str) -> None:
         pytest.param(TOUCHES, "npy", {"step_seconds": 0.02}, id="npy"),
         pytest.param(sparse(78), "bs1", {"channels": 78, "steps": 30, "polarities": 2}, id="bs1"),
         pytest.param(sparse(156), "bs2", {"channels": 156, "steps": 30, "polarities": 2}, id="bs2"),
-        pytest.param(no_last_column(), "bs2", {"channels": 156, "polarities": 2, "columns": 39}, id="bs2 with a silent column"),
-        pytest.param(sparse(78, seconds=0.001), "events", {"step_seconds": 0.001, "channels": 78, "steps": 30, "polarities": 2, "start": 0}, id="events"),
-        pytest.param(rising_only(), "bs1", {"channels": 78, "steps": 30, "polarities": 2}, id="one polarity"),
+        pytest.param(
+            no_last_column(),
+            "bs2",
+            {"channels": 156, "polarities": 2, "columns": 39},
+            id="bs2 with a silent column",
+        ),
+        pytest.param(
+            sparse(78, seconds=0.001),
+            "events",
+            {"step_seconds": 0.001, "channels": 78, "steps": 30, "polarities": 2, "start": 0},
+            id="events",
+        ),
+        pytest.param(
+            rising_only(), "bs1", {"channels": 78, "steps": 30, "polarities": 2}, id="one polarity"
+        ),
         pytest.param(sparse(78), "tact", {"channels": 78, "steps": 30}, id="tact"),
         pytest.param(BOTH, "tact", {}, id="tact of two fingertips and 6.5 s"),
     ],
-)  # fmt: skip
+)
 def test_what_a_format_leaves_open(
     tmp_path: Path, recordings: Recordings, kind: str, options: dict[str, Any]
 ) -> None:
@@ -153,8 +165,8 @@ def test_any_recordings_come_back(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.zip"
         left = write_recordings(path, recordings, members=kind)
-        found = read_recordings(path, **left.options)  # type: ignore[arg-type]
-        assert np.array_equal(found.spikes, spikes)
+        read_back = read_recordings(path, **left.options)  # type: ignore[arg-type]
+        assert np.array_equal(read_back.spikes, spikes)
         again = Path(folder) / "b.zip"
         write_recordings(again, recordings, members=kind)
         assert again.read_bytes() == path.read_bytes()
@@ -191,8 +203,8 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
             for name, value in left.items()
             if name in ("steps", "step_seconds", "start")
         }
-        found = read_recordings(path, sensor=sensor, **known)  # type: ignore[arg-type]
-        assert np.array_equal(found.spikes, spikes)
+        read_back = read_recordings(path, sensor=sensor, **known)  # type: ignore[arg-type]
+        assert np.array_equal(read_back.spikes, spikes)
 
 
 @pytest.mark.parametrize("columns", [None, 13])
@@ -201,11 +213,11 @@ def test_text_has_the_taxels_of_a_sensor(
     tmp_path: Path, taxels: int, polarities: int, columns: int | None
 ) -> None:
     sensor = SensorLayout("mine", taxels, polarities, columns=columns)
-    wanted = sparse(sensor.channels)
-    left = write_recordings(tmp_path / "a.zip", wanted, members="tact", sensor=sensor).options
+    expected = sparse(sensor.channels)
+    left = write_recordings(tmp_path / "a.zip", expected, members="tact", sensor=sensor).options
     assert left.get("polarities", 2) == polarities
-    same(read_recordings(tmp_path / "a.zip", **left), wanted)  # type: ignore[arg-type]
-    same(read_recordings(tmp_path / "a.zip", sensor=sensor, steps=30), wanted)
+    same(read_recordings(tmp_path / "a.zip", **left), expected)  # type: ignore[arg-type]
+    same(read_recordings(tmp_path / "a.zip", sensor=sensor, steps=30), expected)
 
 
 def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
@@ -238,29 +250,124 @@ def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
 SILENT = Recordings(
     np.zeros((1, 5, 156), dtype=np.uint8), labels=None, step_seconds=0.02, source="silent"
 )
-REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
-    ("an unknown ending", "a.xyz", TOUCHES, {}, "file 'a.xyz': files ending in '.xyz' are not written. Choose one of: .bs1, .bs2, .npy, .npz, .pt, .tact, .zip."),
-    ("an unknown kind", "a.zip", TOUCHES, {"members": "bs"}, "members: 'bs' is not known. Did you mean 'bs2'?"),
-    ("several in one", "a.bs1", TOUCHES, {}, "file 'a.bs1': this format holds one recording only (got 3). Write a folder or .zip, with members."),
-    ("several as events", "a.npy", replace(TOUCHES, labels=None), {"structured": True}, "file 'a.npy': this format holds one recording only (got 3). Write a folder or .zip, with members."),
-    ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': this format cannot hold labels, and the file name does not give them (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
-    ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': this format cannot hold labels, and the file name does not give them (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
-    ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': this format cannot hold labels, and the file name does not give them (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
-    ("more taxels than two fingertips have", "a.zip", BOTH, {"members": "tact", "sensor": SensorLayout("mine", taxels=156)}, "file 'a.zip': raw text holds one or two fingertips (156 taxels against 39 or 78). Write .npz."),
-    ("silence as text", "a.tact", SILENT, {}, "file 'a.tact': recording 0 is silent, which raw text cannot express. Write .npz."),
-    ("silence at the start of one text", "a_label_4.tact", sparse(78).subset([0]), {}, "file 'a_label_4.tact': its first steps are silent, and without a .startend file a recording begins with its first event. Write a folder or .zip with members tact."),
-    ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9900000 against 8388607). Write .npz."),
-    ("bins below a microsecond", "a.zip", sparse(78, seconds=1e-6), {"members": "bs1"}, "file 'a.zip': its bins are too narrow for times in microseconds (1e-06 s against 2e-06). Write .npz."),
-    ("a folder that is not empty", ".", TOUCHES, {}, "folder '{folder}': it is not empty, and recordings would mix. Name a new folder, or a .zip."),
-    ("into no folder", "none/a.npz", TOUCHES, {}, "file 'a.npz': its folder does not exist. Make the folder first."),
-]  # fmt: skip
+REFUSED = [
+    pytest.param(
+        "a.xyz",
+        TOUCHES,
+        {},
+        "file 'a.xyz': files ending in '.xyz' are not written. "
+        "Choose one of: .bs1, .bs2, .npy, .npz, .pt, .tact, .zip.",
+        id="an unknown ending",
+    ),
+    pytest.param(
+        "a.zip",
+        TOUCHES,
+        {"members": "bs"},
+        "members: 'bs' is not known. Did you mean 'bs2'?",
+        id="an unknown kind",
+    ),
+    pytest.param(
+        "a.bs1",
+        TOUCHES,
+        {},
+        "file 'a.bs1': this format holds one recording only (got 3). "
+        "Write a folder or .zip, with members.",
+        id="several in one",
+    ),
+    pytest.param(
+        "a.npy",
+        replace(TOUCHES, labels=None),
+        {"structured": True},
+        "file 'a.npy': this format holds one recording only (got 3). "
+        "Write a folder or .zip, with members.",
+        id="several as events",
+    ),
+    pytest.param(
+        "a.npy",
+        TOUCHES,
+        {},
+        "file 'a.npy': this format cannot hold labels, and the file name does not give "
+        "them (3 of them). Write .npz, .pt, a folder or .zip, or one recording with "
+        "_label_<k> in its name.",
+        id="labels of an array",
+    ),
+    pytest.param(
+        "a.bs1",
+        TOUCHES.subset([2]),
+        {},
+        "file 'a.bs1': this format cannot hold labels, and the file name does not give "
+        "them (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> "
+        "in its name.",
+        id="a label that is not in the name",
+    ),
+    pytest.param(
+        "a_label_1.tact",
+        SILENT,
+        {},
+        "file 'a_label_1.tact': this format cannot hold labels, and the file name does "
+        "not give them (none). Write .npz, .pt, a folder or .zip, or one recording with "
+        "_label_<k> in its name.",
+        id="a label only in the name",
+    ),
+    pytest.param(
+        "a.zip",
+        BOTH,
+        {"members": "tact", "sensor": SensorLayout("mine", taxels=156)},
+        "file 'a.zip': raw text holds one or two fingertips (156 taxels against 39 or "
+        "78). Write .npz.",
+        id="more taxels than two fingertips have",
+    ),
+    pytest.param(
+        "a.tact",
+        SILENT,
+        {},
+        "file 'a.tact': recording 0 is silent, which raw text cannot express. Write .npz.",
+        id="silence as text",
+    ),
+    pytest.param(
+        "a_label_4.tact",
+        sparse(78).subset([0]),
+        {},
+        "file 'a_label_4.tact': its first steps are silent, and without a .startend file "
+        "a recording begins with its first event. "
+        "Write a folder or .zip with members tact.",
+        id="silence at the start of one text",
+    ),
+    pytest.param(
+        "a.zip",
+        sparse(4 * 39, steps=500),
+        {"members": "bs1"},
+        "file 'a.zip': an event's microsecond does not fit its bits (9900000 against "
+        "8388607). Write .npz.",
+        id="times after 23 bits",
+    ),
+    pytest.param(
+        "a.zip",
+        sparse(78, seconds=1e-6),
+        {"members": "bs1"},
+        "file 'a.zip': its bins are too narrow for times in microseconds (1e-06 s "
+        "against 2e-06). Write .npz.",
+        id="bins below a microsecond",
+    ),
+    pytest.param(
+        ".",
+        TOUCHES,
+        {},
+        "folder '{folder}': it is not empty, and recordings would mix. "
+        "Name a new folder, or a .zip.",
+        id="a folder that is not empty",
+    ),
+    pytest.param(
+        "none/a.npz",
+        TOUCHES,
+        {},
+        "file 'a.npz': its folder does not exist. Make the folder first.",
+        id="into no folder",
+    ),
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "recordings", "options", "message"),
-    [row[1:] for row in REFUSED],
-    ids=[row[0] for row in REFUSED],
-)
+@pytest.mark.parametrize(("name", "recordings", "options", "message"), REFUSED)
 def test_what_a_format_cannot_hold(
     tmp_path: Path, name: str, recordings: Recordings, options: dict[str, Any], message: str
 ) -> None:

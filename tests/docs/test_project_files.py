@@ -23,18 +23,17 @@ def load(path):
 def test_licence_and_authors():
     text = (ROOT / "LICENSE").read_text("utf-8")
     assert text.startswith(f"MIT License\n\nCopyright (c) 2026 {DEVELOPERS}\n")
-    assert (PROJECT["license"], PROJECT["license-files"]) == ("MIT", ["LICENSE"])
+    assert PROJECT["license"] == "MIT"
+    assert PROJECT["license-files"] == ["LICENSE"]
     assert PROJECT["authors"] == [{"name": DEVELOPERS}]
 
 
 def test_citation():
     found = load("CITATION.cff")
     assert found["authors"] == [{"name": DEVELOPERS}]
-    assert (found["version"], found["license"], found["type"]) == (
-        lc.__version__,
-        "MIT",
-        "software",
-    )
+    assert found["version"] == lc.__version__
+    assert found["license"] == "MIT"
+    assert found["type"] == "software"
     assert set(found) >= {"cff-version", "message", "title"}
 
 

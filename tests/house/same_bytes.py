@@ -63,7 +63,8 @@ def main() -> int:
         print("\n".join(case_lines(name, (after / name / CODES).read_text(), files, most)))
     differ = [file for files in found.values() for file in files.values()]
     print(
-        f"{differ.count([])} files the same, {len(differ) - differ.count([])} differ, against {commit[:12]}"
+        f"{differ.count([])} files the same, {len(differ) - differ.count([])} differ, against "
+        f"{commit[:12]}"
     )
     return 0 if differ and not any(differ) else 1
 

@@ -37,10 +37,18 @@ MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi
 OF_THE_STEP = {
     "hw_model.arithmetic.fixed_point": {"kept", "half_range", "wrap", "clip", "effective_weight"},
     "hw_model.arithmetic.loihi": {
-        "respond", "threshold", "reset", "count_down", "blocked_by_spike", "events",
-        "acts_at", "keep_of", "bias_of", "threshold_of",
+        "respond",
+        "threshold",
+        "reset",
+        "count_down",
+        "blocked_by_spike",
+        "events",
+        "acts_at",
+        "keep_of",
+        "bias_of",
+        "threshold_of",
     },
-}  # fmt: skip
+}
 """Functions that a step is made of, by module; others say what can be held."""
 TOLD_BY = (*oracle.KINDS, "events")
 """What is compared, in this order."""
@@ -67,9 +75,14 @@ def _wrapping() -> any_phases.Case:
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     lines = builder.add_input("x", 4)
     soma = builder.add_compartments(
-        "y", 3, decay_u=[0, 390, 40], decay_v=[390, 0, 2000], threshold=[9, 10_000, 131_071],
-        refractory=[4, 2, 1], bias=[524_160, 4095, -524_288],
-    )  # fmt: skip
+        "y",
+        3,
+        decay_u=[0, 390, 40],
+        decay_v=[390, 0, 2000],
+        threshold=[9, 10_000, 131_071],
+        refractory=[4, 2, 1],
+        bias=[524_160, 4095, -524_288],
+    )
     child = builder.add_compartments(
         "y/child", 3, decay_u=40, decay_v=40, threshold=0, joined_to=soma
     )

@@ -26,10 +26,23 @@ from tests.support.random_spinnaker import PHASE  # noqa: E402
 
 MODULE = "hw_model.arithmetic.spinnaker"
 OF_THE_STEP = {
-    "wrap", "constants", "quotient", "initial_share", "_exponential", "_share", "_lost_by_rest",
-    "charged", "drive_of", "goal_of", "approached", "faded", "step",
-    "slot_of", "comes_too_late", "collected",
-}  # fmt: skip
+    "wrap",
+    "constants",
+    "quotient",
+    "initial_share",
+    "_exponential",
+    "_share",
+    "_lost_by_rest",
+    "charged",
+    "drive_of",
+    "goal_of",
+    "approached",
+    "faded",
+    "step",
+    "slot_of",
+    "comes_too_late",
+    "collected",
+}
 """Functions that constants and a step are made of."""
 ERROR = "an error"
 

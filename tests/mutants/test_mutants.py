@@ -41,7 +41,7 @@ FAULTS = {
     "within: -low -> low",
     "within: x > 3 -> x >= 3",
     "within: 3 -> 4",
-}  # fmt: skip
+}
 """Messages, annotations and docstrings have none."""
 
 

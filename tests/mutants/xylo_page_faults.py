@@ -32,9 +32,17 @@ from tests.support.witness_files import RECORDED, REGISTERS, network_of  # noqa:
 
 MODULE = "hw_model.arithmetic.xylo"
 OF_THE_STEP = {
-    "collect", "respond", "decayed", "change_of", "fire", "fire_with_aliases",
-    "saturate", "wrap", "taken", "charge_of",
-}  # fmt: skip
+    "collect",
+    "respond",
+    "decayed",
+    "change_of",
+    "fire",
+    "fire_with_aliases",
+    "saturate",
+    "wrap",
+    "taken",
+    "charge_of",
+}
 """Functions that a step is made of; others are the quantiser's."""
 TOLD_BY = (*REGISTERS, "events", "an error")
 """What is compared, in this order; an error is that of numpy, in the faulty page."""

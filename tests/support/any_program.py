@@ -87,12 +87,23 @@ def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np
     return {
         "decay_u": r.choice([0, 1, 390, 2048, 4095, 4096, r.integers(0, 4097)], size),
         "decay_v": r.choice([0, 1, 128, 2589, 4095, 4096, r.integers(0, 4097)], size),
-        "threshold": r.choice([0, 1, min(300, reachable), reachable // 2, reachable, limits.threshold_mantissa_max],
-                              size),
+        "threshold": r.choice(
+            [0, 1, min(300, reachable), reachable // 2, reachable, limits.threshold_mantissa_max],
+            size,
+        ),
         "bias": mantissa << exponent,
-        "refractory": r.choice([1, 1, 1, min(2, limits.refractory_max), min(5, limits.refractory_max),
-                                limits.refractory_max], size),
-    }  # fmt: skip
+        "refractory": r.choice(
+            [
+                1,
+                1,
+                1,
+                min(2, limits.refractory_max),
+                min(5, limits.refractory_max),
+                limits.refractory_max,
+            ],
+            size,
+        ),
+    }
 
 
 POTENTIALS_FROM = st.sampled_from([None, None, 0, 2, 7])
@@ -156,9 +167,14 @@ def connect(
     last = min(chip.registers.delay_max, int(r.choice([0, 2, 30, 300])))
     delay = r.integers(0, last + 1, shape) if r.random() < 0.5 else last
     builder.connect(
-        source, target, weights, exponent=int(r.choice([-8, -2, 0, 0, 2, 7])), delay=delay, weight_bits=bits,
+        source,
+        target,
+        weights,
+        exponent=int(r.choice([-8, -2, 0, 0, 2, 7])),
+        delay=delay,
+        weight_bits=bits,
         sign_mode=mode,
-    )  # fmt: skip
+    )
 
 
 @st.composite
@@ -282,11 +298,13 @@ def _counts_of_chip(program: hw.ChipProgram) -> Counter[str]:
     """Count a program, and whether its chip has other widths than those that ship or its phases several cores."""
     limits = program.chip.registers
     widths = (limits.charge_bits, limits.current_bits, limits.voltage_bits)
-    return Counter({
-        "programs": 1,
-        "programs of other widths": int(widths != (21, 23, 23)),
-        "programs of several cores": int(len(program.cores) > len(program.phases)),
-    })  # fmt: skip
+    return Counter(
+        {
+            "programs": 1,
+            "programs of other widths": int(widths != (21, 23, 23)),
+            "programs of several cores": int(len(program.cores) > len(program.phases)),
+        }
+    )
 
 
 # A program takes long to draw, and its first example is large: hypothesis would call either an error.

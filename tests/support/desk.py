@@ -57,7 +57,8 @@ class Desk:
     def beats(self) -> list[int]:
         """Return the recording as beats of the AXI-Stream, where TLAST on the last tick replaces the word of the end."""
         *words, tick, end = self.words
-        assert (tick, end) == (TICK, END)
+        assert tick == TICK
+        assert end == END
         return [*words, LAST | TICK]
 
     def play_axis(

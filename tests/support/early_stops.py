@@ -104,9 +104,15 @@ def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
     if r.random() < 0.5:
         vmin = builder.graph().groups[0].vmin[0]  # as all compartments of a core
         dendrite = builder.add_compartments(
-            "y/dendrite", classes, decay_u=r.choice([1024, 4096]), decay_v=r.choice([512, 4096]), threshold=0,
-            bias=r.choice([0, -640, 640], classes), vmin=vmin, joined_to=y,
-        )  # fmt: skip
+            "y/dendrite",
+            classes,
+            decay_u=r.choice([1024, 4096]),
+            decay_v=r.choice([512, 4096]),
+            threshold=0,
+            bias=r.choice([0, -640, 640], classes),
+            vmin=vmin,
+            joined_to=y,
+        )
         builder.connect(
             y, dendrite, 2 * r.integers(-60, 20, (classes, classes)), delay=int(r.integers(3))
         )

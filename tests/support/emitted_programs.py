@@ -55,9 +55,15 @@ def everything(seed=0, chip=None):
             vmax=(1 << 21) - 1,
         )
     child = b.add_compartments(
-        "o/dendrite", 5, decay_u=300, decay_v=r.integers(0, 4097, 5), threshold=0, joined_to=nodes["o"],
-        vmin=-((1 << 20) - 1), vmax=(1 << 21) - 1,
-    )  # fmt: skip
+        "o/dendrite",
+        5,
+        decay_u=300,
+        decay_v=r.integers(0, 4097, 5),
+        threshold=0,
+        joined_to=nodes["o"],
+        vmin=-((1 << 20) - 1),
+        vmax=(1 << 21) - 1,
+    )
 
     def weights(shape, step, low, high):
         """Draw weights from low to high that are multiples of a format's step, about 40 % of them 0."""

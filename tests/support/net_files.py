@@ -178,16 +178,53 @@ CONV = {
 NETS = {
     "dense": [dense(RNG, 12, 10), dense(RNG, 5, 12)],
     "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, 12, 10)],
-    "input layer with neurons": [{**IMAGE, "neuron": neuron(4096, 4096, 32)}, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 5, 36)],
-    "input layer with a weight": [{"type": "input", "shape": np.array([10]), "weight": np.array([26.0]), "bias": np.array([0.0]), "neuron": neuron(4096, 1024, 40)}, dense(RNG, 12, 10)],
-    "loihi neurons of old files": [dense(RNG, 12, 10, neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0))],
-    "a decay each": [dense(RNG, 12, 10, neuron=neuron(RNG.integers(0, 4097, 12), RNG.integers(0, 4097, 12), RNG.integers(100, 500, 12)))],
+    "input layer with neurons": [
+        {**IMAGE, "neuron": neuron(4096, 4096, 32)},
+        CONV,
+        {"type": "flatten", "shape": np.array([36])},
+        dense(RNG, 5, 36),
+    ],
+    "input layer with a weight": [
+        {
+            "type": "input",
+            "shape": np.array([10]),
+            "weight": np.array([26.0]),
+            "bias": np.array([0.0]),
+            "neuron": neuron(4096, 1024, 40),
+        },
+        dense(RNG, 12, 10),
+    ],
+    "loihi neurons of old files": [
+        dense(
+            RNG, 12, 10, neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0)
+        )
+    ],
+    "a decay each": [
+        dense(
+            RNG,
+            12,
+            10,
+            neuron=neuron(
+                RNG.integers(0, 4097, 12), RNG.integers(0, 4097, 12), RNG.integers(100, 500, 12)
+            ),
+        )
+    ],
     "bias": [dense(RNG, 12, 10, bias=RNG.integers(-9, 30, 12).astype(np.float32))],
-    "delay of a neuron": [dense(RNG, 12, 10, delay=RNG.uniform(0, 70, 12).astype(np.float32)), dense(RNG, 5, 12)],
+    "delay of a neuron": [
+        dense(RNG, 12, 10, delay=RNG.uniform(0, 70, 12).astype(np.float32)),
+        dense(RNG, 5, 12),
+    ],
     "delay of an input": [dense(RNG, 12, 10, delay=RNG.uniform(0, 9, 10).astype(np.float32))],
     "one delay": [dense(RNG, 12, 10, delay=3.7)],
-    "recurrent": [dense(RNG, 12, 10) | {"type": "dense_rec", "weight_rec": even(RNG, 12, 12, low=-60, high=40)}],
+    "recurrent": [
+        dense(RNG, 12, 10)
+        | {"type": "dense_rec", "weight_rec": even(RNG, 12, 12, low=-60, high=40)}
+    ],
     "conv": [IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 5, 36)],
-    "full range": [dense(RNG, 3, 10, weight=np.tile(np.array([-256, 254, 254, 254, 2], dtype=np.float32), (3, 2)))],
+    "full range": [
+        dense(
+            RNG, 3, 10, weight=np.tile(np.array([-256, 254, 254, 254, 2], dtype=np.float32), (3, 2))
+        )
+    ],
     "odd weights": [dense(RNG, 3, 10, weight=RNG.integers(-255, 256, (3, 10)).astype(np.float32))],
-}  # fmt: skip
+}

@@ -110,9 +110,16 @@ def graphs():
     }
     flat = nir.Flatten(input_type={"input": np.array([4, 3, 3])}, start_dim=0, end_dim=-1)
     recurrent = nir.NIRGraph(
-        {"input": nir.Input(np.array([6])), "w": linear(rng, 8, 6), "lif": lif(rng, 8), "back": linear(rng, 8, 8, 0.2), "o": nir.Output(np.array([8]))},
-        [("lif", "back"), ("back", "lif"), ("input", "w"), ("lif", "o"), ("w", "lif")], type_check=False,
-    )  # fmt: skip
+        {
+            "input": nir.Input(np.array([6])),
+            "w": linear(rng, 8, 6),
+            "lif": lif(rng, 8),
+            "back": linear(rng, 8, 8, 0.2),
+            "o": nir.Output(np.array([8])),
+        },
+        [("lif", "back"), ("back", "lif"), ("input", "w"), ("lif", "o"), ("w", "lif")],
+        type_check=False,
+    )
     inner = nir.NIRGraph(
         {
             "in": nir.Input(np.array([6])),
@@ -124,24 +131,106 @@ def graphs():
     )
     return {
         "lif": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 12))), (10,)),
-        "two layers": (chain((10,), ("fc1", linear(rng, 12, 10)), ("l1", lif(rng, 12)), ("fc2", linear(rng, 5, 12)), ("l2", cuba(rng, 5))), (10,)),
-        "biases": (chain((10,), ("fc1", nir.Affine(rng.normal(0.1, 0.5, (12, 10)), rng.normal(0, 0.1, 12))), ("l1", cuba(rng, 12)), ("fc2", nir.Affine(rng.normal(0.1, 0.5, (5, 12)), rng.normal(0, 0.1, 5))), ("l2", lif(rng, 5))), (10,)),
+        "two layers": (
+            chain(
+                (10,),
+                ("fc1", linear(rng, 12, 10)),
+                ("l1", lif(rng, 12)),
+                ("fc2", linear(rng, 5, 12)),
+                ("l2", cuba(rng, 5)),
+            ),
+            (10,),
+        ),
+        "biases": (
+            chain(
+                (10,),
+                ("fc1", nir.Affine(rng.normal(0.1, 0.5, (12, 10)), rng.normal(0, 0.1, 12))),
+                ("l1", cuba(rng, 12)),
+                ("fc2", nir.Affine(rng.normal(0.1, 0.5, (5, 12)), rng.normal(0, 0.1, 5))),
+                ("l2", lif(rng, 5)),
+            ),
+            (10,),
+        ),
         "cuba": (chain((10,), ("fc", linear(rng, 12, 10)), ("cuba", cuba(rng, 12))), (10,)),
         "if": (chain((10,), ("fc", linear(rng, 12, 10)), ("if", integrate(rng, 12))), (10,)),
-        "threshold": (chain((10,), ("fc", linear(rng, 12, 10)), ("t", nir.Threshold(rng.uniform(0.2, 1, 12)))), (10,)),
-        "v_leak": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 12, v_leak=0.0, v_threshold=0.7))), (10,)),
-        "conv2d": (chain(image, ("conv", conv), ("lif", lif(rng, 4, 3, 3)), ("flat", flat), ("fc", linear(rng, 5, 36)), ("out", lif(rng, 5))), image),
+        "threshold": (
+            chain(
+                (10,), ("fc", linear(rng, 12, 10)), ("t", nir.Threshold(rng.uniform(0.2, 1, 12)))
+            ),
+            (10,),
+        ),
+        "v_leak": (
+            chain(
+                (10,),
+                ("fc", linear(rng, 12, 10)),
+                ("lif", lif(rng, 12, v_leak=0.0, v_threshold=0.7)),
+            ),
+            (10,),
+        ),
+        "conv2d": (
+            chain(
+                image,
+                ("conv", conv),
+                ("lif", lif(rng, 4, 3, 3)),
+                ("flat", flat),
+                ("fc", linear(rng, 5, 36)),
+                ("out", lif(rng, 5)),
+            ),
+            image,
+        ),
         "conv2d same": (chain(image, ("conv", same), ("lif", lif(rng, 3, 6, 6))), image),
         "conv2d dilated": (chain(image, ("conv", dilated), ("lif", lif(rng, 3, 8, 2))), image),
         "conv1d": (chain((3, 12), ("conv", conv1d), ("lif", lif(rng, 5, 6))), (3, 12)),
-        "sum pool": (chain(image, ("pool", nir.SumPool2d(**pooled)), ("lif", lif(rng, 2, 3, 3, v_threshold=2.0))), image),
-        "avg pool": (chain(image, ("pool", nir.AvgPool2d(**pooled)), ("lif", lif(rng, 2, 3, 3, v_threshold=0.4))), image),
-        "scale": (chain((10,), ("fc", linear(rng, 12, 10)), ("s", nir.Scale(rng.uniform(0.5, 2, 12))), ("lif", lif(rng, 12))), (10,)),
-        "delay": (chain((10,), ("d", nir.Delay(rng.integers(0, 5, 10) * DT)), ("fc", linear(rng, 12, 10)), ("d2", nir.Delay(rng.integers(0, 3, 12) * DT)), ("lif", lif(rng, 12))), (10,)),
-        "scalar parameters": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 1))), (10,)),
+        "sum pool": (
+            chain(
+                image,
+                ("pool", nir.SumPool2d(**pooled)),
+                ("lif", lif(rng, 2, 3, 3, v_threshold=2.0)),
+            ),
+            image,
+        ),
+        "avg pool": (
+            chain(
+                image,
+                ("pool", nir.AvgPool2d(**pooled)),
+                ("lif", lif(rng, 2, 3, 3, v_threshold=0.4)),
+            ),
+            image,
+        ),
+        "scale": (
+            chain(
+                (10,),
+                ("fc", linear(rng, 12, 10)),
+                ("s", nir.Scale(rng.uniform(0.5, 2, 12))),
+                ("lif", lif(rng, 12)),
+            ),
+            (10,),
+        ),
+        "delay": (
+            chain(
+                (10,),
+                ("d", nir.Delay(rng.integers(0, 5, 10) * DT)),
+                ("fc", linear(rng, 12, 10)),
+                ("d2", nir.Delay(rng.integers(0, 3, 12) * DT)),
+                ("lif", lif(rng, 12)),
+            ),
+            (10,),
+        ),
+        "scalar parameters": (
+            chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 1))),
+            (10,),
+        ),
         "recurrent": (recurrent, (6,)),
-        "nested": (chain((6,), ("sub", inner), ("fc", nir.Linear(rng.uniform(0, 1.5, (4, 7)))), ("lif", lif(rng, 4))), (6,)),
-    }  # fmt: skip
+        "nested": (
+            chain(
+                (6,),
+                ("sub", inner),
+                ("fc", nir.Linear(rng.uniform(0, 1.5, (4, 7)))),
+                ("lif", lif(rng, 4)),
+            ),
+            (6,),
+        ),
+    }
 
 
 def random_spikes(shape, steps=60, rate=0.25, seed=3):

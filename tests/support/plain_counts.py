@@ -16,9 +16,20 @@ from tests.support.any_phases import Case
 from tests.support.played_events import extent, played
 
 COUNTED = (
-    "input_events", "transpose_events", "events_dropped", "synaptic_ops", "synaptic_ops_after_end", "neuron_updates",
-    "spikes", "axon_packets", "packets_within_tile", "input_packets", "hops_x", "hops_y", "aligned_steps",
-)  # fmt: skip
+    "input_events",
+    "transpose_events",
+    "events_dropped",
+    "synaptic_ops",
+    "synaptic_ops_after_end",
+    "neuron_updates",
+    "spikes",
+    "axon_packets",
+    "packets_within_tile",
+    "input_packets",
+    "hops_x",
+    "hops_y",
+    "aligned_steps",
+)
 """Counts that follow from events and spikes; the other counts are of registers, see ``loihi_oracle``."""
 
 
