@@ -1,4 +1,4 @@
-"""Folders and archives that hold a whole set in each part, and the order of class names."""
+"""Folders and archives with a whole set of recordings in each part (train, test), and the order of class names."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from locsnn_compile.training.from_python import read_parts
 
 RNG = np.random.default_rng(0)
 SETS = {"train": RNG.random((5, 6, 8)) < 0.3, "test": RNG.random((3, 6, 7)) < 0.3}
-"""Parts, (samples, channels, steps)."""
+"""Spikes of each part, (samples, channels, steps)."""
 LABELS = {"train": np.array([0, 1, 2, 1, 0]), "test": np.array([2, 0, 1])}
 
 
 def write_set(path: Path, spikes: np.ndarray, **more: Any) -> None:
-    """Write a set in the format that the name ends in; labels of a ``.npy`` lie next to it."""
+    """Write a set in the format of the file's ending, with ``more`` entries; labels of a ``.npy`` get a file of their own."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".npz":
         np.savez(path, spikes=spikes, **more)
@@ -42,7 +42,7 @@ def write_set(path: Path, spikes: np.ndarray, **more: Any) -> None:
 
 
 def packed(folder: Path) -> Path:
-    """Return the same files in an archive next to the folder."""
+    """Write an archive of a folder's files next to the folder, and return its path."""
     path = folder.with_suffix(".zip")
     with zipfile.ZipFile(path, "w") as archive:
         for file in sorted(folder.rglob("*")):
@@ -63,7 +63,7 @@ def packed(folder: Path) -> Path:
     ],
     ids=" ".join,
 )
-def test_a_published_split_is_read_as_it_is_kept(
+def test_the_parts_of_a_published_split_are_read_as_stored(
     tmp_path: Path, names: tuple[str, str], archive: bool
 ) -> None:
     path = tmp_path / "set"
@@ -80,7 +80,7 @@ def test_a_published_split_is_read_as_it_is_kept(
     assert len(read_recordings(path)) == 3
 
 
-def test_files_of_one_part_are_joined_and_silence_follows_the_shorter(tmp_path: Path) -> None:
+def test_files_of_one_part_are_joined_and_shorter_ones_padded_with_silence(tmp_path: Path) -> None:
     for name, part in (("a.npz", "train"), ("b.npz", "test")):
         write_set(tmp_path / "set/train" / name, SETS[part], labels=LABELS[part])
     recordings = read_recordings(tmp_path / "set", split="train")
@@ -176,7 +176,7 @@ def test_numbers_and_number_words_keep_their_order(
 
 
 def test_a_digit_is_the_label_even_if_another_digit_is_missing(tmp_path: Path) -> None:
-    """As in a part of N-MNIST without an 8: what lies in the folder 9 is a nine."""
+    """As in a part of N-MNIST without an 8: recordings in the folder 9 have the label 9."""
     digits = ["0", "1", "2", "3", "4", "5", "6", "7", "9"]
     recordings = read_recordings(folder_of_classes(tmp_path / "set", digits))
     assert sorted(recordings.labels.tolist()) == [0, 1, 2, 3, 4, 5, 6, 7, 9]
@@ -269,7 +269,7 @@ def test_a_label_that_is_no_class_is_refused(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_names_that_are_not_those_of_the_classes_are_refused(
+def test_class_names_that_do_not_fit_the_classes_are_refused(
     tmp_path: Path, classes: str, message: str
 ) -> None:
     path = folder_of_classes(tmp_path / "set", ["cup", "ball", "egg"])

@@ -1,4 +1,8 @@
-"""EvTouch archives and folders: read straight, sorted by number, refused by name."""
+"""Archives and folders of one ``.npy`` file per recording, as the EvTouch data sets are published.
+
+Files are named ``sample_<i>_label_<k>.npy``, in folders of a train and a test part. Each has the axes (taxels,
+polarities, steps).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ ONE = [RNG.integers(0, 2, size=(39, 2, 12)).astype(np.float32) for _ in range(12
 
 
 def npy(array: np.ndarray) -> bytes:
-    """The bytes of an array as a ``.npy`` file."""
+    """Return the bytes of an array as a ``.npy`` file."""
     stream = io.BytesIO()
     np.save(stream, array)
     return stream.getvalue()
@@ -35,6 +39,7 @@ def archive(path: Path, members: dict[str, bytes]) -> Path:
 
 
 def divided(path: Path) -> Path:
+    """Write an archive with two parts, whose files are not in the order of their numbers."""
     members = {f"Ev-X/test/sample_{i}_label_{i % 3}.npy": npy(ONE[i]) for i in (10, 2, 0)}
     members |= {f"Ev-X/train/sample_{i}_label_{i % 3}.npy": npy(ONE[i]) for i in (11, 1)}
     return archive(path, {"Ev-X/": b"", "Ev-X/README": b"x", **members})
@@ -71,30 +76,33 @@ def test_parts_are_read_in_the_order_of_their_numbers(
     assert recording_parts(path) == ("train", "test")
 
 
-def test_an_archive_that_is_not_divided(tmp_path: Path) -> None:
+def test_an_archive_without_parts_is_read_whole(tmp_path: Path) -> None:
     path = archive(tmp_path / "a.zip", {f"sample_{i}_label_0.npy": npy(ONE[i]) for i in (1, 0)})
     assert np.array_equal(read_recordings(path).spikes[1, 3], ONE[1][..., 3].reshape(-1))
     assert recording_parts(path) == ()
 
 
 def members(**values: bytes) -> Callable[[Path], object]:
-    """Return what writes an archive of recordings of class 0 in the test part, one for each value."""
+    """Return a function that writes an archive of test recordings of class 0, one for each value."""
     return lambda path: archive(
         path, {f"test/sample_{name[1:]}_label_0.npy": data for name, data in values.items()}
     )
 
 
 def truncated(path: Path) -> None:
+    """Write an archive without its last bytes."""
     path.write_bytes(divided(path).read_bytes()[:-200])
 
 
 def flipped(path: Path) -> None:
+    """Write an archive with one wrong bit in its recording."""
     data = bytearray(archive(path, {"test/sample_0_label_0.npy": npy(ONE[0])}).read_bytes())
     data[300] ^= 1
     path.write_bytes(data)
 
 
 def huge_header() -> bytes:
+    """Return a ``.npy`` header that declares 10^18 values, without values."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         stream, {"shape": (10**6, 10**6, 10**6), "fortran_order": False, "descr": "<f4"}
@@ -205,7 +213,9 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
 
 
 @pytest.mark.parametrize(("make", "message"), [pytest.param(m, t, id=i) for i, m, t in BAD])
-def test_what_is_no_archive(tmp_path: Path, make: Callable[[Path], object], message: str) -> None:
+def test_archives_without_readable_recordings_are_refused(
+    tmp_path: Path, make: Callable[[Path], object], message: str
+) -> None:
     path = tmp_path / "a.zip"
     make(path)
     channel, step = next(
@@ -219,7 +229,9 @@ def test_what_is_no_archive(tmp_path: Path, make: Callable[[Path], object], mess
 
 
 @pytest.mark.parametrize("steps", [None, 9, 20])
-def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> None:
+def test_recordings_of_different_lengths_are_padded_or_cut(
+    tmp_path: Path, steps: int | None
+) -> None:
     path = archive(
         tmp_path / "a.zip", {f"sample_{i}.npy": npy(ONE[i][..., : 12 - 5 * i]) for i in (0, 1, 2)}
     )
@@ -238,7 +250,7 @@ def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> N
     )
 
 
-def test_a_part_of_what_is_not_divided(tmp_path: Path) -> None:
+def test_a_part_of_an_archive_without_parts_is_refused(tmp_path: Path) -> None:
     path = archive(tmp_path / "a.zip", {"sample_0_label_0.npy": npy(ONE[0])})
     with pytest.raises(InputError) as caught:
         read_recordings(path, split="train")
@@ -262,7 +274,7 @@ def test_a_part_of_what_is_not_divided(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_parts_that_do_not_exist(tmp_path: Path, split: str, message: str) -> None:
+def test_parts_that_do_not_exist_are_refused(tmp_path: Path, split: str, message: str) -> None:
     path = archive(tmp_path / "a.zip", {"test/sample_0_label_0.npy": npy(ONE[0])})
     with pytest.raises(InputError) as caught:
         read_recordings(path, split=split)
@@ -277,7 +289,10 @@ def test_parts_that_do_not_exist(tmp_path: Path, split: str, message: str) -> No
         pytest.param("Ev-Containers", 325, 20, 240, 60, id="containers"),
     ],
 )
-def test_real_recordings(name: str, steps: int, classes: int, train: int, test: int) -> None:
+def test_real_archives_have_the_published_recordings(
+    name: str, steps: int, classes: int, train: int, test: int
+) -> None:
+    """Every class has as many recordings; a recording has some 2,500 events."""
     for split, samples in (("train", train), ("test", test)):
         recordings = read_recordings(REAL / f"{name}.zip", split=split)
         assert recordings.labels is not None

@@ -1,4 +1,7 @@
-"""Array files: every order of axes, labels wherever they may lie, and deterministic writing."""
+"""Array files (``.npy``, ``.npz``, ``.pt``, HDF5): orders of axes, places of labels, equal bytes when written, refusals.
+
+Files may be hostile: none of their objects may run code, and no declared size may exhaust memory.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,10 @@ from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 
-# (samples, taxels, polarities, steps)
 FULL = np.random.default_rng(3).integers(0, 2, size=(4, 39, 2, 10), dtype=np.uint8)
+"""Recordings (samples, taxels, polarities, steps) of a NeuTouch fingertip."""
 STEPS = FULL.reshape(4, 78, 10).transpose(0, 2, 1)
+"""The same recordings as they are read: (samples, steps, channels)."""
 LABELS = np.array([3, 0, 2, 2])
 
 
@@ -39,7 +43,7 @@ LABELS = np.array([3, 0, 2, 2])
     ],
 )
 @pytest.mark.parametrize("suffix", [".npy", ".npz", ".pt"])
-def test_orders_of_axes(
+def test_arrays_of_usual_orders_of_axes_are_read(
     tmp_path: Path, array: np.ndarray, expected: np.ndarray, suffix: str
 ) -> None:
     path = tmp_path / f"x{suffix}"
@@ -79,13 +83,15 @@ def labels_in_pt(path: Path) -> Path:
 
 
 @pytest.mark.parametrize("make", [labels_beside, labels_in_npz, labels_in_pt])
-def test_labels_as_a_vector(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+def test_labels_may_be_a_vector_in_the_file_or_next_to_it(
+    tmp_path: Path, make: Callable[[Path], Path]
+) -> None:
     read_back = read_recordings(make(tmp_path))
     assert read_back.labels is not None
     assert read_back.labels.tolist() == LABELS.tolist()
 
 
-def test_label_in_the_name(tmp_path: Path) -> None:
+def test_a_label_may_be_in_the_name_of_the_file(tmp_path: Path) -> None:
     np.save(tmp_path / "sample_4_label_17.npy", FULL[0])
     read_back = read_recordings(tmp_path / "sample_4_label_17.npy")
     assert read_back.labels is not None
@@ -128,11 +134,10 @@ def test_written_recordings_come_back_and_are_the_same_bytes(
     write_recordings(tmp_path / "x.npz", recordings)
     read_back = read_recordings(tmp_path / "x.npz")
     assert np.array_equal(read_back.spikes, recordings.spikes)
-    assert (
-        np.array_equal(read_back.labels, recordings.labels)
-        if recordings.labels is not None
-        else read_back.labels is None
-    )
+    if recordings.labels is None:
+        assert read_back.labels is None
+    else:
+        assert np.array_equal(read_back.labels, recordings.labels)
     assert read_back.step_seconds == recordings.step_seconds
     write_recordings(tmp_path / "again.npz", read_back)
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "x.npz").read_bytes()
@@ -141,7 +146,7 @@ def test_written_recordings_come_back_and_are_the_same_bytes(
         assert entries["spikes"].shape == (4, 78, 10)
 
 
-def test_writing_into_no_folder(tmp_path: Path) -> None:
+def test_writing_into_a_folder_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         write_recordings(
             tmp_path / "none" / "x.npz",
@@ -151,12 +156,14 @@ def test_writing_into_no_folder(tmp_path: Path) -> None:
 
 
 class Hostile:
+    """An object that creates a file ``ran`` when it is unpickled."""
+
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[str]]:
         return os.system, ("touch ran",)
 
 
 def twice(*names):
-    """A .npz with the same array under each of the names."""
+    """Return a function that writes a ``.npz`` with the same array under each of the names."""
 
     def make(path):
         with warnings.catch_warnings(), zipfile.ZipFile(path, "w") as archive:
@@ -168,7 +175,7 @@ def twice(*names):
 
 
 def npz(**entries: Any) -> Callable[[Path], object]:
-    """Return what writes a ``.npz`` of these entries."""
+    """Return a function that writes a ``.npz`` of these entries."""
     return lambda path: np.savez(path, **entries)
 
 
@@ -178,6 +185,7 @@ def half_npz(path: Path) -> None:
 
 
 def bomb(path: Path) -> None:
+    """Write a small ``.npz`` whose entry declares three billion values."""
     header = b"\x93NUMPY\x01\x00v\x00"
     text = b"{'descr': '|u1', 'fortran_order': False, 'shape': (3000000000,), }"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -356,7 +364,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
 @pytest.mark.parametrize(
     ("name", "make", "message"), [pytest.param(n, m, t, id=i) for i, n, m, t in BAD]
 )
-def test_what_are_no_recordings(
+def test_files_without_readable_recordings_are_refused(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
@@ -386,7 +394,7 @@ MEANT = {
 def test_an_entry_that_is_almost_of_a_known_name_is_refused(
     tmp_path: Path, name: str, suffix: str
 ) -> None:
-    """Labels of another name were ignored silently."""
+    """Such an entry is probably a misspelling, so it is not ignored as others are."""
     path = tmp_path / f"a{suffix}"
     if suffix == ".npz":
         np.savez(path, spikes=FULL, **{name: LABELS})
@@ -401,7 +409,7 @@ def test_an_entry_that_is_almost_of_a_known_name_is_refused(
     assert str(caught.value) == f"file 'a{suffix}', entry {name!r}: it has no meaning here. {meant}"
 
 
-def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
+def test_arrays_of_other_names_are_ignored(tmp_path: Path) -> None:
     others = ("taxels", "times", "names", "mask", "classes", "train_labels", "spikes2")
     np.savez(
         tmp_path / "a.npz",
@@ -416,7 +424,7 @@ def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
 
 
 class Notes:
-    """An object of somebody's own, which numpy and torch pickle."""
+    """An object of a user's own class, which numpy and torch pickle."""
 
 
 WORDS = ["Ada", "Böge", "Chi", "Dee"]
@@ -428,14 +436,12 @@ NOT_NUMBERS = {
     "spread": np.full(4, np.nan),
     "phase": np.full(4, 1j),
 }
-"""What others keep next to recordings: texts, dates, objects, numbers that are not finite or not real."""
+"""Arrays that people store next to recordings: texts, dates, objects, numbers that are not finite or not real."""
 
 
 @pytest.mark.parametrize("called", ["spikes", "touches"])
 @pytest.mark.parametrize("suffix", [".npz", ".pt", ".h5"])
-def test_what_is_not_made_of_numbers_may_lie_beside(
-    tmp_path: Path, called: str, suffix: str
-) -> None:
+def test_entries_that_are_not_numbers_are_ignored(tmp_path: Path, called: str, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     more = {name: array for name, array in NOT_NUMBERS.items() if array.dtype.kind in "SUMO"}
     if called == "spikes":
@@ -459,7 +465,7 @@ def test_what_is_not_made_of_numbers_may_lie_beside(
 
 
 def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
-    """Limits are those of putting events into bins, and these are bins already."""
+    """The limit of bin widths is for sorting events into bins; these recordings are bins already."""
     np.save(tmp_path / "a.npy", np.zeros((1, 2, 3)))
     read_back = read_recordings(
         tmp_path / "a.npy", model=Expected("model 'a'", step_seconds=1e-7, channels=2)
@@ -468,7 +474,7 @@ def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
     assert read_back.step_seconds == 1e-7
 
 
-def test_a_file_has_no_parts(tmp_path: Path) -> None:
+def test_a_part_of_a_single_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_recordings(labels_beside(tmp_path), split="train")
     assert str(caught.value) == (
@@ -477,7 +483,7 @@ def test_a_file_has_no_parts(tmp_path: Path) -> None:
 
 
 def test_a_size_of_true_is_one(tmp_path: Path) -> None:
-    """Damage of one letter, which numpy's header lets pass and its arrays do not."""
+    """numpy accepts the size True in a header, but not for an array."""
     path = tmp_path / "a.npy"
     path.write_bytes(
         npy_bytes(np.zeros((1, 78, 4), np.uint8)).replace(b"(1, 78, 4), }   ", b"(True, 78, 4), }")

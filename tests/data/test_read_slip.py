@@ -1,4 +1,8 @@
-"""Raw slip as VT_SNN publishes it: times in a folder of their own, 0.15 s from reaching, two fingertips."""
+"""Raw recordings of slips as the VT_SNN data set publishes them, of two fingertips.
+
+Events are lines of text in ``aces_recordings``, times of a robot's motion in ``traj_start_ends``. A slip is read for
+0.15 s from the time of reaching.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,14 @@ from tests.support.published_files import REACHING, START, write_slip
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "given", [".", "aces_recordings"], ids=["both folders", "the recordings' folder"]
+    "folder", [".", "aces_recordings"], ids=["both folders", "the recordings' folder"]
 )
 @pytest.mark.parametrize("nanoseconds", [True, False], ids=["four columns", "three columns"])
-def test_a_folder_of_slips(given: str, nanoseconds: bool, tmp_path: Path) -> None:
+def test_a_folder_of_slips_is_read_with_classes(
+    folder: str, nanoseconds: bool, tmp_path: Path
+) -> None:
     bins = write_slip(tmp_path / "slip", nanoseconds=nanoseconds)
-    recordings = read_recordings(tmp_path / "slip" / given)
+    recordings = read_recordings(tmp_path / "slip" / folder)
     assert recordings.spikes.shape == (8, 150, 156)
     assert recordings.step_seconds == 0.001
     assert recordings.class_names == ("stable", "rotate")
@@ -34,10 +40,11 @@ def test_a_folder_of_slips(given: str, nanoseconds: bool, tmp_path: Path) -> Non
     for name, spikes in zip(names, recordings.spikes, strict=True):
         assert np.array_equal(spikes, bins[name]), name
     assert recordings.binned is not None
+    # Every recording has an event before and one after the 0.15 s.
     assert recordings.binned.outside == 2 * 8
 
 
-def test_one_slip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_single_slip_has_no_label(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bins = write_slip(tmp_path / "slip")
     monkeypatch.chdir(tmp_path / "slip" / "aces_recordings")
     recordings = read_recordings("stable_02.tact")
@@ -45,7 +52,7 @@ def test_one_slip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert recordings.labels is None
 
 
-def test_the_bins_are_those_that_are_asked_for(tmp_path: Path) -> None:
+def test_the_width_of_bins_can_be_given(tmp_path: Path) -> None:
     bins = write_slip(tmp_path / "slip", each=1)
     # 0.15 s hold 21 whole bins of 7 ms.
     recordings = read_recordings(tmp_path / "slip", step_seconds=0.007)
@@ -54,7 +61,8 @@ def test_the_bins_are_those_that_are_asked_for(tmp_path: Path) -> None:
     assert np.array_equal(recordings.spikes[0], pooled)
 
 
-def test_a_file_beside_the_recording_counts_first(tmp_path: Path) -> None:
+def test_times_next_to_the_recording_come_first(tmp_path: Path) -> None:
+    """A ``.startend`` file of six times, next to the recording, makes it a grasp of 6.5 s (325 steps)."""
     write_slip(tmp_path / "slip", each=1)
     (tmp_path / "slip" / "aces_recordings" / "stable_01.startend").write_text("1 2 3 5 6 7")
     recordings = read_recordings(tmp_path / "slip" / "aces_recordings" / "stable_01.tact")
@@ -86,7 +94,9 @@ def test_a_file_beside_the_recording_counts_first(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_times_that_are_none(times: str | None, message: str, tmp_path: Path) -> None:
+def test_times_that_cannot_be_read_are_refused(
+    times: str | None, message: str, tmp_path: Path
+) -> None:
     write_slip(tmp_path, each=1)
     file = tmp_path / "traj_start_ends" / "rotate_01.startend"
     if times is None:
@@ -112,7 +122,7 @@ def test_any_text_is_read_or_refused(
         assert read_recordings(folder).spikes.shape in ((1, 150, 156), (1, 325, 156))
 
 
-def test_classes_stand_before_the_number_of_a_name(tmp_path: Path) -> None:
+def test_the_class_is_the_name_of_a_file_without_its_number(tmp_path: Path) -> None:
     for name in ("108-a_tuna_fish_can_01", "107-b_pepsi_bottle_02", "107-b_pepsi_bottle_01"):
         (tmp_path / f"{name}.tact").write_text("1 1 1.0\n")
     recordings = read_recordings(tmp_path)
@@ -121,7 +131,7 @@ def test_classes_stand_before_the_number_of_a_name(tmp_path: Path) -> None:
     assert recordings.labels.tolist() == [0, 0, 1]
 
 
-def test_one_name_is_not_a_class(tmp_path: Path) -> None:
+def test_files_of_a_single_name_have_no_class(tmp_path: Path) -> None:
     for number in (1, 2):
         (tmp_path / f"touch_{number}.tact").write_text("1 1 1.0\n")
     assert read_recordings(tmp_path).labels is None
@@ -132,27 +142,12 @@ def test_slips_train_a_network_of_two_fingertips(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_slip(tmp_path / "slip")
-    assert (
-        main(
-            [
-                "train",
-                "--data",
-                "slip",
-                "--epochs",
-                "1",
-                "--hidden",
-                "4",
-                "--quiet",
-                "-o",
-                "slip.pt",
-            ]
-        )
-        == 0
-    )
-    recordings = read_checkpoint("slip.pt").description
-    assert recordings.input.sensor.surfaces == 2
-    assert recordings.input.steps == 150
-    assert recordings.input.step_seconds == 0.001
-    assert recordings.input.channels == 156
-    assert recordings.classes == 2
-    assert recordings.class_names == ("stable", "rotate")
+    quick = ["--epochs", "1", "--hidden", "4", "--quiet"]
+    assert main(["train", "--data", "slip", *quick, "-o", "slip.pt"]) == 0
+    description = read_checkpoint("slip.pt").description
+    assert description.input.sensor.surfaces == 2
+    assert description.input.steps == 150
+    assert description.input.step_seconds == 0.001
+    assert description.input.channels == 156
+    assert description.classes == 2
+    assert description.class_names == ("stable", "rotate")

@@ -1,4 +1,8 @@
-"""Raw sensor text: cells to channels, bins and thresholds, phases, and garbage by its line."""
+"""Raw text of the NeuTouch sensor (``.tact``): a line per event with a polarity, a cell and a time in seconds.
+
+Tested are the channels of cells, bins and thresholds, the time of the grasp from a ``.startend`` file, and errors that
+name the line.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +48,8 @@ def test_cells_become_channels(tmp_path: Path, cell: int, polarity: int, channel
     assert recordings.labels is None
 
 
-def test_bins_and_threshold(tmp_path: Path) -> None:
-    # Of cell 1: one event in bin 0, two in bin 1, three in bin 3; the order of the lines does not matter.
+def test_a_bin_spikes_if_it_has_more_events_than_the_threshold(tmp_path: Path) -> None:
+    # Cell 1 has one event in bin 0, two in bin 1, and three in bin 3; the order of the lines does not matter.
     times = [10.07, 10.0, 10.025, 10.03, 10.071, 10.072]
     path = write(tmp_path / "grasp_label_4.tact", [(1, 1, t) for t in times])
     assert read_recordings(path).spikes[0, :, 0].tolist() == [1, 1, 0, 1]
@@ -59,7 +63,7 @@ def test_bins_and_threshold(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("start", [0, 5, 1_583_850_000])
 @pytest.mark.parametrize(("milliseconds", "columns"), [(1, 1), (1, 2), (20, 1), (20, 2)])
-def test_an_event_on_an_edge_is_the_first_of_its_bin(
+def test_an_event_on_the_edge_of_a_bin_is_the_first_in_it(
     tmp_path: Path, start: int, milliseconds: int, columns: int
 ) -> None:
     lines = [f"1 1 {start + k // 1000}.{k % 1000:03}000000\n" for k in range(0, 6500, milliseconds)]
@@ -89,7 +93,7 @@ def test_an_event_on_an_edge_is_the_first_of_its_bin(
         pytest.param("start: 1, grasping: 100.0", id="named, in part"),
     ],
 )
-def test_startend_selects_the_grasp(tmp_path: Path, text: str) -> None:
+def test_recordings_start_at_the_time_of_the_grasp(tmp_path: Path, text: str) -> None:
     events = [
         (1, 2, 99.9),
         (1, 2, 99.91),
@@ -107,7 +111,7 @@ def test_startend_selects_the_grasp(tmp_path: Path, text: str) -> None:
     assert [tuple(map(int, where)) for where in np.argwhere(spikes)] == [(0, 4), (324, 5)]
 
 
-def test_a_folder_of_recordings(tmp_path: Path) -> None:
+def test_recordings_of_a_folder_have_the_labels_of_their_names(tmp_path: Path) -> None:
     for name, cell in (("b_label_1", 2), ("a_label_0", 1)):
         write(tmp_path / f"{name}.tact", [(1, cell, 1.0), (1, cell, 1.0)])
     recordings = read_recordings(tmp_path)
@@ -117,6 +121,7 @@ def test_a_folder_of_recordings(tmp_path: Path) -> None:
 
 
 def message_of(path: Path) -> str:
+    """Return the message with which a file is refused."""
     with pytest.raises(InputError) as caught:
         read_recordings(path)
     return str(caught.value)
@@ -191,7 +196,7 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 o
         ),
     ],
 )
-def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
+def test_text_that_is_no_recording_is_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "a.tact").write_text(text)
     assert message_of(tmp_path / "a.tact") == message
 
@@ -217,20 +222,22 @@ def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
         ),
     ],
 )
-def test_options_that_do_not_hold(tmp_path: Path, options: dict[str, float], message: str) -> None:
+def test_impossible_options_are_refused(
+    tmp_path: Path, options: dict[str, float], message: str
+) -> None:
     with pytest.raises(InputError) as caught:
         read_recordings(write(tmp_path / "a.tact", [(1, 1, 0.0)]), **options)  # type: ignore[arg-type]
     assert str(caught.value) == message
 
 
-def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.tact").write_bytes(b"\xff\xfe\x00garbage")
     assert message_of(tmp_path / "a.tact").startswith(
         "file 'a.tact', line 1: it is not an event (got "
     )
 
 
-def test_startend_without_grasping(tmp_path: Path) -> None:
+def test_a_startend_file_without_the_time_of_grasping_is_refused(tmp_path: Path) -> None:
     write(tmp_path / "a.tact", [(1, 1, 0.0)])
     (tmp_path / "a.startend").write_text("1 2 3")
     assert message_of(tmp_path / "a.tact") == (
@@ -239,7 +246,7 @@ def test_startend_without_grasping(tmp_path: Path) -> None:
     )
 
 
-def test_a_folder_of_different_lengths(tmp_path: Path) -> None:
+def test_recordings_of_different_lengths_are_padded_with_silence(tmp_path: Path) -> None:
     folder = tmp_path / "grasps"
     folder.mkdir()
     write(folder / "a.tact", [(1, 1, 0.0), (1, 1, 0.1)])
@@ -251,8 +258,8 @@ def test_a_folder_of_different_lengths(tmp_path: Path) -> None:
     assert read_recordings(folder, steps=3).spikes[:, :, 0].tolist() == [[1, 0, 0], [1, 0, 0]]
 
 
-def test_what_binning_drops_is_counted(tmp_path: Path) -> None:
-    # Two in the first bin, one in the second, one in the third, which a recording of two steps does not have.
+def test_events_that_bins_drop_are_counted(tmp_path: Path) -> None:
+    # Two events in the first bin, one in the second, and one in the third, which a recording of two steps does not have.
     path = write(tmp_path / "a.tact", [(1, 1, 0.0), (1, 1, 0.001), (1, 1, 0.02), (1, 2, 0.045)])
     assert read_recordings(path).binned == Binned(threshold=0, events=4, outside=0, below=0)
     assert read_recordings(path, threshold=1).binned == Binned(

@@ -1,4 +1,7 @@
-"""The table of formats of recordings: a row is all that a format needs, next to its reader."""
+"""The table of recording formats: a new format needs only a row with its reader and writer.
+
+The tests add a format ``.lines`` of text, with a line of microseconds and channel per event.
+"""
 
 import numpy as np
 import pytest
@@ -13,13 +16,14 @@ from locsnn_compile.errors import InputError
 
 
 def read_lines(file):
-    """Read lines of microseconds, channel."""
+    """Return the events of a file."""
     rows = [line.split() for line in file.data.decode().splitlines()]
     times, channels = np.array(rows, dtype=np.int64).reshape(-1, 2).T
     return EventStream(times, channels, None, None, place=file.where)
 
 
 def write_lines(events):
+    """Return the content of the file of a recording, by its name."""
     times, cell, polarity = timed_events(events)
     channels = events.polarities * cell + polarity
     lines = [f"{time} {channel}\n" for time, channel in zip(times, channels, strict=True)]
@@ -31,6 +35,7 @@ LINES = EventFormat(".lines", read_lines, write_lines, most_bytes=100)
 
 @pytest.fixture(autouse=True)
 def with_lines(monkeypatch):
+    """Add the format to the table in every test."""
     monkeypatch.setattr(formats, "EVENT_FORMATS", (*formats.EVENT_FORMATS, LINES))
 
 
@@ -82,7 +87,7 @@ def test_limits_of_the_row_are_kept(tmp_path, text, options, message):
     assert str(caught.value) == message
 
 
-def test_errors_list_the_format(tmp_path, capsys):
+def test_the_error_for_an_unknown_ending_lists_the_format(tmp_path, capsys):
     (tmp_path / "a.xyz").write_text("")
     assert main(["events", str(tmp_path / "a.xyz")]) == 2
     assert capsys.readouterr().err == (

@@ -1,4 +1,4 @@
-"""The recordings themselves: what they hold, and what they refuse."""
+"""The type ``Recordings``: it copies its arrays and makes them read-only, and refuses arrays that are no recordings."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from locsnn_compile.errors import InputError
 
 
 def test_arrays_are_copied_and_read_only() -> None:
-    given = np.zeros((2, 3, 4))
+    spikes = np.zeros((2, 3, 4))
     recordings = Recordings(
-        given, np.array([0, 1], dtype=np.int32), step_seconds=0.02, source="x.npy"
+        spikes, np.array([0, 1], dtype=np.int32), step_seconds=0.02, source="x.npy"
     )
-    given[0, 0, 0] = 1
+    spikes[0, 0, 0] = 1
     assert recordings.spikes.sum() == 0
     assert (recordings.spikes.dtype, recordings.spikes.flags.writeable) == (
         np.dtype(np.uint8),
@@ -41,7 +41,7 @@ def test_subset_takes_rows_in_order() -> None:
 
 
 def one(value: float) -> np.ndarray:
-    """Two recordings of 3 steps and 4 channels, all 0 but for the last bin of the last."""
+    """Return two recordings of 3 steps and 4 channels, all 0 except the last bin of the last recording."""
     spikes = np.zeros((2, 3, 4))
     spikes[1, 2, 3] = value
     return spikes
@@ -139,7 +139,7 @@ NUMBERS = (
         ),
     ],
 )
-def test_what_are_no_recordings(
+def test_arrays_that_are_no_recordings_are_refused(
     spikes: np.ndarray, labels: Any, seconds: float | None, message: str
 ) -> None:
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,8 @@
-"""Some channels of a sensor, and one for several: in training, and wherever its recordings are read again."""
+"""Networks on a selection of a sensor's channels: some taxels or one polarity, or several channels merged into one.
+
+The selection of the training is stored in checkpoints and programs, so that recordings of the sensor are read with the
+same selection wherever the network is used.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +27,13 @@ STEPS = 12
 
 
 def touches(samples: int = 8) -> np.ndarray:
-    """Recordings (samples, channels, steps) of ten taxels with two polarities."""
+    """Return random recordings (samples, channels, steps) of ten taxels with two polarities."""
     r = np.random.default_rng(5)
     return (r.random((samples, 2 * TAXELS, STEPS)) < 0.15).astype(np.uint8)
 
 
 def by_taxel(spikes: np.ndarray) -> np.ndarray:
-    """(samples, taxels, polarities, steps)."""
+    """Return recordings as (samples, taxels, polarities, steps)."""
     return spikes.reshape(len(spikes), TAXELS, 2, STEPS)
 
 
@@ -102,7 +106,7 @@ def test_channels_are_picked_and_merged(data, options, expected):
     assert layout.inputs == recordings.channels
 
 
-def test_merged_taxels_lie_in_the_middle_of_theirs_and_picked_ones_keep_their_names():
+def test_merged_taxels_have_their_mean_position_and_picked_ones_keep_their_names():
     corners = ((0.0, 0.0), (2.0, 0.0), (0.0, 4.0), (2.0, 6.0))
     layout = SensorLayout(
         "pad", taxels=4, polarities=2, positions=corners, names=("a", "b", "c", "d")
@@ -263,12 +267,12 @@ def test_recordings_of_merged_channels_are_read_as_they_are(trained, data, tmp_p
 
 def test_fine_tuning_goes_on_with_the_channels(trained, data, tmp_path):
     out = tmp_path / "tuned.pt"
-    again = ["train", "--data", str(data), "--from", str(trained), "--target", "xylo-imu"]
-    assert locsnn([*again, "--epochs", "1", "--quiet", "-o", str(out)]) in (0, 3)
+    command = ["train", "--data", str(data), "--from", str(trained), "--target", "xylo-imu"]
+    assert locsnn([*command, "--epochs", "1", "--quiet", "-o", str(out)]) in (0, 3)
     assert lc.load(out).recorded == MERGED
 
 
-def test_a_committee_agrees_on_its_sensor_and_programs_of_a_mesh_keep_it(data, tmp_path, capsys):
+def test_a_program_of_a_mesh_keeps_the_selection(data, tmp_path, capsys):
     out = tmp_path / "windows.pt"
     picked = ["--grid", "10x1", "--only-taxels", "3-8", "--only-polarity", "1"]
     fast = ["--model", "tactile-snn", "--hidden", "4", "--epochs", "1", "--quiet"]
@@ -278,11 +282,13 @@ def test_a_committee_agrees_on_its_sensor_and_programs_of_a_mesh_keep_it(data, t
     recorded = RecordedChannels(10, 1, 2, ChannelSelection("3-8", 1))
     assert hw.load_program(built).recorded == recorded
     assert locsnn(["run", str(built), "--events", str(data), "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)["assumptions"]
-    assert said == ["Channels were read as in the training (--only-taxels 3-8 --only-polarity 1)."]
+    assumptions = json.loads(capsys.readouterr().out)["assumptions"]
+    assert assumptions == [
+        "Channels were read as in the training (--only-taxels 3-8 --only-polarity 1)."
+    ]
 
 
-def test_in_memory_recordings_are_taken_as_they_are():
+def test_a_selection_of_recordings_in_memory_is_refused():
     with pytest.raises(lc.InputError) as error:
         lc.train(
             np.ones((4, 10, 20), np.uint8),
@@ -318,12 +324,13 @@ ENTRIES = {
         pytest.param({"only_polarity": 0}, id="a polarity, merged"),
     ],
 )
-def test_a_training_that_contradicts_its_network_says_nothing_of_a_sensor(entries):
+def test_a_selection_that_contradicts_its_network_is_ignored(entries):
+    """Such entries of a checkpoint are damaged, and the network is used without them."""
     assert recorded_in(ENTRIES, 5) == MERGED
     assert recorded_in(ENTRIES | entries, 5) is None
 
 
-def test_a_program_of_a_sensor_that_cannot_be_is_refused():
+def test_a_program_of_an_impossible_sensor_is_refused():
     document = MERGED.document()
     assert recorded_of("program.yaml", document) == MERGED
     with pytest.raises(lc.InputError) as error:

@@ -1,4 +1,4 @@
-"""The sensor's layout: orders, walks and the messages about orders that are none."""
+"""The layout of the NeuTouch sensor: named orders of its 39 taxels, walks over its channels, and orders that are refused."""
 
 from __future__ import annotations
 
@@ -26,15 +26,18 @@ def test_coordinates_are_those_of_a_symmetric_fingertip() -> None:
 @given(order=st.permutations(range(1, TAXELS + 1)), fingertips=st.integers(1, 3))
 @settings(max_examples=30, deadline=None)
 def test_walk_is_channel_pairs_in_order(order: list[int], fingertips: int) -> None:
-    expected = [
-        78 * f + c for f in range(fingertips) for p in order for c in (2 * p - 2, 2 * p - 1)
-    ]
+    expected = []
+    for fingertip in range(fingertips):
+        for taxel in order:
+            # Taxels are numbered from 1, and have two channels each.
+            first_channel = 2 * TAXELS * fingertip + 2 * (taxel - 1)
+            expected += [first_channel, first_channel + 1]
     walk = channel_walk(order, neutouch(fingertips))
     assert walk.tolist() == expected
     assert not walk.flags.writeable
 
 
-def test_loop_is_the_identity() -> None:
+def test_order_loop_visits_channels_in_the_order_of_their_numbers() -> None:
     assert channel_walk(LOCATION_ORDERS["loop"], neutouch(2)).tolist() == list(range(156))
 
 
@@ -70,7 +73,7 @@ LOOP = list(range(1, 40))
         ),
     ],
 )
-def test_orders_that_are_none(order: list[int], message: str) -> None:
+def test_orders_that_are_no_permutation_are_refused(order: list[int], message: str) -> None:
     with pytest.raises(InputError) as caught:
         channel_walk(order, neutouch(1))
     assert str(caught.value) == message
@@ -87,7 +90,9 @@ def test_orders_that_are_none(order: list[int], message: str) -> None:
         ),
     ],
 )
-def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> None:
+def test_an_order_is_given_by_its_name_or_as_a_list(
+    text: str, expected: tuple[str, tuple[int, ...]]
+) -> None:
     assert location_order(text, neutouch()) == expected
 
 
@@ -111,7 +116,7 @@ def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> Non
         ),
     ],
 )
-def test_texts_that_are_no_order(text: str, message: str) -> None:
+def test_texts_that_are_no_order_are_refused(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         location_order(text, neutouch())
     assert str(caught.value) == message

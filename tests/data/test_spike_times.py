@@ -1,4 +1,4 @@
-"""HDF5 recordings: arrays by name, and spike times as the Heidelberg data sets have them, written by h5py."""
+"""HDF5 recordings: arrays by name, and spike times in the layout of the Heidelberg data sets, written here by h5py."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from locsnn_compile.errors import InputError
 
 TIMES = [[0.0, 0.013, 0.055], [], [0.029]]
 UNITS = [[3, 699, 3], [], [0]]
+"""Seconds and channels (units) of the spikes of three recordings, of which the second is silent."""
 
 
 def heidelberg(
@@ -24,7 +25,7 @@ def heidelberg(
     kinds: tuple[str, str] = ("<f2", "<u2"),
     **more: object,
 ) -> Path:
-    """Write spike times (seconds) and units, a row per recording, as the Heidelberg data sets have them."""
+    """Write spike times (seconds) and units, a row per recording; ``kinds`` are their dtypes, ``more`` further entries."""
     with h5py.File(path, "w") as file:
         for name, rows, kind in (("times", times, kinds[0]), ("units", units, kinds[1])):
             held = file.create_dataset(
@@ -52,7 +53,7 @@ def test_spike_times_become_bins(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "kinds", [(">f2", "<u2"), (">f4", ">u2"), (">f8", ">i4"), ("<f8", ">i8"), (">i4", "<i4")]
 )
-def test_any_order_of_bytes(tmp_path: Path, kinds: tuple[str, str]) -> None:
+def test_numbers_of_any_byte_order_are_read(tmp_path: Path, kinds: tuple[str, str]) -> None:
     path = heidelberg(tmp_path / "shd.h5", [[0, 1, 5], [], [2]], kinds=kinds)
     recordings = read_recordings(path, step_seconds=1.0, channels=700)
     assert np.argwhere(recordings.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
@@ -65,7 +66,7 @@ def test_units_are_channels_of_a_grid(tmp_path: Path, grid: str, polarities: int
     assert np.argwhere(recordings.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
 
 
-def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
+def test_later_spikes_are_cut_and_counted(tmp_path: Path) -> None:
     recordings = read_recordings(
         heidelberg(tmp_path / "shd.hdf5"), step_seconds=0.01, channels=700, steps=2
     )
@@ -82,7 +83,9 @@ def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("axes", ["samples,channels,steps", "samples,steps,channels"])
-def test_arrays_by_name(tmp_path: Path, axes: str) -> None:
+def test_arrays_are_read_by_name_in_the_order_of_axes_that_the_file_states(
+    tmp_path: Path, axes: str
+) -> None:
     spikes = (np.random.default_rng(0).random((4, 5, 7)) < 0.3).astype(np.uint8)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["spikes"] = spikes.transpose(
@@ -178,7 +181,7 @@ WAY = "Give times and units from 0 up."
         ),
     ],
 )
-def test_files_that_hold_no_recordings(
+def test_files_without_readable_recordings_are_refused(
     make: Callable[[Path], object], message: str, tmp_path: Path
 ) -> None:
     make(tmp_path / "a.h5")

@@ -1,4 +1,4 @@
-"""Where time begins in a recording, events in the columns of a table, units of time, and recordings of many steps."""
+"""Options of event files: when step 0 begins, tables of events, the unit of times, and the largest number of steps."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ TXP = [("t", "i8"), ("x", "i8"), ("p", "i1")]
 EVENTS = [(0, 2, 0), (25_000, 0, 1), (59_999, 1, 0)]
 """Microseconds, x and polarity."""
 PLACES = [(0, 4), (1, 1), (2, 2)]
-"""Steps of 20 ms and channels of these."""
+"""Step of 20 ms and channel, 2 x + polarity, of each of the events."""
 
 
 def fields(offset: int) -> np.ndarray:
-    """The events as a structured array, put off by so many ticks."""
+    """Return the events as a structured array, with an offset added to their times."""
     return np.array([(t + offset, x, p) for t, x, p in EVENTS], dtype=TXP)
 
 
@@ -36,11 +36,12 @@ def slayer(offset: int) -> bytes:
 
 
 def places(recordings: Recordings, index: int = 0) -> list[tuple[int, int]]:
-    """The (step, channel) of every event of a recording."""
+    """Return the (step, channel) of every event of a recording."""
     return [(int(step), int(channel)) for step, channel in np.argwhere(recordings.spikes[index])]
 
 
 def late(steps: int) -> list[tuple[int, int]]:
+    """Return the (step, channel) of the events some steps later."""
     return [(step + steps, channel) for step, channel in PLACES]
 
 
@@ -53,7 +54,7 @@ def put_slayer(path: Path, offset: int) -> None:
 
 
 def put_spike_times(path: Path, offset: int) -> None:
-    """Write channels, since units have no polarity."""
+    """Write spike times, whose units are channels: they have no polarity."""
     with h5py.File(path, "w") as file:
         kind = h5py.vlen_dtype(np.float64)
         times = [(t + offset) / 1e6 for t, _, _ in EVENTS]
@@ -75,9 +76,11 @@ def test_recordings_start_at_their_first_event_unless_the_format_counts_from_0(
     put(tmp_path / name, 2_000_000)
     recordings = read_recordings(tmp_path / name)
     steps = [step for step, _ in places(recordings)]
-    in_bins = [step for step, _ in late(silent_steps)]
-    rounded = [silent_steps + step for step in (0, 1, 3)]
-    assert steps == (rounded if name == "a.bs1" else in_bins)
+    expected = [step for step, _ in late(silent_steps)]
+    if name == "a.bs1":
+        # SLAYER rounds times to the nearest step.
+        expected = [silent_steps + step for step in (0, 1, 3)]
+    assert steps == expected
     assert recordings.spikes.shape[1] == 1 + steps[-1]
 
 
@@ -87,8 +90,10 @@ def test_times_since_1970_and_an_offset_of_10_s_are_not_silence(tmp_path: Path) 
     recordings = read_recordings(tmp_path)
     assert recordings.spikes.shape == (2, 3, 6)
     assert places(recordings, 0) == places(recordings, 1) == PLACES
-    said = "Recordings start at their first event, up to 1.7e+09 s after time 0 of their files (--start)."
-    assert recordings.assumed == (said,)
+    assert recordings.assumed == (
+        "Recordings start at their first event, "
+        "up to 1.7e+09 s after time 0 of their files (--start).",
+    )
 
 
 def test_a_data_set_of_tonic_starts_at_its_first_event() -> None:
@@ -128,7 +133,7 @@ def test_a_recording_whose_events_all_lie_before_its_start_is_refused(tmp_path: 
     assert str(caught.value) == "file 'a.npy': no events inside. Give a recording with events."
 
 
-def test_silence_at_the_start_comes_back_from_events_by_the_option_that_is_printed(
+def test_silence_at_the_start_is_read_back_from_events_with_the_option_that_is_printed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -171,8 +176,11 @@ def test_a_table_of_events_is_recognised(
     cells = [8 * y + x for x, y in zip(GRID["x"], rows, strict=True)]
     channels = [2 * cell + p for cell, p in zip(cells, GRID["p"], strict=True)]
     assert places(recordings) == list(zip([0, 1, 2], channels, strict=True))
-    said = f"The columns of file 'a{suffix}' were taken as {ORDERS[order]}, with t in microseconds (--time-unit)."
-    assert said in recordings.assumed
+    assumption = (
+        f"The columns of file 'a{suffix}' were taken as {ORDERS[order]}, "
+        "with t in microseconds (--time-unit)."
+    )
+    assert assumption in recordings.assumed
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
@@ -292,7 +300,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("array", "options", "message"), REFUSED)
-def test_what_is_no_table_of_events(
+def test_tables_and_options_that_do_not_fit_are_refused(
     tmp_path: Path, array: np.ndarray, options: dict[str, Any], message: str
 ) -> None:
     np.save(tmp_path / "a.npy", array)
@@ -317,7 +325,7 @@ def test_what_is_no_table_of_events(
         ),
     ],
 )
-def test_formats_that_say_their_time_take_no_other(
+def test_formats_with_a_start_or_a_unit_of_their_own_refuse_another(
     tmp_path: Path, name: str, options: dict[str, Any], message: str
 ) -> None:
     (tmp_path / name).write_bytes(b"1 1 0.5\n" if name == "a.tact" else slayer(0))
@@ -327,13 +335,13 @@ def test_formats_that_say_their_time_take_no_other(
 
 
 def half_a_minute(path: Path) -> Path:
-    """Write 30 s of events, one a second."""
+    """Write 30 s of events, one per second."""
     times = np.arange(31) * 1_000_000
     np.save(path, np.array([(t, 0, 0) for t in times], dtype=TXP))
     return path
 
 
-def test_half_a_minute_in_steps_of_1_ms_is_read_where_it_is_allowed(tmp_path: Path) -> None:
+def test_half_a_minute_in_steps_of_1_ms_is_read_if_more_steps_are_allowed(tmp_path: Path) -> None:
     path = half_a_minute(tmp_path / "a.npy")
     with pytest.raises(InputError) as caught:
         read_recordings(path, step_seconds=0.001)
@@ -359,7 +367,7 @@ def test_times_of_a_format_that_counts_from_0_may_be_read_from_the_first_event(
     assert read_recordings(tmp_path / "a.h5", start="first").spikes.shape == (1, 3, 5)
 
 
-def test_long_recordings_are_trained_on_where_they_are_allowed(
+def test_training_on_long_recordings_is_refused_unless_more_steps_are_allowed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

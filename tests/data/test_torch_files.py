@@ -1,4 +1,4 @@
-"""Torch's files without torch: the values of ``torch.load(weights_only=True)`` bit for bit."""
+"""The reader of torch files, which needs no torch, gives the values of ``torch.load(weights_only=True)`` bit for bit."""
 
 import collections
 import io
@@ -29,11 +29,11 @@ DTYPES = [
     torch.complex128,
 ]
 NEWER = [torch.uint16, torch.uint32, torch.uint64]
-"""Of these, torch reads what it wrote in the new format only."""
+"""Types that torch itself reads back in the new format only."""
 
 
 def assert_same(value_read, expected):
-    """Compare a value that our reader found with torch's, tensors by their bits."""
+    """Check that a value by the project's reader is that of torch; tensors are compared by their bits."""
     if isinstance(expected, torch.Tensor):
         assert isinstance(value_read, Tensor)
         assert value_read.dtype == str(expected.dtype)
@@ -65,14 +65,14 @@ def assert_same(value_read, expected):
 
 
 def assert_read_as_torch_does(data):
-    """Our reader makes of these bytes what torch makes of them."""
+    """Check that the project's reader and torch read the same from a file."""
     expected = torch.load(io.BytesIO(data), weights_only=True, map_location="cpu")
     assert_same(read(data), expected)
 
 
 @st.composite
 def tensors(draw, dtypes):
-    """A view of a storage with any bits, or several that share it: slices, transposes and the like."""
+    """Draw a view of a storage with any bits, or several views that share it: slices, transposes and the like."""
     dtype = draw(st.sampled_from(dtypes))
     size = draw(st.integers(0, 24))
     width = torch.empty(0, dtype=dtype).element_size()
@@ -90,6 +90,7 @@ def tensors(draw, dtypes):
 
 
 def view(draw, x):
+    """Draw a view of a tensor; where a kind of view is not possible, return the tensor."""
     way = draw(
         st.sampled_from(
             ("slice", "strided", "expand", "transpose", "conj", "parameter", "column", "empty")
@@ -117,6 +118,7 @@ def view(draw, x):
 
 
 def values(dtypes):
+    """Return a strategy for plain values, tensors of these types, and lists, tuples and dicts of them."""
     plain = (
         st.none()
         | st.booleans()
@@ -162,7 +164,7 @@ def test_files_from_before_torch_1_6_are_what_torch_reads(value, place):
 
 
 @pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
-def test_what_networks_and_optimisers_save(archive):
+def test_state_dicts_of_networks_and_optimisers_are_what_torch_reads(archive):
     net = torch.nn.Sequential(
         torch.nn.Conv2d(1, 2, 3), torch.nn.BatchNorm2d(2), torch.nn.Linear(4, 2)
     )
@@ -185,20 +187,20 @@ def test_shared_storages_stay_shared():
 
 
 @pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
-def test_a_slice_that_holds_nothing_may_begin_behind_the_end(archive):
+def test_an_empty_slice_may_begin_after_the_end_of_its_storage(archive):
     nothing = torch.zeros(1).as_strided((1,), (2,))[1:]
     assert nothing.storage_offset() == 2
     assert nothing.untyped_storage().nbytes() == 4
     assert_read_as_torch_does(saved(nothing, archive=archive))
 
 
-def test_a_negated_part_of_complex_numbers():
+def test_a_negated_view_of_complex_numbers_is_what_torch_reads():
     part = torch.tensor([1 + 2j, -0.0 + 3j, complex("nan")]).conj().imag
     assert part.is_neg()
     assert_read_as_torch_does(saved(part))
 
 
-def test_storages_of_the_other_byte_order():
+def test_storages_of_the_other_byte_order_are_what_torch_reads():
     numbers = {str(d): torch.arange(7).to(d) for d in DTYPES} | {"x": torch.tensor([1 + 2j])}
     data = saved(numbers)
     swapped = io.BytesIO()
@@ -209,7 +211,7 @@ def test_storages_of_the_other_byte_order():
     assert_read_as_torch_does(swapped.getvalue())
 
 
-def test_a_storage_that_is_a_part_of_another_as_before_torch_1_0():
+def test_a_storage_may_be_a_part_of_another_as_before_torch_1_0():
     rebuilt = torch._utils._rebuild_tensor
     parts = [
         Rebuilt(rebuilt, whole(("8", 1, 3)), 1, (2,), (1,)),
@@ -220,9 +222,9 @@ def test_a_storage_that_is_a_part_of_another_as_before_torch_1_0():
     assert [tensor.array().tolist() for tensor in read(data)] == [[2, 3], [0, 1, 2, 3, 4]]
 
 
-def test_a_file_that_python_2_wrote():
-    """Its texts are bytes, its dicts given as lists of pairs, and its storages of a class of CUDA."""
-    # What comes before the dict that tells of the machine, which is empty in this file.
+def test_a_file_written_by_python_2_is_what_torch_reads():
+    """Its texts are bytes, its dicts are lists of pairs, and its storages belong to a class of CUDA."""
+    # The part before the dict that describes the machine, which is empty in this file.
     head = old_file(0)[:-5].partition(b"}q\x00")[0]
     # A pickled list of the one storage, "7", and the number of its elements.
     storages = b"\x80\x02](U\x017e." + struct.pack("<q", 5)
@@ -272,14 +274,14 @@ OTHER = [
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(("make", "expected"), OTHER)
-def test_what_numpy_cannot_hold_keeps_its_name(make, expected):
+def test_tensors_that_numpy_cannot_hold_keep_their_type_and_shape(make, expected):
     value_read, plain_tensor = read(saved([make(), torch.ones(2)]))
     assert (value_read.dtype, value_read.shape, value_read.layout, value_read.device) == expected
     assert value_read.array() is None
     assert plain_tensor.array().tolist() == [1, 1]
 
 
-def test_storages_as_values():
+def test_storages_that_are_values_are_read_as_tensors():
     value_read = read(saved([torch.ones(2).untyped_storage(), torch.arange(3)._typed_storage()]))
     assert [(tensor.dtype, tensor.shape) for tensor in value_read] == [
         ("torch.uint8", (8,)),

@@ -1,7 +1,8 @@
-"""Which pixel reaches which neuron: every reader of recordings against every kind of model over images.
+"""A pixel reaches the same neuron with every reader of recordings and every kind of model for images.
 
 The network is a 1 x 1 depthwise convolution of ones over (2 polarities, 4 rows, 4 columns) with a threshold of 0.5, so
-that neuron p * 16 + 4 * y + x spikes for an event at (x, y, p) and for no other.
+that neuron p * 16 + 4 * y + x spikes for an event at (x, y, p) and for no other. Readers are functions that write one
+event to a file and read it for a network; models are functions that write a network file and load it.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ POLARITIES = 2
 STEPS = 4
 """Enough for the spike, which comes a step after its event."""
 EVENTS = {(1, 2, 1): 25, (3, 0, 0): 3, (0, 3, 1): 28}
-"""The neuron that an event (x, y, p) makes spike."""
+"""Events (x, y, p), and the neuron that spikes for each."""
 TXYP = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "<i1")])
 Place = tuple[int, int, int]
 
 
 def nir_graph(folder: Path) -> lc.Network:
-    """An Input of shape (C, H, W)."""
+    """A NIR graph with an Input of shape (C, H, W)."""
     image = (POLARITIES, ROWS, COLUMNS)
     convolution = nir.Conv2d(
         input_shape=(ROWS, COLUMNS),
@@ -59,6 +60,7 @@ def nir_graph(folder: Path) -> lc.Network:
 
 
 def net_layers(stated: bool) -> list[dict[str, Any]]:
+    """Return the layers of a ``.net`` file: a convolution, after an input layer if the input is ``stated``."""
     shape = np.array([POLARITIES, ROWS, COLUMNS])
     convolution = {
         "type": "conv",
@@ -83,13 +85,13 @@ def net_file(folder: Path) -> lc.Network:
 
 
 def net_without_input(folder: Path) -> lc.Network:
-    """A convolution of stride 1, which says itself what its input is."""
+    """A convolution of stride 1, whose input has the shape of its output."""
     write_net(folder / "model.net", net_layers(stated=False))
     return lc.load(folder / "model.net")
 
 
 def slayer_checkpoint(folder: Path) -> lc.Network:
-    """The layers of the YAML begin with ``4x4x2``."""
+    """A checkpoint of a convolution, whose YAML describes the layers from an input ``4x4x2`` on."""
     weights = {"conv1.weight": torch.full((POLARITIES, 1, 1, 1, 1), 2.0)}
     torch.save(weights, folder / "model.pt")
     layers = [{"dim": "4x4x2"}, {"dim": "2c1", "padding": 0, "groups": POLARITIES}]
@@ -111,7 +113,7 @@ def slayer_dense(folder: Path) -> lc.Network:
 
 
 def flat_graph(folder: Path) -> lc.Network:
-    """A flat Input, of which the user says the order."""
+    """A NIR graph with a flat Input, whose order the user states."""
     size = POLARITIES * ROWS * COLUMNS
     nodes = {
         "input": nir.Input(np.array([size])),
@@ -270,4 +272,5 @@ def test_a_pixel_reaches_its_neuron(
     network = model(tmp_path)
     neurons, compiled = spiking_neurons(network, reader(tmp_path, place, network))
     assert neurons == [EVENTS[place]]
-    assert not [said for said in compiled.report["assumptions"] if "number" in said]
+    # No numbering of pixels was assumed.
+    assert not any("number" in assumption for assumption in compiled.report["assumptions"])

@@ -1,4 +1,8 @@
-"""Every format that is written reads back to equal arrays, with what it says that it does not hold."""
+"""Recordings written in any format are equal when they are read back, with the options that the writer reports.
+
+A format may not store the width of a step, the number of channels or steps, or silence at the start. The writer reports
+such facts as options for the reader.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +29,24 @@ def sparse(
 ) -> Recordings:
     """Return three recordings that begin and end in silence, with silent last channels."""
     spikes = (np.random.default_rng(channels).random((3, steps, channels)) < 0.1).astype(np.uint8)
-    spikes[:, :3], spikes[:, -4:], spikes[:, :, -5:] = 0, 0, 0
+    spikes[:, :3] = 0
+    spikes[:, -4:] = 0
+    spikes[:, :, -5:] = 0
     return Recordings(spikes, np.array([4, 0, 4]) if labels else None, seconds, "sparse")
 
 
 def rising_only() -> Recordings:
+    """Return recordings with events of one polarity only."""
     spikes = sparse(78).spikes.copy()
     spikes[:, :, 1::2] = 0
     return Recordings(spikes, labels=None, step_seconds=0.02, source="rising")
 
 
 def no_last_column() -> Recordings:
+    """Return recordings in which the last taxel of both fingertips has hardly any events.
+
+    A reader cannot tell from such events how many columns the sensor has.
+    """
     spikes = BOTH.spikes.copy()
     spikes[:, :, [76, 77]] = 0
     spikes[:, :, 154] = spikes[:, :, 155] = 0
@@ -44,7 +55,7 @@ def no_last_column() -> Recordings:
 
 
 def same(read_back: Recordings, expected: Recordings) -> None:
-    """Assert that recordings have equal spikes, labels and widths of a step."""
+    """Check that recordings have equal spikes, labels and widths of a step."""
     assert np.array_equal(read_back.spikes, expected.spikes)
     assert (read_back.labels is None) == (expected.labels is None)
     if read_back.labels is not None and expected.labels is not None:
@@ -70,10 +81,10 @@ SETS = [
     [(39, 10, 2), (2, 78, 9), (1, 78, 9), (2, 39, 14), (2, 9, 117), (3, 156, 512), (78, 2, 39)],
     ids=lambda shape: " x ".join(map(str, shape)),
 )
-def test_sizes_that_suggest_another_order_come_back(
+def test_recordings_whose_sizes_suggest_another_order_of_axes_are_read_back(
     tmp_path: Path, shape: tuple[int, int, int], name: str
 ) -> None:
-    """Sizes of NeuTouch on another axis, as 39 recordings of two channels, which read as one of 39 taxels."""
+    """An axis has a size that NeuTouch has on another, such as 39 recordings of two channels for one of 39 taxels."""
     recordings = Recordings(
         (np.random.default_rng(1).random(shape) < 0.2).astype(np.uint8),
         labels=None,
@@ -88,7 +99,9 @@ def test_sizes_that_suggest_another_order_come_back(
 @pytest.mark.parametrize("recordings", SETS)
 @pytest.mark.parametrize("kind", ["npz", "pt", "npy", "events", "bs1", "bs2", "tact"])
 @pytest.mark.parametrize("suffix", ["", ".zip"])
-def test_sets_come_back(tmp_path: Path, recordings: Recordings, kind: str, suffix: str) -> None:
+def test_sets_of_recordings_are_read_back(
+    tmp_path: Path, recordings: Recordings, kind: str, suffix: str
+) -> None:
     whole = kind in ("npz", "pt")
     path = tmp_path / (f"out.{kind}" if whole else f"out{suffix}")
     members = "npy" if whole else kind
@@ -106,7 +119,7 @@ def test_sets_come_back(tmp_path: Path, recordings: Recordings, kind: str, suffi
 
 
 @pytest.mark.parametrize("kind", ["npy", "bs1", "bs2", "tact", "structured npy", "structured npz"])
-def test_one_recording_comes_back(tmp_path: Path, kind: str) -> None:
+def test_a_single_recording_is_read_back(tmp_path: Path, kind: str) -> None:
     one = BOTH.subset([1])
     assert one.spikes[0, 0].any()
     path = tmp_path / f"touch_label_1.{kind.split()[-1]}"
@@ -141,7 +154,7 @@ def test_one_recording_comes_back(tmp_path: Path, kind: str) -> None:
         pytest.param(BOTH, "tact", {}, id="tact of two fingertips and 6.5 s"),
     ],
 )
-def test_what_a_format_leaves_open(
+def test_the_writer_reports_what_a_format_does_not_store(
     tmp_path: Path, recordings: Recordings, kind: str, options: dict[str, Any]
 ) -> None:
     path = tmp_path / ("a.npz" if kind == "npz" else "a.zip")
@@ -157,7 +170,7 @@ def test_what_a_format_leaves_open(
     kind=st.sampled_from(["npy", "events", "bs1", "bs2"]),
 )
 @settings(max_examples=60, deadline=None)
-def test_any_recordings_come_back(
+def test_any_recordings_are_read_back(
     seed: int, shape: tuple[int, int, int], share: float, seconds: float | None, kind: str
 ) -> None:
     spikes = (np.random.default_rng(seed).random(shape) < share).astype(np.uint8)
@@ -182,7 +195,7 @@ def test_any_recordings_come_back(
 @example(seed=1, grid=(4, 5, 2), share=0.2, kind="bs1")
 @example(seed=1, grid=(1, 1, 2), share=0.125, kind="events")  # only the second polarity has events
 @settings(max_examples=60, deadline=None)
-def test_recordings_of_a_grid_come_back_with_and_without_it(
+def test_recordings_of_a_grid_are_read_back_with_and_without_the_grid(
     seed: int, grid: tuple[int, int, int], share: float, kind: str
 ) -> None:
     columns, rows, polarities = grid
@@ -209,7 +222,7 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
 
 @pytest.mark.parametrize("columns", [None, 13])
 @pytest.mark.parametrize(("taxels", "polarities"), [(39, 1), (78, 1), (39, 2), (78, 2)])
-def test_text_has_the_taxels_of_a_sensor(
+def test_raw_text_of_a_described_sensor_is_read_back(
     tmp_path: Path, taxels: int, polarities: int, columns: int | None
 ) -> None:
     sensor = SensorLayout("mine", taxels, polarities, columns=columns)
@@ -220,17 +233,17 @@ def test_text_has_the_taxels_of_a_sensor(
     same(read_recordings(tmp_path / "a.zip", sensor=sensor, steps=30), expected)
 
 
-def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
+def test_events_of_a_grid_are_written_with_their_cells(tmp_path: Path) -> None:
     spikes = np.zeros((1, 3, 40), dtype=np.uint8)
     spikes[0, 1, 2 * (4 * 3 + 1) + 1] = 1  # row 3, column 1, polarity 1
-    recordings, sensor = (
-        Recordings(spikes, labels=None, step_seconds=0.02, source="grid"),
-        SensorLayout("grid 4x5", taxels=20, polarities=2, columns=4),
-    )
+    recordings = Recordings(spikes, labels=None, step_seconds=0.02, source="grid")
+    sensor = SensorLayout("grid 4x5", taxels=20, polarities=2, columns=4)
     for name in ("a.bs1", "a.bs2"):
         write_recordings(tmp_path / name, recordings, sensor=sensor)
-    assert (tmp_path / "a.bs1").read_bytes() == bytes([0, 13, 0x80, 20_000 >> 8, 20_000 & 0xFF])
-    assert (tmp_path / "a.bs2").read_bytes() == bytes([1, 3, 0x80, 20_000 >> 8, 20_000 & 0xFF])
+    # A cell number or x and y, then the polarity as the highest bit of 24, and 20,000 microseconds.
+    polarity_and_time = [0x80, 20_000 >> 8, 20_000 & 0xFF]
+    assert (tmp_path / "a.bs1").read_bytes() == bytes([0, 13, *polarity_and_time])
+    assert (tmp_path / "a.bs2").read_bytes() == bytes([1, 3, *polarity_and_time])
 
 
 def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
@@ -368,7 +381,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("name", "recordings", "options", "message"), REFUSED)
-def test_what_a_format_cannot_hold(
+def test_recordings_that_a_format_cannot_hold_are_refused(
     tmp_path: Path, name: str, recordings: Recordings, options: dict[str, Any], message: str
 ) -> None:
     (tmp_path / "mine.txt").touch()

@@ -1,6 +1,6 @@
-"""Write ``camera.aedat4`` and ``cameras.aedat4``, of six cameras, with their library.
+"""Write the AEDAT4 files of the tests: ``camera.aedat4``, and ``cameras.aedat4`` with the events of six cameras.
 
-``pip install dv-processing``, then run this.
+To write them again, ``pip install dv-processing``, the library of the cameras, and run this module.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ import dv_processing as dv
 EVENTS = ((0, 5, 7, True), (20_000, 33, 33, False), (59_999, 0, 0, True))
 """Microseconds, x, y and polarity, as in ``test_event_sets.py``."""
 START = 1_700_000_000_000_000
-"""Times of cameras are those of the computer's clock."""
+"""Microseconds since 1970, as cameras record the time of the computer's clock."""
 
 if __name__ == "__main__":
     store = dv.EventStore()
