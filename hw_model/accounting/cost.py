@@ -224,7 +224,7 @@ def critical_path(times: StepTimes) -> CriticalPath:
         "synapses": _at(times.of(SYNAPSES), last),
         "barrier": times.barrier_ns * times.runs,
     }
-    assert tuple(parts) == PARTS
+    assert tuple(parts) == PARTS  # sums and reports list the parts in this order
     return CriticalPath(last, sender, parts)
 
 

@@ -39,7 +39,8 @@ def peak_response(dash_syn: int, dash_mem: int, steps: int = 4096) -> float:
 
     A current decays before it is added to v in the same step, so with dash_syn 0 nothing ever
     reaches v. With a and b for the shares that i and v keep in a step, n steps after the charge i
-    is a^n, and v is the sum over k = 1..n of a^k b^(n-k), for which there is a closed form.
+    is a^n, and v is the sum over k = 1..n of a^k b^(n-k), for which there is a closed form. The
+    compiler compares the peak with that of a float neuron over the same 4096 steps.
     """
     kept_i = 1.0 - 2.0**-dash_syn
     kept_v = 1.0 - 2.0**-dash_mem

@@ -2,8 +2,8 @@
 
 Some inputs play a recording as it is: channel c at step t is line c at step t. *Transposed* inputs
 go through the transpose buffer, which keeps the recording and plays it channel by channel: location
-neurons step over channels, and each step *visits* one or several. A phase may also begin only at the first
-touch: the first row in which its streams have some number of events together.
+neurons step over channels, and each step *visits* one or several. A phase may also wait for the
+first touch: the first row in which its streams together have some number of events.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +19,7 @@ from hw_model.mapping.graph import Input, Phase
 from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 
 Spikes = ArrayLike | Mapping[str, ArrayLike]
+"""Recordings as users pass them: an array, or one for each stream by name."""
 
 
 class HasInputs(Protocol):
@@ -97,7 +98,7 @@ def list_events(name: str, recordings: ByteArray) -> EventLists:
     batch, rows, channels = recordings.shape
     if recordings.max(initial=0) > 1:
         raise not_binary(name)
-    # Rows of all recordings, numbered one recording after the other; without channels no event divides by 1.
+    # Rows of all recordings, numbered one recording after the other. `max` avoids a division by 0 without channels.
     row, channel = divmod(np.flatnonzero(recordings), max(channels, 1))
     starts = np.searchsorted(row, np.arange(batch * rows + 1))
     # Each recording repeats the start of the next one as its own end: rows + 1 numbers.
@@ -151,7 +152,7 @@ def play(
     counts = np.zeros((len(PLAYED), batch), dtype=np.int64)
     played, transposed, dropped, rows_before_start = counts
 
-    # Each recording runs in steps start..stop.
+    # Each recording runs in steps start..stop, without stop.
     start = np.zeros(batch, dtype=np.int64)
     stop = start + steps_of_phase
     if phase.align_events is not None:
