@@ -91,6 +91,7 @@ def can_spike(program: ChipProgram, phase: str) -> BoolArray:
 
 
 def _prove_core(core: Core, registers: Registers) -> CoreRange:
+    """Bound the registers of one core's compartments at full rate, then find their safe periods."""
     charge = charges(core)
     charge_fits = charge.within(-registers.half_charge, registers.half_charge - 1)
     u = _settled(charge, core.setting("decay_u"))

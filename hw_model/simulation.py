@@ -183,6 +183,7 @@ def play_recordings(  # noqa: PLR0913 - public: each is an option of its own
 
 
 def _check_steps(steps: int | None) -> None:
+    """Raise ``InputError`` for a number of steps that cannot be simulated."""
     if steps is None:
         return
     if steps < 1:
@@ -314,6 +315,7 @@ def _plans(
 
 @lru_cache(maxsize=16)
 def _longest_phase(program: ChipProgram, rows: int, steps: int | None) -> int:
+    """Return the most steps of any phase; cached, as every call of a simulation asks for it."""
     return max(length_of(program, phase, rows, steps) for phase in program.phases)
 
 
@@ -401,6 +403,7 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
 
 @lru_cache(maxsize=2)
 def _plain_engine(skip: bool) -> tuple[Run, Player]:
+    """Return the reference engine, and the plain functions on events."""
     from hw_model.engine.reference import run_phase
 
     return partial(run_phase, skip=skip), Player()
@@ -408,6 +411,7 @@ def _plain_engine(skip: bool) -> tuple[Run, Player]:
 
 @lru_cache(maxsize=2)
 def _compiled_engine(skip: bool) -> tuple[Run, Player]:
+    """Return the fast engine, and the compiled functions on events."""
     from hw_model.engine import fast as engine_fast  # numba: imported only when it is used
     from hw_model.engine.events import list_events, transpose
 

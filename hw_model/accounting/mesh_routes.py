@@ -131,6 +131,7 @@ class _Ways:
 
 
 def _is_along_y(link: Link) -> bool:
+    """Return whether a link leads north or south: from a tile to one in the same column."""
     (from_column, _), (to_column, _) = link
     return from_column == to_column
 

@@ -82,8 +82,8 @@ def total_ns(
     With ``part``, only cores whose first group has a name that begins with it count, as if the others were not there.
     """
     total = 0.0
-    for some in _parts(activity):
-        for phase, items in some.items():
+    for part_of_batch in _parts(activity):
+        for phase, items in part_of_batch.items():
             in_part = [core.slices[0].group.startswith(part) for core in program.cores_of(phase)]
             if any(in_part):
                 times = cost.step_times(program, phase, stacked(items), profile)

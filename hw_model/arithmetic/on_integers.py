@@ -59,6 +59,7 @@ class WithoutWraps(OnIntegers):
 
 
 def _wrapped(x: IntArray, bits: int) -> IntArray:
+    """Return x wrapped to a register; x itself if no number needs it."""
     half = half_range(bits)
     if x.size > FEW and -half <= x.min() and x.max() < half:
         return x  # by far the most frequent case

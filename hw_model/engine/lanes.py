@@ -52,6 +52,7 @@ def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
 
 
 def _lane_type(kind: ir.Type) -> ir.Type:
+    """Return the type of one lane of a type."""
     return kind.element if isinstance(kind, ir.VectorType) else kind
 
 

@@ -57,6 +57,7 @@ def is_record(value: Value) -> bool:
 
 
 def _words_of(value: Value) -> list[int]:
+    """Return the words of a field; see :class:`Packed`."""
     if isinstance(value, Packed):
         return [value.address]
     if isinstance(value, np.ndarray):

@@ -308,8 +308,10 @@ _Take = Callable[[_Turn], AnyArray]
 
 
 def _fired(turn: _Turn) -> BoolArray:
+    """Return which members of a turn spiked."""
     return turn.fired
 
 
 def _events(turn: _Turn, event: str) -> IntArray:
+    """Return how often each member of a turn met an event."""
     return turn.events[event]

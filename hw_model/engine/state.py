@@ -175,6 +175,7 @@ def reset(state):  # type: ignore[no-untyped-def]
 
 @inner
 def _clear(array, row):  # type: ignore[no-untyped-def]
+    """Set a row to 0."""
     for k in range(array.shape[1]):
         array[row, k] = 0
 

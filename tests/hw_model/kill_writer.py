@@ -168,6 +168,7 @@ def at_random_times(root):
 
 
 def main(mode, root):
+    """Print the outcomes of a mode, after patching away what the mode must do without."""
     # Killing a process loses nothing in the buffers of the system, so there is no need to wait for the disk.
     os.fsync = lambda handle: None
     if mode == "no exchange":

@@ -46,6 +46,7 @@ def test_a_killed_writer_leaves_old_or_new(mode, tmp_path):
 
 @pytest.fixture(params=["exchange", "no exchange", "journal"])
 def mode(request, monkeypatch):
+    """A way in which folders are replaced."""
     if request.param == "no exchange":
         monkeypatch.setattr(folders, "_renameat2", lambda: None)
     if request.param == "journal":

@@ -65,11 +65,13 @@ class OfOneKind:
 
 
 def _kinds(arguments: tuple[object, ...]) -> tuple[object, ...]:
+    """Return numba's types of some arguments."""
     return tuple(numba.typeof(argument) for argument in arguments)
 
 
 @pytest.fixture
 def watched(monkeypatch):
+    """A watch that stands in for all calls of machine code from Python."""
     watch = OfOneKind()
     for module in (events, session):
         monkeypatch.setattr(module, "called", watch)

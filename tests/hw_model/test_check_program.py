@@ -38,12 +38,14 @@ PROGRAM = built()
 
 
 def core(index: int, **changes) -> ChipProgram:
+    """Change fields of a core, by its index."""
     cores = list(PROGRAM.cores)
     cores[index] = replace(cores[index], **changes)
     return replace(PROGRAM, cores=tuple(cores))
 
 
 def axons(index: int, **changes) -> ChipProgram:
+    """Change fields of the axons of a core."""
     return core(index, axons=replace(PROGRAM.cores[index].axons, **changes))
 
 
@@ -55,37 +57,45 @@ def entry(array: np.ndarray, index: int, value: int) -> np.ndarray:
 
 
 def table(index: int, name: str, at: int, value: int) -> ChipProgram:
+    """Change one entry of a table of a core."""
     return core(index, **{name: entry(getattr(PROGRAM.cores[index], name), at, value)})
 
 
 def axon_table(index: int, name: str, at: int, value: int) -> ChipProgram:
+    """Change one entry of a table of a core's axons."""
     return axons(index, **{name: entry(getattr(PROGRAM.cores[index].axons, name), at, value)})
 
 
 def profile(**changes) -> ChipProgram:
+    """Change the first compartment profile of core 0."""
     own = PROGRAM.cores[0].profiles
     return core(0, profiles=(replace(own[0], **changes), *own[1:]))
 
 
 def form(**changes) -> ChipProgram:
+    """Change the first synapse format of core 1."""
     own = PROGRAM.cores[1].axons.formats
     return axons(1, formats=(replace(own[0], **changes), *own[1:]))
 
 
 def slices(index: int, **changes) -> ChipProgram:
+    """Change the first slice of a core."""
     own = PROGRAM.cores[index].slices
     return core(index, slices=(replace(own[0], **changes), *own[1:]))
 
 
 def item(**changes) -> ChipProgram:
+    """Change the input."""
     return replace(PROGRAM, inputs=(replace(PROGRAM.inputs[0], **changes),))
 
 
 def route(**changes) -> ChipProgram:
+    """Change the route of the input."""
     return replace(PROGRAM, input_routes=(replace(PROGRAM.input_routes[0], **changes),))
 
 
 def phases(*all_of_them: Phase) -> ChipProgram:
+    """Replace the phases."""
     return replace(PROGRAM, phases=all_of_them)
 
 
@@ -164,6 +174,7 @@ BROKEN = {
 
 
 def message(where: str, what: str) -> str:
+    """Return the whole message for a broken table."""
     return f"{where}: its {what} do not make a program. Compile it again."
 
 

@@ -47,6 +47,7 @@ def arrays_in(value: object) -> list[np.ndarray]:
 
 
 def check_equal(result: hw.SimulationResult, expected: hw.SimulationResult) -> None:
+    """Compare every array and event of two results, and the types of arrays."""
     assert result.events == expected.events
     for array, expected_array in zip(arrays_in(result), arrays_in(expected), strict=True):
         assert np.array_equal(array, expected_array)

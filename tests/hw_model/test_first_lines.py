@@ -87,6 +87,7 @@ def test_a_loaded_program_plays_what_the_saved_one_does(seed, channels_per_step,
 
 @pytest.fixture
 def saved(tmp_path):
+    """A folder with a saved program that visits two channels per step."""
     program, _ = random_hybrid(4, channels_per_step=2)
     program.save(tmp_path)
     return tmp_path

@@ -13,6 +13,8 @@ from hw_model.engine.packed import Packed, pack
 
 
 class Pair(NamedTuple):
+    """A tuple of integers, which is a field like an integer."""
+
     first: int
     last: int
 
@@ -55,6 +57,7 @@ def whole(dtype: str = "int32") -> Whole:
 
 @compiled.compiled
 def _read(record, numbers):  # type: ignore[no-untyped-def]
+    """Read every field of a :class:`Whole`, and write to one of its arrays."""
     numbers[0] = record.line[1]
     numbers[1] = record.square[2, 3]
     numbers[2] = record.block[1, 2, 3]

@@ -55,6 +55,7 @@ def test_a_loaded_program_is_the_saved_one(seed, tmp_path_factory):
 
 @pytest.fixture
 def saved(tmp_path):
+    """A folder with a saved program."""
     program, *_ = random_program(1)
     program.save(tmp_path)
     return tmp_path

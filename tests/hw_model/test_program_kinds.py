@@ -45,6 +45,7 @@ def network_for(target: str) -> lc.Network:
 
 @pytest.fixture(scope="module", params=TARGETS)
 def compiled(request):
+    """A network, compiled for one target of each kind."""
     events = np.ones((1, STEPS, 2), np.uint8)
     return lc.compile(network_for(request.param), events=events, target=request.param)
 

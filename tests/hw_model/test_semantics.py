@@ -43,6 +43,8 @@ def played(program, events, steps, engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 class TestStep:
+    """The rules of a step, on each engine."""
+
     def test_an_input_of_row_t_acts_at_step_t_plus_1_plus_delay(self, engine):
         result = played(one_compartment(delay=3), [2], 9, engine)
         assert result.v["n"].ravel().tolist() == [0] * 6 + [CHARGE] * 3

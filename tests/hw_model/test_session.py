@@ -246,6 +246,7 @@ def test_each_phase_reads_its_own_stream():
 
 
 def _location_only() -> hw.ChipProgram:
+    """Return a program without a time phase."""
     branch = random_branch(np.random.default_rng(0), "location", 8, 2, CHIP)
     return program_of_graphs(
         CHIP, Readout(("location/y",), (1.0,)), graph_in_phase(branch, "location", 8)
@@ -253,6 +254,7 @@ def _location_only() -> hw.ChipProgram:
 
 
 def _time_only() -> hw.ChipProgram:
+    """Return a program without a location phase."""
     branch = random_branch(np.random.default_rng(0), "time", 8, 2, CHIP)
     return program_of_graphs(
         CHIP, Readout(("time/y",), (1.0,)), replace(graph_in_phase(branch, "time", 8))

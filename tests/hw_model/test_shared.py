@@ -39,6 +39,7 @@ def kinds_given(function: object) -> list[tuple[object, ...]]:
 
 
 def is_tuple(kind: object) -> bool:
+    """Return whether a type of numba is a tuple of different types."""
     return isinstance(kind, numba.types.Tuple)
 
 
@@ -82,16 +83,19 @@ def test_replays_pass_pairs_the_types_that_they_are_compiled_for():
 
 @compiled.shared
 def _add(one, two):
+    """A function that is called by address, with two integers."""
     return one + two
 
 
 @numba.njit
 def _right(at, x):
+    """Call :func:`_add` with the types that it is compiled for."""
     return compiled.call_at(at, (x, x))
 
 
 @numba.njit
 def _wrong(at, x):
+    """Call :func:`_add` with another type."""
     return compiled.call_at(at, (x, np.int32(x)))
 
 
