@@ -110,6 +110,7 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
 
 
 def _too_deep(where: str) -> InputError:
+    """Return the error for a text that is nested more deeply than :data:`MAX_DEPTH`."""
     what = "it is nested too deeply"
     return InputError(
         where, what, measured=f"more than {MAX_DEPTH} levels", fix="Correct its brackets."

@@ -263,6 +263,7 @@ def _whole_numbers(where: str, key: str, value: Any, shape: tuple[int, ...]) -> 
 def _wrong_shape(
     where: str, key: str, given: tuple[int, ...], shape: tuple[int, ...]
 ) -> InputError:
+    """Return the error for an array of a wrong shape; ``shape`` is the right one."""
     order = "n_target rows and n_source columns" if len(shape) == 2 else "one value per compartment"
     return InputError(
         where,

@@ -178,6 +178,7 @@ class ChipProgram(Shown):
 
     @cached_property
     def _columns_of(self) -> dict[str, dict[str, slice]]:
+        """By phase, the columns of each group; a group whose slices are on several cores has one range."""
         columns_by_phase: dict[str, dict[str, slice]] = {}
         for phase in self.phases:
             first_column = 0

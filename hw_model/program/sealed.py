@@ -72,6 +72,7 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    """Choose how a text is written: plain, as a block of lines, or quoted."""
     # A lone surrogate has no UTF-8 encoding, so it is written as an escape.
     text = text.encode(errors="backslashreplace").decode()
     style = None

@@ -141,6 +141,7 @@ def _synapses(synapses: Synapses) -> str:
 
 
 def _readout(readout: Readout) -> str:
+    """Return the formula of the class scores."""
     reading_of = {
         name: f"largest potential, from step {step} on," for name, step in readout.from_step.items()
     }
@@ -160,6 +161,7 @@ def _input_route(route: InputRoute) -> str:
 
 
 def _core(core: Core) -> list[str]:
+    """Return the lines of a core: its voltage limits, slices, tables and axons."""
     return [
         f"  core {core.number} (slot {core.slot}, phase {core.phase}): "
         f"{core.compartments} compartments",

@@ -135,6 +135,7 @@ def _potentials_from(readout: Readout) -> int | dict[str, int]:
 
 
 def _core_entries(core: Core) -> dict[str, Any]:
+    """Return the entries of a core; its arrays are in the other file."""
     axons = core.axons
     return {
         **picked(core, "number", "slot", "phase", "compartments"),

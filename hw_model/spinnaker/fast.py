@@ -169,6 +169,7 @@ def _neurons(populations: tuple[SpinnakerPopulation, ...]) -> Neurons:
 
 
 def _neurons_of(population: SpinnakerPopulation) -> Neurons:
+    """Return the parameters of a population, with those of its cores repeated for each neuron."""
     parameters = population.parameters
     size = population.size
     return Neurons(

@@ -171,6 +171,7 @@ def _population_entry(population: SpinnakerPopulation) -> dict[str, object]:
 
 
 def _readout_entries(readout: Readout | None) -> list[dict[str, object]]:
+    """Return the entries of the readout, one per population; an empty list if there is none."""
     if readout is None:
         return []
     entries = []
@@ -233,6 +234,7 @@ def spinnaker_program_of(pair: SealedPair) -> SpinnakerProgram:
 
 
 def _network(document: SpinnakerDocument, arrays: Mapping[str, IntArray]) -> SpinnakerNetwork:
+    """Return the network; its parts are numbered in the names of arrays."""
     phases = tuple(Phase(**vars(entry)) for entry in document.phases)
     inputs = tuple(_input(number, entry, arrays) for number, entry in enumerate(document.inputs))
     for item in inputs:
@@ -255,6 +257,7 @@ def _network(document: SpinnakerDocument, arrays: Mapping[str, IntArray]) -> Spi
 
 
 def _input(number: int, entry: InputEntry, arrays: Mapping[str, IntArray]) -> Input:
+    """Return an input; it has positions only if it goes through the transpose buffer."""
     return Input(
         **vars(entry),
         positions=arrays.get(f"input{number}/positions"),
@@ -265,6 +268,7 @@ def _input(number: int, entry: InputEntry, arrays: Mapping[str, IntArray]) -> In
 def _projection(
     prefix: str, entry: ProjectionEntry, arrays: Mapping[str, IntArray]
 ) -> SpinnakerProjection:
+    """Return a projection, whose arrays are named ``prefix/...``."""
     return SpinnakerProjection(
         **vars(entry),
         source_index=arrays[f"{prefix}/source_index"],
@@ -299,6 +303,7 @@ def _check_input(item: Input, phases: tuple[Phase, ...]) -> None:
 
 
 def _readout(document: SpinnakerDocument) -> Readout | None:
+    """Return the readout that the entries describe, or None if there are none."""
     if not document.readout:
         return None
     first_steps = tuple(entry.potentials_from for entry in document.readout)

@@ -194,6 +194,7 @@ def _scores(
     spikes: Mapping[str, ByteArray],
     potential: Mapping[str, IntArray],
 ) -> FloatArray | None:
+    """Return the class scores (batch, classes), or None if the program has no readout."""
     if program.readout is None:
         return None
     return program.readout.scores(spikes, potentials_in_units(program, potential))

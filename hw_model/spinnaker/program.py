@@ -46,6 +46,7 @@ class SpinnakerProgram(Shown):
             self._check_readout(self.readout)
 
     def _check_readout(self, readout: Readout) -> None:
+        """Raise InputError unless the populations exist, have one size, and fit the class names and the tie class."""
         where = f"program {self.name!r}"
         names = [population.name for population in self.network.populations]
         for name in readout.populations:

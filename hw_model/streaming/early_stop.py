@@ -133,8 +133,8 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
     streams = to_the_end(program, spikes)
     whole = simulate(program, streams, probe=("activity",))
     events = sum(stream.sum(axis=2, dtype=np.int64) for stream in streams.values())
-    silent_steps = _lasting(np.asarray(events == 0))
-    resting_steps = _lasting(_is_resting(program, whole, _rows(streams)))
+    silent_steps = _unbroken_steps(np.asarray(events == 0))
+    resting_steps = _unbroken_steps(_is_resting(program, whole, _rows(streams)))
     # A spike may be under way while nothing moves, so silence and rest must last as long as the longest delay.
     arrival_steps = _steps_until_arrival(program)
     is_silent = silent_steps >= max(silence, arrival_steps)
@@ -153,7 +153,7 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
 
 def _is_resting(program: ChipProgram, result: SimulationResult, rows: int) -> BoolArray:
     """Return whether no compartment of any time phase is active in each step, (batch, rows)."""
-    phases = _as_it_comes(program)
+    phases = _time_phases(program)
     recordings = len(next(iter(result.activity.values())))
     is_resting = np.ones((recordings, rows), dtype=np.bool_)
     for phase in phases:
@@ -166,7 +166,7 @@ def _is_resting(program: ChipProgram, result: SimulationResult, rows: int) -> Bo
 def _steps_until_arrival(program: ChipProgram) -> int:
     """Return after how many steps every spike of a time phase has arrived at all its targets."""
     longest_delay = 0
-    for phase in _as_it_comes(program):
+    for phase in _time_phases(program):
         for core in program.cores_of(phase):
             longest_delay = max(longest_delay, int(core.axons.delay.max(initial=0)))
     return int(loihi.acts_at(0, longest_delay))
@@ -255,7 +255,7 @@ def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
 def to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
     """Return every stream, (batch, steps, channels), padded with silence until the last time phase ends."""
     streams = _batch(program, spikes)
-    time_phases = _as_it_comes(program)
+    time_phases = _time_phases(program)
     steps = [phase.steps or 0 for phase in program.phases if phase.name in time_phases]
     missing = max(0, max(steps, default=0) - _rows(streams))
     return {name: np.pad(array, ((0, 0), (0, missing), (0, 0))) for name, array in streams.items()}
@@ -266,7 +266,7 @@ def _rows(streams: Mapping[str, ByteArray]) -> int:
     return int(next(iter(streams.values())).shape[1])
 
 
-def _as_it_comes(program: ChipProgram) -> list[str]:
+def _time_phases(program: ChipProgram) -> list[str]:
     """Return the time phases: those that play recordings as they come, not transposed."""
     transposed = {item.phase for item in program.inputs if item.positions is not None}
     return [phase.name for phase in program.phases if phase.name not in transposed]
@@ -282,7 +282,7 @@ def _first_step(is_enough: BoolArray) -> IntArray:
     return np.asarray(first, dtype=np.int64)
 
 
-def _lasting(condition: BoolArray) -> IntArray:
+def _unbroken_steps(condition: BoolArray) -> IntArray:
     """Return for how many steps without a break a condition has held after each step, (batch, steps)."""
     step = np.arange(1, condition.shape[1] + 1)
     last_broken = np.maximum.accumulate(np.where(condition, 0, step), axis=1)
@@ -306,7 +306,7 @@ def _read_until(
     is_read = np.arange(_rows(streams))[None, :, None] < steps[:, None, None]
     streams_read = {name: array * is_read for name, array in streams.items()}
     stopped = simulate(program, streams_read, probe=("activity",))
-    return stopped, _spent(program, stopped, dict.fromkeys(_as_it_comes(program), steps))
+    return stopped, _spent(program, stopped, dict.fromkeys(_time_phases(program), steps))
 
 
 def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, IntArray]) -> Spent:

@@ -82,11 +82,11 @@ class Proof:
     def _winner_is_safe(self, scores: "_ScoreBounds") -> BoolArray:
         """Return whether no other class can win any more instead of the one that leads now, (batch,)."""
         winner = winning(scores.so_far, self._tie_class)
-        of_winner = scores.least[np.arange(self._batch), winner][:, None] - self._rounding
+        lowest_of_winner = scores.least[np.arange(self._batch), winner][:, None] - self._rounding
         class_index = np.arange(self._classes)[None]
         is_rival = class_index != winner[:, None]
-        stays_below = scores.most < of_winner
-        stays_at_most_equal = scores.most <= of_winner
+        stays_below = scores.most < lowest_of_winner
+        stays_at_most_equal = scores.most <= lowest_of_winner
         # Of equal scores the first class wins. So classes before the winner must stay below it; those after it may
         # reach the same score.
         loses = np.where(class_index < winner[:, None], stays_below, stays_at_most_equal)

@@ -148,6 +148,7 @@ def _plain(values: AnyArray) -> IntArray:
 
 
 def _at_rest(population: XyloPopulation) -> Registers:
+    """Return the registers of a population before the first row."""
     size = population.size
     return Registers(
         i=np.zeros(size * population.states, dtype=np.int64),

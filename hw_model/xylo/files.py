@@ -154,6 +154,7 @@ def xylo_program_of(pair: SealedPair) -> XyloProgram:
 
 
 def _program(document: XyloDocument, arrays: Mapping[str, IntArray]) -> XyloProgram:
+    """Return the program that the entries and arrays describe."""
     network = XyloNetwork(
         hidden=_population("hidden", arrays),
         outputs=_population("outputs", arrays),

@@ -124,6 +124,7 @@ def _check_shape(name: str, array: AnyArray, shape: tuple[int, ...]) -> None:
 
 
 def _check_range(name: str, array: AnyArray, low: int, high: int) -> None:
+    """Raise InputError if a value is not within ``low..high``, both included."""
     out_of_range = array[(array < low) | (array > high)]
     if out_of_range.size:
         measured = f"{out_of_range.flat[0]} against {low}..{high}"

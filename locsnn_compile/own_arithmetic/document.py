@@ -180,6 +180,7 @@ def _operations(match: ProgramMatch[Any], extra_spikes: float | None) -> Operati
 
 
 def _per_sample(counts: ChipCounts, samples: int) -> OperationCounts:
+    """Return counts as means per recording."""
     return OperationCounts(
         synaptic_ops=counts.synaptic_ops / samples,
         neuron_updates=counts.neuron_updates / samples,

@@ -82,6 +82,7 @@ class _Sides(NamedTuple):
 
     @classmethod
     def of(cls, quantized: QuantizedNetwork, program: SpinnakerProgram) -> "_Sides":
+        """Return the sides for a program; the last is None if our engine does not model sPyNNaker's own shifts."""
         shifts = own_shifts(program.network)
         if not can_be_played(shifts):
             return cls(quantized, quantized.on_grid(), program, None)
@@ -103,6 +104,7 @@ class _SpinnakerBatch(Sums, eq=False):
 
 
 def _compare_batch(sides: _Sides, batch: Batch) -> _SpinnakerBatch:
+    """Play a batch to all sides, and compare what they did."""
     network = sides.network
     reference = evaluate(network, batch.spikes, potentials=True, registers=REGISTERS)
     integers = evaluate(sides.integers, batch.spikes, registers=REGISTERS)

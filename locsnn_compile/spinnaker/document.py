@@ -164,6 +164,7 @@ def spinnaker_figures(
 
 
 def _overflows(match: SpinnakerMatch) -> Overflows:
+    """Return how often numbers wrapped or saturated; the report calls the latter clips."""
     counts = match.total_counts
     return Overflows(
         wraps=counts.wraps,
@@ -184,6 +185,7 @@ def _time(network: Network, grounds: Grounds) -> RealTime:
 
 
 def _resources(program: SpinnakerProgram) -> ProgramUse:
+    """Return what the program uses of the board. Phases run one after the other, so the largest one counts."""
     network = program.network
     chip = program.chip
     synapses = sum(len(projection.weight) for projection in network.projections)

@@ -60,6 +60,7 @@ def _check_single(where: str, group: Compartments) -> None:
 
 
 def _check_decay_v(where: str, group: Compartments) -> None:
+    """Refuse potentials that never decay."""
     slowest = int(group.decay_v.min())
     if slowest < DECAY_V_MIN:
         what = "its potential never decays, and on SpiNNaker no input would then move it"
@@ -68,6 +69,7 @@ def _check_decay_v(where: str, group: Compartments) -> None:
 
 
 def _check_decay_u(where: str, group: Compartments) -> None:
+    """Refuse currents that decay so slowly that their initial value does not fit 32 bits."""
     slowest = int(group.decay_u.min())
     if slowest < DECAY_U_MIN:
         what = "its current decays too slowly: a weight would leave 32 bits on SpiNNaker"

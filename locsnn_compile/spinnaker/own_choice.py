@@ -54,6 +54,7 @@ def own_shifts(network: SpinnakerNetwork) -> dict[str, Shifts]:
 
 
 def _shifts_of(network: SpinnakerNetwork, population: SpinnakerPopulation) -> Shifts:
+    """Return the shifts that sPyNNaker chooses for a population: excitatory, then inhibitory."""
     excitatory_sum = expected_sum(_onto(network, population, "excitatory"))
     inhibitory_sum = expected_sum(_onto(network, population, "inhibitory"))
     return (

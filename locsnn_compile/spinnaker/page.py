@@ -181,6 +181,7 @@ def _range_proof(report: SpinnakerFigures) -> Section:
 
 
 def _proven_cells(proven: ProvenRange) -> tuple[Cell, ...]:
+    """Return the cells of a population: the rate that is proven, then the shares of limits."""
     rate = "nothing"
     if proven.safe_period:
         # Rounded down: what is proven for a third of 1,000 is not proven for 334.
@@ -204,6 +205,7 @@ def _own_scale(report: SpinnakerFigures) -> Section:
 
 
 def _own_row(name: str, own: OwnScale, shifts: tuple[int, int]) -> tuple[Cell, ...]:
+    """Return the row of a population; ``shifts`` are those of the program."""
     lost: float | None = None
     if own.program_spikes and own.equal_spikes is not None:
         lost = 1 - own.equal_spikes / own.program_spikes

@@ -39,6 +39,7 @@ def compare_xylo(
 def _compare_batch(
     quantized: QuantizedXylo, program: XyloProgram, batch: Batch
 ) -> BatchMatch[XyloCounts]:
+    """Play a batch to the network and to the program, and compare what they did."""
     network = quantized.parts.network
     reference = evaluate(network, batch.spikes, potentials=True)
     run = _play(quantized, program, batch.spikes)

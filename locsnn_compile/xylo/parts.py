@@ -71,6 +71,7 @@ def parts_of(network: Network, chip: XyloChip) -> XyloParts:
 
 
 def _check_axes(network: Network) -> None:
+    """Refuse location phases, and more than one phase."""
     for population in network.populations:
         if population.axis != "time":
             what = "it steps over locations, and a Xylo steps over time alone"
@@ -88,6 +89,7 @@ def _check_axes(network: Network) -> None:
 
 
 def _check_views(network: Network) -> None:
+    """Refuse more than one input, and recordings that start at the first touch."""
     if len(network.views) > 1:
         measured = f"{counted(len(network.views), 'input')} against 1"
         what = "a Xylo hears a recording in one way"
@@ -101,6 +103,7 @@ def _check_views(network: Network) -> None:
 
 
 def _check_neurons(network: Network) -> None:
+    """Refuse neurons that the chip does not have. Neurons in the chip's own integers need fewer checks."""
     for population in network.populations:
         neuron = population.neuron
         if isinstance(neuron, XyloNeuron):
@@ -198,6 +201,7 @@ def _check_drop(population: Population, neuron: SoftCuba) -> None:
 
 
 def _check_delays(network: Network) -> None:
+    """Refuse delays."""
     for projection in network.projections:
         longest = int(np.max(projection.delay, initial=0))
         # A delay of synapses that are all 0 delays nothing.
@@ -210,6 +214,7 @@ def _check_delays(network: Network) -> None:
 
 
 def _check_readout(network: Network) -> None:
+    """Refuse several output populations, and a readout of potentials."""
     readout = network.readout
     if len(readout.populations) > 1:
         names = listed([repr(name) for name in readout.populations])
@@ -250,6 +255,7 @@ def _check_outputs(parts: XyloParts) -> None:
 
 
 def _check_sizes(parts: XyloParts, chip: XyloChip) -> None:
+    """Refuse more inputs, hidden neurons or outputs than the chip has."""
     inputs = parts.view.lines
     if inputs > chip.inputs:
         fix = (

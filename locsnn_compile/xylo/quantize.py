@@ -130,6 +130,7 @@ def gain_of(neurons: XyloNeurons) -> FloatArray:
 # Cached, since most neurons of a network have the same decays.
 @lru_cache(maxsize=4096)
 def _gain(decay_u: float, decay_v: float, dash_syn: int, dash_mem: int) -> float:
+    """Return g of one neuron."""
     # Only neurons without inputs get dash 0, see MOST_LOST in parts.py: their current stays 0 on both sides.
     if dash_syn == 0:
         return 1.0
