@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from hw_model.program.chip_program import ChipProgram, Core
 
 VERSION = 1
+"""The version of the file format. Programs of another version are refused."""
 _NUMBERS: dict[str, type[int] | type[float]] = {
     "step_seconds": float,
     "event_threshold": int,

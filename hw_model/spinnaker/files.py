@@ -38,6 +38,7 @@ from hw_model.spinnaker.program import SpinnakerProgram
 from hw_model.values import Frozen, IntArray, picked
 
 VERSION = 1
+"""The version of the file format. Programs of another version are refused."""
 # The fields of a program about its recordings, which are entries of the same name.
 _OF_RECORDINGS = (
     "step_seconds",

@@ -32,6 +32,7 @@ from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.program import NamedPart, XyloProgram
 
 VERSION = 1
+"""The version of the file format. Programs of another version are refused."""
 SHIFT_MAX = 15
 """The largest shift of weights, in a field of 4 bits."""
 Shift = Annotated[int, between(0, SHIFT_MAX)]

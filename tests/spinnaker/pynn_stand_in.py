@@ -54,9 +54,11 @@ class Population:
         RUN["populations"].append(self)
 
     def set_max_atoms_per_core(self, neurons):
+        """Set the number of neurons per core."""
         self.neurons_per_core = neurons
 
     def record(self, variable):
+        """Accept what sPyNNaker can record; everything is recorded here."""
         assert variable in ("spikes", "v")
 
     def stored(self, slots):

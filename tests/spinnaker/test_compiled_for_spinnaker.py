@@ -39,6 +39,7 @@ def compiled(model: str, events: str | None = None) -> CompiledSpinnaker:
 
 @pytest.fixture(scope="module")
 def hybrid() -> CompiledSpinnaker:
+    """The shipped hybrid, checked on eight recordings."""
     return compiled("objects-hybrid", TOUCHES)
 
 

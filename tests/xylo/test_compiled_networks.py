@@ -269,6 +269,7 @@ def _reference_spikes(network: lc.Network) -> dict[str, np.ndarray]:
 
 
 def _by_name(network: lc.Network) -> dict[str, lc.Population]:
+    """Return the populations of a network by name."""
     return {population.name: population for population in network.populations}
 
 

@@ -40,6 +40,7 @@ SRM = lc.SrmAlpha(theta=1.0, tau_sr=2.0, tau_ref=2.0, scale_ref=1.0)
 
 
 def reset_to_zero(**changes: object) -> lc.Cuba:
+    """Return four neurons whose spikes reset the potential to 0."""
     return lc.Cuba.of(4, **{"decay_u": 0.5, "decay_v": 0.25, "threshold": 1.0} | changes)
 
 
@@ -51,6 +52,7 @@ def integers() -> lc.Network:
 
 
 def over_locations() -> lc.Network:
+    """Return a network of a location branch."""
     walk = np.arange(INPUTS)
     return network(
         (
@@ -63,6 +65,7 @@ def over_locations() -> lc.Network:
 
 
 def in_two_phases() -> lc.Network:
+    """Return a network with an additional population in a phase of its own."""
     late = lc.InputView("late touch", TIME, INPUTS, own_phase="late")
     return network(
         (
@@ -80,15 +83,18 @@ def in_two_phases() -> lc.Network:
 
 
 def with_two_inputs() -> lc.Network:
+    """Return a network with a second, unused input."""
     again = lc.InputView("again", TIME, INPUTS)
     return one_layer(LEAKY, views=(lc.InputView("touch", TIME, INPUTS), again))
 
 
 def with_projections(*projections: lc.Projection) -> lc.Network:
+    """Return a network with these projections."""
     return one_layer(LEAKY, projections=projections)
 
 
 def with_inputs(count: int) -> lc.Network:
+    """Return a network with this number of input lines."""
     return one_layer(
         LEAKY,
         channels=count,
@@ -98,6 +104,7 @@ def with_inputs(count: int) -> lc.Network:
 
 
 def with_hidden(count: int) -> lc.Network:
+    """Return a network with four and ``count`` hidden neurons."""
     return network(
         (
             lc.Population("small", TIME, 4, LEAKY),
@@ -113,6 +120,7 @@ def with_hidden(count: int) -> lc.Network:
 
 
 def with_classes(count: int) -> lc.Network:
+    """Return a network with this number of outputs."""
     return network(
         (
             lc.Population("hidden", TIME, 4, LEAKY),
