@@ -216,22 +216,12 @@ def _trace(
 
     ``updates`` holds an array (updates, :data:`UPDATE`) for each recording that is played.
     """
-    numbers = core.numbers[phase]
-    shape = (len(updates), played.steps, len(numbers), len(UPDATE))
-    by_column = np.zeros(shape, dtype=np.int64)
-    # The core updates compartments in the order of their numbers, in every step. The rank of a
-    # compartment is its place in this order; an argsort of an argsort gives ranks.
-    rank_of_column = np.argsort(np.argsort(numbers))
-    for rows, start, run_updates in zip(by_column, played.start.tolist(), updates, strict=True):
-        by_rank = run_updates.reshape(-1, len(numbers), len(UPDATE))
-        run_rows = by_rank[:, rank_of_column]
-        # An update in the place of another compartment counts as missing, whatever its values are.
-        is_misplaced = run_rows[..., UPDATE.index("compartment")] != numbers
-        run_rows[is_misplaced] = MISSING
-        rows[start : start + len(run_rows)] = run_rows
+    by_column = _updates_by_column(core.numbers[phase], played, updates)
     fields = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True))
+    # A piece is the part of a population that is on one core.
     pieces = pieces_of(core.program, phase)
-    trace = PhaseTrace.empty(played, len(numbers), len(pieces.group), windows)
+    columns = by_column.shape[2]
+    trace = PhaseTrace.empty(played, columns, len(pieces.group), windows)
     trace.spikes[:] = fields["fired"]
     for piece, (first, stop) in enumerate(zip(pieces.first, pieces.stop, strict=True)):
         is_active = fields["active"][..., first:stop] > 0
@@ -241,3 +231,23 @@ def _trace(
         values = fields[register][:, window.start : window.stop, window.columns]
         trace.registers[register][:] = values
     return added_up(core.program, phase, played, trace)
+
+
+def _updates_by_column(numbers: IntArray, played: PhaseInput, updates: list[IntArray]) -> IntArray:
+    """Return updates in the order of an engine, (recording, step, column, :data:`UPDATE`).
+
+    ``numbers`` (columns,) are the numbers of the phase's compartments. Steps in which the core does
+    not run the phase have zeros, and updates that the core did not make, or of another compartment
+    than expected, ``MISSING``.
+    """
+    by_column = np.zeros((len(updates), played.steps, len(numbers), len(UPDATE)), dtype=np.int64)
+    # The core updates compartments in the order of their numbers, in every step. The rank of a
+    # compartment is its place in this order; an argsort of an argsort gives ranks.
+    rank_of_column = np.argsort(np.argsort(numbers))
+    for rows, start, run_updates in zip(by_column, played.start.tolist(), updates, strict=True):
+        by_rank = run_updates.reshape(-1, len(numbers), len(UPDATE))
+        run_rows = by_rank[:, rank_of_column]
+        is_misplaced = run_rows[..., UPDATE.index("compartment")] != numbers
+        run_rows[is_misplaced] = MISSING
+        rows[start : start + len(run_rows)] = run_rows
+    return by_column

@@ -19,7 +19,7 @@ from hw_model.arithmetic import loihi
 from hw_model.description.open_core import MemoryWords
 from hw_model.description.open_core import Sizes as Sizes
 from hw_model.program.chip_program import ChipProgram
-from hw_model.rtl.lists import BANKS, Table, packed_lists
+from hw_model.rtl.lists import BANKS, Lists, Table, packed_lists
 from hw_model.rtl.memory_words import BitArray, Layout
 from hw_model.rtl.numbering import numbered, of_compartments
 from hw_model.rtl.phases import core_phases
@@ -135,14 +135,7 @@ class CoreProgram:
         self.word = self.sizes.word
         refuse_unplayable(program)
         self.phases, self.first_source = core_phases(program, rows, steps, self.sizes.groups)
-        longest_phase = max((phase.steps for phase in self.phases[1:]), default=0)
-        most_steps = (1 << VISIT_BITS) - 1
-        refuse_unless(
-            longest_phase <= most_steps,
-            program,
-            f"phase of more than {most_steps} steps after the first",
-            longest_phase,
-        )
+        self._refuse_long_phases()
         self.kept = max(phase.kept for phase in self.phases)
         self.heard = max(self.kept, self.phases[0].steps)
         self.row_words = -(-self.kept // self.word)
@@ -151,38 +144,58 @@ class CoreProgram:
         self.numbers = self.numbering.of_phase
         self.ends = self.numbering.ends
         synapses = self._synapses()
-        places = self.numbering.places(synapses["target"])
         self.later = self._hears_later(_power(_slots_needed(synapses["delay"])))
-        if self.later:
-            # The memory of charges then has more slots for fewer compartments, and both phases lie
-            # in the same places.
-            places %= self.sizes.compartments >> self.sizes.later
-        placed = {**synapses, "target": places}
-        lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
+        lists = self._packed_lists(synapses)
         self.starts = lists.starts
         self.lengths = lists.lengths
+        self._refuse_long_lists()
+        weights, self.scale = _whole_weights(program)
+        self.tables = self._tables(lists, weights)
+        self.needs = self._needs(synapses)
+        self.swept = 0
+        if self.sizes.places:
+            self.swept = self._sweep_cycles(max(self.sizes.places, _power(self.needs.places)))
+
+    def _refuse_long_phases(self) -> None:
+        """Refuse later phases of more steps than the field of a visit can hold."""
+        longest = max((phase.steps for phase in self.phases[1:]), default=0)
+        most_steps = (1 << VISIT_BITS) - 1
+        refuse_unless(
+            longest <= most_steps,
+            self.program,
+            f"phase of more than {most_steps} steps after the first",
+            longest,
+        )
+
+    def _packed_lists(self, synapses: Table) -> Lists:
+        """Return the lists of all sources; their targets are places of the memory of charges."""
+        places = self.numbering.places(synapses["target"])
+        if self.later:
+            # The memory of charges then has more slots for fewer compartments. Both phases lie in
+            # the same places, as their charges are in different slots.
+            places %= self.sizes.compartments >> self.sizes.later
+        sources = self.first_source + self.ends[-1]
+        return packed_lists({**synapses, "target": places}, sources, self.sizes.step)
+
+    def _refuse_long_lists(self) -> None:
+        """Refuse lists that are too long for their field, which is short if targets are steps."""
         most_words = (1 << LENGTH_BITS) - 1
-        longest_list = int(self.lengths.max(initial=0))
-        fits = not self.sizes.step or longest_list <= most_words
+        longest = int(self.lengths.max(initial=0))
+        fits = not self.sizes.step or longest <= most_words
         refuse_unless(
             fits,
-            program,
+            self.program,
             f"list of more than {most_words} words where targets are told as steps",
-            longest_list,
+            longest,
         )
-        # The weights of a readout are binary fractions, and the core multiplies integers. All
-        # denominators are powers of two, so the largest is a multiple of the others.
-        readout_weights = program.readout.weights if program.readout else ()
-        ratios = [weight.as_integer_ratio() for weight in readout_weights]
-        self.scale = max((denominator for _, denominator in ratios), default=1)
-        weights = [numerator * (self.scale // denominator) for numerator, denominator in ratios]
-        heaviest = max(map(abs, weights), default=0)
-        what = f"weight of a readout of more than {READOUT_BITS} bits"
-        refuse_unless(heaviest < 1 << READOUT_BITS, program, f"{what} as a whole number", heaviest)
+
+    def _tables(self, lists: Lists, weights: list[int]) -> dict[str, Table]:
+        """Return the fields of every memory, without settings, which depend on the core's sizes."""
         visits = np.hstack([phase.visits for phase in self.phases])
         if self.later:
             visits = visits[:, np.argsort(visits[1])]  # arrivals.sv looks a visit up by its channel
-        self.tables = {
+        step, channel, source = visits
+        return {
             "axons": {
                 "start": np.where(self.lengths > 0, self.starts, 0),
                 "length": self.lengths,
@@ -190,17 +203,13 @@ class CoreProgram:
             },
             "synapses": lists.words,
             "compartments": self._compartments(),
-            "visits": {"step": visits[0], "channel": visits[1], "source": visits[2]},
+            "visits": {"step": step, "channel": channel, "source": source},
             "weights": {
                 "magnitude": _array(map(abs, weights)),
                 "negative": _array(weight < 0 for weight in weights),
             },
             "phases": {"value": self._phase_fields()},
         }
-        self.needs = self._needs(synapses)
-        self.swept = 0
-        if self.sizes.places:
-            self.swept = self._sweep_cycles(max(self.sizes.places, _power(self.needs.places)))
 
     def load_words(self, sizes: Sizes) -> BitArray:
         """Return the words for the load port of a core of these sizes, a row per word, as bits.
@@ -248,20 +257,26 @@ class CoreProgram:
         second phase hears events when they arrive, those of the memory of charges; where phases
         share places, or parents share words of sums, how many there are.
         """
-        of_device_exactly = ("compartments", "slots") if self.later else ()
-        exact = {name: getattr(self.sizes, name) for name in (*of_device_exactly, "later")}
+        exact = {"later": self.sizes.later}
+        if self.later:
+            exact |= {"compartments": self.sizes.compartments, "slots": self.sizes.slots}
         for name in ("places", "sums"):
-            if of_device := getattr(self.sizes, name):
+            of_device = getattr(self.sizes, name)
+            if of_device:
                 exact[name] = max(of_device, _power(getattr(self.needs, name)))
         return replace(sizes_for(self.needs, least), **exact)
 
     @property
     def words(self) -> MemoryWords:
         """The words that the program fills of memories that may be smaller on a chip."""
-        weights = max(1, len(self.tables["weights"]["magnitude"]))
-        states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
+        states = self.ends[-1]
+        if self.sizes.places:
+            states = int(np.diff(self.ends, prepend=0).max())  # of the largest phase
         return MemoryWords(
-            weights, len(self.tables["phases"]["value"]), states, self.numbering.sum_words()
+            weights=max(1, len(self.tables["weights"]["magnitude"])),
+            phases=len(self.tables["phases"]["value"]),
+            states=states,
+            sums=self.numbering.sum_words(),
         )
 
     def _hears_later(self, slots: int) -> bool:
@@ -273,18 +288,18 @@ class CoreProgram:
         """
         sizes = self.sizes
         first, *others = self.phases
-        # Shared places are swept before the second phase, and with them what it heard.
+        # Where phases share places, charges are swept before the second phase, and would be lost.
         if not sizes.later or sizes.places or len(others) != 1:
             return False
         (second,) = others
         # Each bit of `later` halves the compartments and doubles the slots of a memory of charges.
         places = sizes.compartments >> sizes.later
         all_slots = sizes.slots << sizes.later
-        compartments_fit = (
-            self.ends[-1] <= sizes.compartments
-            and max(2, self.ends[0], self.ends[1] - self.ends[0]) <= places
-        )
-        # Each step of the second phase has a slot of its own, then come its delays and the slots of the first phase.
+        # A phase needs at least two places, as the lowest bit of a place chooses the bank.
+        largest_phase = max(2, self.ends[0], self.ends[1] - self.ends[0])
+        compartments_fit = self.ends[-1] <= sizes.compartments and largest_phase <= places
+        # The slots are those of all steps of the second phase, of its delays, and of the first
+        # phase.
         slots_fit = slots <= sizes.slots and second.steps + 2 * slots <= all_slots
         visits_each_channel_once = np.array_equal(
             np.sort(second.visits[1]), np.arange(self.channels)
@@ -295,12 +310,16 @@ class CoreProgram:
             and not second.shared
             and second.align_events is None
         )
+        # No event may be for a step that the phase does not have, or come in a row that the first
+        # phase does not take.
+        visits_within_steps = second.visits[0].max(initial=-1) < second.steps
+        rows_are_heard = self.kept <= first.steps
         return bool(
             compartments_fit
             and slots_fit
             and plays_all_at_visits
-            and max(second.visits[0]) < second.steps
-            and self.kept <= first.steps
+            and visits_within_steps
+            and rows_are_heard
         )
 
     def _settings(self, sizes: Sizes) -> dict[str, int]:
@@ -310,6 +329,7 @@ class CoreProgram:
         """
         readout = self.program.readout
         slots = _power(self.needs.slots)
+        align_events = max(phase.align_events or 0 for phase in self.phases)
         return {
             "heard": self.heard,
             "kept": self.kept,
@@ -317,9 +337,7 @@ class CoreProgram:
             "words": self.needs.bitmap,
             # A row never has more events than channels: a larger number is cut to one that fits its
             # field.
-            "align_events": min(
-                max(phase.align_events or 0 for phase in self.phases), self.channels + 1
-            ),
+            "align_events": min(align_events, self.channels + 1),
             "phases": len(self.phases),
             "slot_mask": slots - 1 + (self.later << STEP_BITS - 1),  # the highest bit: `later`
             "sweep": self._sweep_cycles(resident_compartments(sizes)),
@@ -356,6 +374,7 @@ class CoreProgram:
     def _needs(self, synapses: Table) -> Sizes:
         """Return the smallest sizes of a core that holds the program."""
         compartments = self.tables["compartments"]
+        # The most charge that can reach a compartment in a step: from all of its synapses.
         charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
         parent = self.numbering.parent
@@ -366,7 +385,7 @@ class CoreProgram:
             synapses=2 * int(self.lengths.sum() + 1),
             compartments=self.ends[-1],
             slots=_slots_needed(synapses["delay"]),
-            charge=int(charge).bit_length() + 1,  # the most that can meet in a step, and a sign
+            charge=int(charge).bit_length() + 1,  # and a sign
             # A voltage has 24 bits with its sign, and children add up.
             join=24 + children.bit_length() if children else 0,
             bitmap=self.channels * self.row_words,
@@ -398,6 +417,8 @@ class CoreProgram:
                 "source": source[self.program.senders[core.number][axons.axon_of_synapse]],
                 "target": numbers[self.program.columns_of_core(core)[axons.target]],
                 "delay": axons.delay,
+                # A weight of 0 has exponent 0: with exponent 7 it would mean that there is no
+                # synapse.
                 "exponent": np.maximum(exponent, 0) * (mantissa != 0),
                 "mantissa": mantissa,
             })  # fmt: skip
@@ -452,16 +473,27 @@ class CoreProgram:
         table = {name: np.zeros(self.ends[-1], dtype=np.int64) for name in names}
         for name, column in columns.items():
             table[name][number] = column
+        self._add_readout(table)
+        return table
+
+    def _add_readout(self, table: Table) -> None:
+        """Write into the constants which compartments are read out, how, and into which tally.
+
+        Tallies of a population follow each other, population by population.
+        """
         readout = self.program.readout
-        for index, name in enumerate(readout.populations if readout else ()):
+        if readout is None:
+            return
+        for index, name in enumerate(readout.populations):
             phase = next(
-                p.name for p in self.program.phases if name in self.program.columns_of(p.name)
+                phase.name
+                for phase in self.program.phases
+                if name in self.program.columns_of(phase.name)
             )
             members = self.numbers[phase][self.program.columns_of(phase)[name]]
             table["read_out"][members] = 1
-            table["by_potential"][members] = readout is not None and name in readout.from_step
+            table["by_potential"][members] = name in readout.from_step
             table["entry"][members] = index * len(members) + np.arange(len(members))
-        return table
 
 
 def parameters(sizes: Sizes) -> dict[str, int]:
@@ -479,11 +511,33 @@ def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     Words of memories are rounded up to a power of two, so that few different cores are built. Bits
     are just enough.
     """
-    exact = ("charge", "join", "one_port", "later", "groups")
-    grown = {name: need if name in exact else _power(need) for name, need in asdict(needs).items()}
-    grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
-    shared = {name: grown[name] * (getattr(needs, name) > 0) for name in ("places", "sums")}
-    return Sizes(**grown | shared | {"word": needs.word, "step": needs.step})
+    not_words = ("charge", "join", "one_port", "later", "groups")
+    grown = {}
+    for name, need in asdict(needs).items():
+        rounded = need if name in not_words else _power(need)
+        grown[name] = max(rounded, getattr(least, name))
+    for name in ("places", "sums"):
+        # Nothing is shared where the program's core shares nothing, though `least` may.
+        if not getattr(needs, name):
+            grown[name] = 0
+    # The layout of words depends on these two.
+    return Sizes(**grown | {"word": needs.word, "step": needs.step})
+
+
+def _whole_weights(program: ChipProgram) -> tuple[list[int], int]:
+    """Return the weights of the readout as integers, and by how much they are scaled.
+
+    They are binary fractions, and the core multiplies integers. All denominators are powers of two,
+    so the largest is a multiple of the others.
+    """
+    readout_weights = program.readout.weights if program.readout else ()
+    ratios = [weight.as_integer_ratio() for weight in readout_weights]
+    scale = max((denominator for _, denominator in ratios), default=1)
+    weights = [numerator * (scale // denominator) for numerator, denominator in ratios]
+    heaviest = max(map(abs, weights), default=0)
+    what = f"weight of a readout of more than {READOUT_BITS} bits"
+    refuse_unless(heaviest < 1 << READOUT_BITS, program, f"{what} as a whole number", heaviest)
+    return weights, scale
 
 
 def _slots_needed(delays: IntArray) -> int:

@@ -30,13 +30,15 @@ def rows_together(program: ChipProgram, phase: str) -> int:
     lines = program.lines_of(phase)
     shared = MOST_SHARED
     for item in transposed:
+        # A line is a row of a channel; the lines of a channel follow each other.
         of_input = synapses[lines[item.name]]
-        differs_from_row_before = [
-            row for row in range(1, item.size) if of_input[row] != of_input[row - 1]
+        lines_that_differ = [
+            line for line in range(1, item.size) if of_input[line] != of_input[line - 1]
         ]
-        # A row that differs from the row before must be the first of its group; each channel begins
-        # with a new group.
-        while any(row % item.rows % (1 << shared) for row in differs_from_row_before):
+        rows_that_differ = [line % item.rows for line in lines_that_differ]
+        # A row that differs from the row before must be the first of its group. Each channel begins
+        # with a new group, at row 0.
+        while any(row % (1 << shared) for row in rows_that_differ):
             shared -= 1
     return shared
 
