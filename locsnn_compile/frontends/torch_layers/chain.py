@@ -92,9 +92,7 @@ class Chain:
         self.spiking = True
 
     def fold(self, factor: FloatArray, bias: FloatArray) -> None:
-        """Change the last weights so that their output is multiplied by a factor per channel, (n,), and a bias (n,)
-        added.
-        """
+        """Multiply the output of the last weights by a factor per channel, (n,), and add a bias, (n,)."""
         before = self.nodes[self.last]
         weight = before.array("weight")
         constant = before.parameters.get("bias", np.zeros(len(weight)))
