@@ -1,4 +1,7 @@
-"""What a file leaves open is said by the network that was read from it, and only that."""
+"""A network lists exactly the assumptions that were needed to read its file.
+
+Each file leaves known facts open, so the expected sentences are written out here.
+"""
 
 import json
 
@@ -17,6 +20,7 @@ from tests.support.slayer_files import LOIHI, write
 
 GRAPHS = graphs()
 RNG = np.random.default_rng(0)
+# The sentences of the assumptions.
 STEP = (
     "The NIR graph does not say how long a step is: its constants were read in steps of 0.0001 s, the convention "
     "(--dt)."
@@ -29,6 +33,7 @@ EULER = "The NIR graph does not say how its equations become steps: by Euler's m
 
 
 def saved(graph, tmp_path):
+    """Write a NIR graph, and return its path."""
     nir.write(tmp_path / "graph.nir", graph)
     return tmp_path / "graph.nir"
 
@@ -46,7 +51,7 @@ LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
 
 
 @pytest.mark.parametrize(
-    ("graph", "options", "wanted"),
+    ("graph", "options", "expected"),
     [
         pytest.param(LEAKY, {}, (STEP, RESET, EULER), id="all"),
         pytest.param(LEAKY, {"dt": 1e-3}, (RESET, EULER), id="the step is given"),
@@ -72,8 +77,10 @@ LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
         ),
     ],
 )
-def test_what_a_nir_graph_leaves_open(graph, options, wanted, tmp_path):
-    assert lc.load(saved(graph, tmp_path), **options).assumptions == wanted
+def test_a_nir_graph_has_a_sentence_for_each_open_fact_that_matters(
+    graph, options, expected, tmp_path
+):
+    assert lc.load(saved(graph, tmp_path), **options).assumptions == expected
 
 
 @pytest.mark.parametrize("dt", [None, 2e-4])
@@ -84,27 +91,27 @@ def test_the_step_of_a_graphs_constants_is_not_that_of_recordings(dt, tmp_path):
 
 
 @pytest.mark.parametrize("dt", [None, 2e-4])
-def test_a_step_that_is_not_known_is_not_written_as_if_it_were(dt, tmp_path):
+def test_an_unknown_step_is_not_written_into_a_file(dt, tmp_path):
     network = lc.load(saved(LEAKY, tmp_path), dt=dt)
     (tmp_path / "again.nir").write_bytes(exchange_file("nir", quantize(network, chip("loihi-sim"))))
-    again = lc.load(tmp_path / "again.nir")
-    assert again.origin.metadata.get("dt") == dt
-    assert again.stated_step_seconds is None
+    written_again = lc.load(tmp_path / "again.nir")
+    assert written_again.origin.metadata.get("dt") == dt
+    assert written_again.stated_step_seconds is None
     np.testing.assert_array_equal(
-        again.populations[0].neuron.decay_v, network.populations[0].neuron.decay_v
+        written_again.populations[0].neuron.decay_v, network.populations[0].neuron.decay_v
     )
 
 
-def weights(outs, ins):
+def weights(outputs, inputs):
     """Random weights (outs, ins), of which most excite."""
-    return RNG.normal(1, 2, (outs, ins))
+    return RNG.normal(1, 2, (outputs, inputs))
 
 
 TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
 
 
 @pytest.mark.parametrize(
-    ("named", "options", "more", "wanted"),
+    ("layers_by_name", "options", "description", "expected"),
     [
         pytest.param({"fc1": weights(3, 6)}, {}, {}, (TAILS,), id="tails"),
         pytest.param({"fc1": weights(3, 6)}, {"kernels": "full"}, {}, (), id="tails asked for"),
@@ -143,9 +150,11 @@ TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in
         ),
     ],
 )
-def test_what_a_slayer_checkpoint_leaves_open(named, options, more, wanted, tmp_path):
-    assumptions = lc.load(*write(tmp_path, named, **more), **options).assumptions
-    assert assumptions == (*wanted, TS_UNIT)
+def test_a_slayer_checkpoint_has_a_sentence_for_each_open_fact(
+    layers_by_name, options, description, expected, tmp_path
+):
+    assumptions = lc.load(*write(tmp_path, layers_by_name, **description), **options).assumptions
+    assert assumptions == (*expected, TS_UNIT)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +167,7 @@ def test_what_a_slayer_checkpoint_leaves_open(named, options, more, wanted, tmp_
 def test_step_seconds_says_how_long_a_step_of_a_slayer_description_lasts(
     options, recorded_seconds, unit_is_assumed, tmp_path
 ):
-    """A recording of 60 steps."""
+    """A recording of 60 steps lasts 60 times the length of a step."""
     layers = {"fc1": RNG.normal(0, 0.5, (4, 78)), "fc2": RNG.normal(0, 2, (3, 4))}
     model, config = write(tmp_path, layers, steps=60)
     arguments = [str(model), "--config", str(config), *options, "-o", str(tmp_path / "out")]

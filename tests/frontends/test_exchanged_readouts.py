@@ -1,4 +1,7 @@
-"""Readouts and inputs of networks made by hand, written as NIR and ``.net``: read back as they were, or refused."""
+"""Readouts and inputs of networks made by hand, written as NIR and ``.net``: read back unchanged, or refused.
+
+The float reference plays the original network and the one that is read back from the file.
+"""
 
 from dataclasses import replace
 
@@ -13,10 +16,15 @@ from locsnn_compile.reference.evaluate import evaluate
 
 CHIP = chip("loihi-sim")
 RNG = np.random.default_rng(8)
-GIVEN = (RNG.random((6, 40, 10)) < 0.2).astype(np.uint8)
+STEPS = 40
+GIVEN = (RNG.random((6, STEPS, 10)) < 0.2).astype(np.uint8)
+"""Events, (recordings, steps, channels)."""
 WEIGHTS = RNG.normal(0.2, 0.6, (6, 10)), RNG.normal(0, 1, (4, 6)), RNG.normal(0, 1, (4, 10))
+"""Float weights from the input to the first layer, from there to the second, and from the input to the second."""
 EVEN = tuple(2 * np.rint(20 * weights).astype(int) for weights in WEIGHTS)
+"""The same as even mantissas, which lava-dl needs."""
 HELD = "program.yaml holds it, and --emit network shows it."
+"""The advice of most refusals."""
 INPUTS = tuple(lc.InputView(name, "time", 10) for name in ("touch", "again"))
 
 
@@ -36,24 +44,39 @@ def silent(size, **given):
 
 
 def network(second, first=None, skip=False, inputs=INPUTS[:1], **readout):
-    """Two layers, with a second input onto the first layer if there is one, and one past it if asked for."""
-    make = integers if second.on_grid else floats
-    one = lc.Population("one", "time", 6, first or make(6))
+    """Return a network of two layers, whose second layer has the neurons ``second``.
+
+    All ``inputs`` reach the first layer; with ``skip``, the first input also reaches the second layer. ``readout`` are
+    fields of the readout that differ from spikes of the second layer.
+    """
+    default_neurons = integers if second.on_grid else floats
+    one = lc.Population("one", "time", 6, first or default_neurons(6))
     two = lc.Population("two", "time", 4, second)
-    held = EVEN if second.on_grid else WEIGHTS
+    input_to_one, one_to_two, input_to_two = EVEN if second.on_grid else WEIGHTS
 
-    def joined(source, target, weights):
-        kind = lc.ChipProjection if second.on_grid else lc.Projection
-        return kind(source, target, weights, *((0, 8, "mixed") if second.on_grid else ()))
+    def projection(source, target, weights):
+        if second.on_grid:
+            return lc.ChipProjection(source, target, weights, 0, 8, "mixed")
+        return lc.Projection(source, target, weights)
 
-    parts = [joined(view.name, "one", held[0]) for view in inputs] + [joined("one", "two", held[1])]
-    parts += [joined("touch", "two", held[2])] if skip else []
-    read = lc.Readout(**{"populations": ("two",), "weights": (1.0,)} | readout)
-    return lc.Network("by hand", 10, 40, inputs, (one, two), tuple(parts), read, any_length=True)
+    projections = [projection(view.name, "one", input_to_one) for view in inputs]
+    projections.append(projection("one", "two", one_to_two))
+    if skip:
+        projections.append(projection("touch", "two", input_to_two))
+    return lc.Network(
+        "by hand",
+        channels=10,
+        steps=STEPS,
+        views=inputs,
+        populations=(one, two),
+        projections=tuple(projections),
+        readout=lc.Readout(**{"populations": ("two",), "weights": (1.0,)} | readout),
+        any_length=True,
+    )
 
 
 def emitted(kind, made, tmp_path):
-    """Return the network that a reader finds in what is emitted."""
+    """Quantise a network, write it as a ``kind`` of file, and return the network that is read from the file."""
     path = tmp_path / f"model.{kind}"
     path.write_bytes(exchange_file(kind, quantize(made, CHIP)))
     return lc.load(path)
@@ -91,51 +114,113 @@ HOLDS = {
 
 @pytest.mark.parametrize("name", HOLDS)
 def test_what_a_format_holds_reads_back_as_it_was(name, tmp_path):
-    """Potentials became spikes, and two inputs became one of twice the channels."""
+    """The channels, the kind of readout and the class scores are those of the original network."""
     kind, made = HOLDS[name]
     again = emitted(kind, made, tmp_path)
     assert again.channels == made.channels
     assert bool(again.readout.from_step) == bool(made.readout.from_step)
     assert again.readout.weights == (1.0,)
-    late = (
-        "past a layer" in name
-    )  # a reader delays what takes the shorter path, and with it the whole layer
-    before, after = evaluate(made, GIVEN[:, : 40 - late]), evaluate(again, GIVEN)
+    # A reader delays the shorter of two paths, and so the whole second layer by one step.
+    steps_late = 1 if "past a layer" in name else 0
+    before = evaluate(made, GIVEN[:, : STEPS - steps_late])
+    after = evaluate(again, GIVEN)
     assert np.ptp(before.scores) > 0
-    # Integers that become floats are no longer truncated.
-    rounded = made.populations[1].on_grid and kind == "nir"
-    np.testing.assert_allclose(
-        after.scores, before.scores, rtol=0.05 if rounded else 1e-9, atol=2560 * rounded + 1e-9
-    )
+    tolerances = {"rtol": 1e-9, "atol": 1e-9}
+    if made.populations[1].on_grid and kind == "nir":
+        # Integers become floats, which are not truncated after a decay: within 40 units of 64.
+        tolerances = {"rtol": 0.05, "atol": 40 * 64}
+    np.testing.assert_allclose(after.scores, before.scores, **tolerances)
     np.testing.assert_array_equal(after.prediction, before.prediction)
 
 
 def read(*populations, **given):
+    """Return fields of a readout of these populations."""
     return {"populations": populations, "weights": (1.0,) * len(populations)} | given
 
 
 UNLEAKY = "a state that never decays has no time constant"
 LATE = "counts potentials of 'two' from another step"
 BOUND = "neurons that NIR reads by potential have no biases and never spike"
-REFUSED = {
-    "nir, a weight": ("nir", network(floats(4), weights=(2.0,)), f"nir, readout: the format cannot weigh what is read out (weights 2). {HELD}"),
-    "net, a weight": ("net", network(integers(4), weights=(-1.0,)), f"net, readout: the format cannot weigh what is read out (weights -1). {HELD}"),
-    "nir, another step": ("nir", network(silent(4), potentials_from=0), f"nir, readout: NIR {LATE} (2 against 0). {HELD}"),
-    "nir, a later step": ("nir", network(silent(4), skip=True, potentials_from=2), f"nir, readout: NIR {LATE} (1 against 2). {HELD}"),
-    "net, another step": ("net", network(integers(4, threshold=90_000), potentials_from=3), f"net, readout: lava-dl counts potentials from another step (2 against 3). {HELD}"),
-    "nir, spikes of what is read": ("nir", network(floats(4, threshold=3.0), potentials_from=2), f"nir, population 'two': {BOUND}. {HELD}"),
-    "nir, biases of what is read": ("nir", network(silent(4, bias=0.1), potentials_from=2), f"nir, population 'two': {BOUND}. {HELD}"),
-    "net, spikes of what is read": ("net", network(integers(4), potentials_from=2), f"net, population 'two': neurons that lava-dl reads by potential never spike, and these may. {HELD}"),
-    "nir, no leak": ("nir", network(silent(4, decay_v=0.0), potentials_from=2), f"nir, population 'two': {UNLEAKY}. Emit another kind."),
-    "nir, a readout that sends on": ("nir", network(floats(4), silent(6), **read("one", potentials_from=1)), f"nir, population 'one': NIR sends no spikes on from neurons that it reads by potential. {HELD}"),
-    "net, an inner layer": ("net", network(integers(4), **read("one")), f"net, readout: lava-dl reads out the last layer (one). {HELD}"),
-    "net, two inputs": ("net", network(integers(4), inputs=INPUTS), "net: lava-dl has one input (2 against 1). Emit nir, or give the network one input."),
-}  # fmt: skip
+REFUSED = [
+    pytest.param(
+        "nir",
+        network(floats(4), weights=(2.0,)),
+        f"nir, readout: the format cannot weigh what is read out (weights 2). {HELD}",
+        id="nir, a weight",
+    ),
+    pytest.param(
+        "net",
+        network(integers(4), weights=(-1.0,)),
+        f"net, readout: the format cannot weigh what is read out (weights -1). {HELD}",
+        id="net, a weight",
+    ),
+    pytest.param(
+        "nir",
+        network(silent(4), potentials_from=0),
+        f"nir, readout: NIR {LATE} (2 against 0). {HELD}",
+        id="nir, another step",
+    ),
+    pytest.param(
+        "nir",
+        network(silent(4), skip=True, potentials_from=2),
+        f"nir, readout: NIR {LATE} (1 against 2). {HELD}",
+        id="nir, a later step",
+    ),
+    pytest.param(
+        "net",
+        network(integers(4, threshold=90_000), potentials_from=3),
+        f"net, readout: lava-dl counts potentials from another step (2 against 3). {HELD}",
+        id="net, another step",
+    ),
+    pytest.param(
+        "nir",
+        network(floats(4, threshold=3.0), potentials_from=2),
+        f"nir, population 'two': {BOUND}. {HELD}",
+        id="nir, spikes of what is read",
+    ),
+    pytest.param(
+        "nir",
+        network(silent(4, bias=0.1), potentials_from=2),
+        f"nir, population 'two': {BOUND}. {HELD}",
+        id="nir, biases of what is read",
+    ),
+    pytest.param(
+        "net",
+        network(integers(4), potentials_from=2),
+        "net, population 'two': neurons that lava-dl reads by potential never spike, and "
+        f"these may. {HELD}",
+        id="net, spikes of what is read",
+    ),
+    pytest.param(
+        "nir",
+        network(silent(4, decay_v=0.0), potentials_from=2),
+        f"nir, population 'two': {UNLEAKY}. Emit another kind.",
+        id="nir, no leak",
+    ),
+    pytest.param(
+        "nir",
+        network(floats(4), silent(6), **read("one", potentials_from=1)),
+        "nir, population 'one': NIR sends no spikes on from neurons that it reads by "
+        f"potential. {HELD}",
+        id="nir, a readout that sends on",
+    ),
+    pytest.param(
+        "net",
+        network(integers(4), **read("one")),
+        f"net, readout: lava-dl reads out the last layer (one). {HELD}",
+        id="net, an inner layer",
+    ),
+    pytest.param(
+        "net",
+        network(integers(4), inputs=INPUTS),
+        "net: lava-dl has one input (2 against 1). Emit nir, or give the network one input.",
+        id="net, two inputs",
+    ),
+]
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_a_format_cannot_hold_is_refused(name):
-    kind, made, line = REFUSED[name]
+@pytest.mark.parametrize(("kind", "made", "line"), REFUSED)
+def test_what_a_format_cannot_hold_is_refused(kind, made, line):
     with pytest.raises(lc.InputError) as caught:
         exchange_file(kind, quantize(made, CHIP))
     assert str(caught.value) == f"--emit {line}"
@@ -179,10 +264,11 @@ def test_a_class_for_ties_is_refused(kind):
 
 
 def test_weights_below_a_mantissa_are_written_as_the_chip_adds_them(tmp_path):
-    """An exponent below 0 loses low bits; the file had these bits."""
+    """With an exponent below 0, the chip loses low bits of a mantissa, so the file must not have them either."""
     made = network(integers(4))
     odd = replace(made.projections[0], mantissa=EVEN[0] + 1, exponent=-1, signs="apart")
     made = replace(made, projections=(odd, made.projections[1]))
     again = emitted("nir", made, tmp_path)
     weights = np.asarray(again.projections[0].weights) * 1.0
+    # A charge is 64 floor(mantissa 2^exponent).
     np.testing.assert_allclose(weights, 64 * np.floor((EVEN[0] + 1) / 2))

@@ -1,4 +1,4 @@
-"""``locsnn explore`` takes the recordings that ``compile`` makes up for files that carry none."""
+"""``locsnn explore`` and ``locsnn compile`` use the same synthetic recordings for files that carry none."""
 
 import json
 import shlex
@@ -15,10 +15,11 @@ from tests.support.slayer_files import write
 
 RNG = np.random.default_rng(4)
 USUAL_ROUNDING = ["--weight-bits", "8", "--split-weights", "0"]
-"""Of the grid of dials, the point that `compile` takes; recordings are made up before any is tried."""
+"""The one point of the grid of settings that `compile` takes by default; others would only take time."""
 
 
 def slayer(folder: Path, channels: int) -> list[str]:
+    """Write a slayerPytorch checkpoint of so many channels, and return the arguments that name it."""
     # Means above 0, so that neurons spike.
     weights = {"fc1": RNG.normal(1, 2, (6, channels)), "fc2": RNG.normal(1, 2, (3, 6))}
     checkpoint, config = write(folder, weights)
@@ -26,12 +27,14 @@ def slayer(folder: Path, channels: int) -> list[str]:
 
 
 def lava_dl(folder: Path) -> list[str]:
+    """Write a lava-dl network, and return the arguments that name it."""
     layers = [{"type": "input", "shape": [5]}, dense(RNG, 4, 5), dense(RNG, 3, 4)]
     write_net(folder / "model.net", layers)
     return [str(folder / "model.net")]
 
 
 def graph(folder: Path) -> list[str]:
+    """Write a NIR graph, and return the arguments that name it."""
     neuron = nir.IF(r=np.ones(3), v_threshold=np.ones(3), v_reset=np.zeros(3))
     nir.write(folder / "model.nir", chain((5,), ("fc", linear(RNG, 3, 5)), ("if", neuron)))
     return [str(folder / "model.nir")]
@@ -49,16 +52,16 @@ def graph(folder: Path) -> list[str]:
         pytest.param(graph, USUAL_ROUNDING, id="NIR"),
     ],
 )
-def test_what_compile_makes_up_is_explored(write_model, grid, tmp_path, capsys):
+def test_explore_takes_the_synthetic_recordings_of_compile(write_model, grid, tmp_path, capsys):
     model = write_model(tmp_path)
     assert locsnn(["compile", *model, "-o", str(tmp_path / "built"), "--json"]) == 0
     compiled = json.loads(capsys.readouterr().out)
     folder = str(tmp_path / "explored")
-    # 3: no setting keeps within the bounds on what may be lost, which does not matter here.
+    # Exit code 3: no setting is within the error bounds, which does not matter here.
     assert locsnn(["explore", *model, *grid, "--recordings", "1", "-o", folder, "--json"]) in (0, 3)
     explored = json.loads(capsys.readouterr().out)
     assert explored["chosen_on"]["source"] == compiled["match"]["events_source"]
     assert explored["chosen_on"]["available"] == compiled["match"]["samples"]
-    # Without the name of the command, locsnn-compile.
+    # The command of a point begins with the program's name, locsnn-compile.
     arguments = shlex.split(explored["points"][0]["command"])[1:]
     assert locsnn(["compile", *arguments, "--quiet", "-o", str(tmp_path / "again")]) == 0

@@ -1,4 +1,7 @@
-"""A floor of the potential: as sinabs' ``min_v_mem`` does it, on both sides of the comparison."""
+"""A floor, the lowest value of a potential, acts as sinabs' ``min_v_mem``, in the float reference and on the chip.
+
+The expected spikes were recorded with sinabs itself, or are worked out by hand.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,68 +24,69 @@ from tests.support.nir_graphs import chain, load_graph
 RECORDED = Path(__file__).parent / "floors-by-sinabs.npz"
 """``tests/peers/record_sinabs_floors.py`` says what it holds and writes it."""
 with np.load(RECORDED) as recorded:
-    HELD = {key: recorded[key] for key in recorded.files}
-NETWORKS = sorted({key.split(".")[0] for key in HELD})
+    RECORDED_ARRAYS = {key: recorded[key] for key in recorded.files}
+NETWORKS = sorted({key.split(".")[0] for key in RECORDED_ARRAYS})
 LAYERS = {"1": "first", "3": "second"}
+"""The neuron nodes of the recorded networks, and the names of their recorded spikes."""
 CHIP_LEAST = 0.9
-"""Agreement of the chip, whose weights and decays are rounded, with the spikes of a first layer."""
+"""Least agreement of the chip, whose weights and decays are rounded, with sinabs' spikes of a first layer."""
 
 
 def network_of(name: str, folder: Path, **options) -> lc.Network:
     """Return a network of sinabs; LIF neurons count their time constants in steps."""
     path = folder / "graph.nir"
-    path.write_bytes(HELD[f"{name}.nir"].tobytes())
+    path.write_bytes(RECORDED_ARRAYS[f"{name}.nir"].tobytes())
     reset = name.split("-")[1]
-    given = {"dt": 1.0, "discretisation": "hold", "floor": float(HELD[f"{name}.floor"])}
+    given = {"dt": 1.0, "discretisation": "hold", "floor": float(RECORDED_ARRAYS[f"{name}.floor"])}
     return lc.load(path, reset=reset, **{**given, **options})
 
 
-def given_to(name: str):
+def events_of(name: str):
     """The recorded input of a network, as a batch of one."""
-    return HELD[f"{name}.input"][None]
+    return RECORDED_ARRAYS[f"{name}.input"][None]
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_potentials_stop_falling_where_those_of_sinabs_do(name, tmp_path):
     network = network_of(name, tmp_path)
-    found = evaluate(network, given_to(name)).spikes
+    ours = evaluate(network, events_of(name)).spikes
     for depth, (node, layer) in enumerate(LAYERS.items(), start=1):
-        wanted = HELD[f"{name}.{layer}"]
-        np.testing.assert_array_equal(found[node][0, depth:], wanted[:-depth], err_msg=layer)
+        expected = RECORDED_ARRAYS[f"{name}.{layer}"]
+        np.testing.assert_array_equal(ours[node][0, depth:], expected[:-depth], err_msg=layer)
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_without_a_floor_it_is_another_network(name, tmp_path):
+def test_without_a_floor_the_spikes_are_those_of_sinabs_without_min_v_mem(name, tmp_path):
     network = network_of(name, tmp_path, floor=None)
-    found = evaluate(network, given_to(name)).spikes["1"][0, 1:]
-    np.testing.assert_array_equal(found, HELD[f"{name}.free"][:-1])
-    assert (found != HELD[f"{name}.first"][:-1]).any()
+    ours = evaluate(network, events_of(name)).spikes["1"][0, 1:]
+    np.testing.assert_array_equal(ours, RECORDED_ARRAYS[f"{name}.free"][:-1])
+    assert (ours != RECORDED_ARRAYS[f"{name}.first"][:-1]).any()
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_chip_plays_the_integers_of_the_reference_to_the_bit(name, tmp_path):
     levels = lower(network_of(name, tmp_path), hw.chip("loihi-sim"), weight_bits=8)
-    wanted = evaluate(levels.quantized.on_grid(), given_to(name), potentials=True)
+    expected = evaluate(levels.quantized.on_grid(), events_of(name), potentials=True)
     for engine in ("fast", "reference"):
         probe = ("spikes", "potential")
-        found = hw.simulate(levels.program, given_to(name), engine=engine, probe=probe)
+        ours = hw.simulate(levels.program, events_of(name), engine=engine, probe=probe)
         for node in LAYERS:
-            np.testing.assert_array_equal(found.spikes[node], wanted.spikes[node])
-            np.testing.assert_array_equal(found.potential[node], wanted.potential[node])
+            np.testing.assert_array_equal(ours.spikes[node], expected.spikes[node])
+            np.testing.assert_array_equal(ours.potential[node], expected.potential[node])
         lowest = levels.quantized.population("1").neuron.vmin
-        assert (wanted.potential["1"].min(axis=(0, 1)) >= lowest).all()
-        assert (wanted.potential["1"].min(axis=(0, 1)) == lowest).any()
+        assert (expected.potential["1"].min(axis=(0, 1)) >= lowest).all()
+        assert (expected.potential["1"].min(axis=(0, 1)) == lowest).any()
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_chip_spikes_nearly_as_sinabs_does(name, tmp_path):
     program = lower(network_of(name, tmp_path), hw.chip("loihi-sim"), weight_bits=8).program
-    found = hw.simulate(program, given_to(name)).spikes["1"][0, 1:]
-    wanted = HELD[f"{name}.first"][:-1]
-    assert 2 * (found & wanted).sum() / (found.sum() + wanted.sum()) >= CHIP_LEAST
+    ours = hw.simulate(program, events_of(name)).spikes["1"][0, 1:]
+    expected = RECORDED_ARRAYS[f"{name}.first"][:-1]
+    assert 2 * (ours & expected).sum() / (ours.sum() + expected.sum()) >= CHIP_LEAST
 
 
-def integrators(folder: Path, floor: float | None, thresholds=(1.0, 1.0), reset="zero", **more):
+def integrators(folder: Path, floor: float | None, thresholds=(1.0, 1.0), reset="zero", **options):
     """Return two layers of IF neurons, one for each of two inputs, with these thresholds."""
     layers = [
         nir.IF(r=np.ones(2), v_threshold=np.full(2, threshold), v_reset=np.zeros(2))
@@ -90,10 +94,11 @@ def integrators(folder: Path, floor: float | None, thresholds=(1.0, 1.0), reset=
     ]
     weights = [nir.Linear(np.array([[0.5, -0.75], [0.25, -2.0]])), nir.Linear(np.eye(2))]
     nodes = [("fc1", weights[0]), ("if1", layers[0]), ("fc2", weights[1]), ("if2", layers[1])]
-    return load_graph(chain((2,), *nodes), folder, reset=reset, floor=floor, **more)
+    return load_graph(chain((2,), *nodes), folder, reset=reset, floor=floor, **options)
 
 
-GIVEN = np.array([[[0, 1], [0, 1], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0]]], np.uint8)
+EVENTS = np.array([[[0, 1], [0, 1], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0]]], np.uint8)
+"""Two spikes of the second input, then the first input in every step, (1, 8, 2)."""
 
 
 @pytest.mark.parametrize(
@@ -109,26 +114,31 @@ GIVEN = np.array([[[0, 1], [0, 1], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0], [1, 0
 @pytest.mark.parametrize("reset", ["zero", "late-zero"])
 def test_potentials_by_hand(floor, potentials, reset, tmp_path):
     network = integrators(tmp_path, floor, reset=reset)
-    found = evaluate(network, GIVEN, potentials=True).potential["if1"][0, 1:, 0]
-    until = 6 if reset == "late-zero" else 7
-    before_it_resets = next((i + 1 for i, v in enumerate(potentials) if v > 1), until)
-    compared = before_it_resets if reset == "late-zero" else until
-    np.testing.assert_array_equal(found[:compared], potentials[:compared])
+    ours = evaluate(network, EVENTS, potentials=True).potential["if1"][0, 1:, 0]
+    compared = len(potentials)
+    if reset == "late-zero":
+        # The potentials above are those of an immediate reset, so compare up to the first spike. Without a spike, the
+        # last one is left out.
+        compared = next((i + 1 for i, v in enumerate(potentials) if v > 1), len(potentials) - 1)
+    np.testing.assert_array_equal(ours[:compared], potentials[:compared])
 
 
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 def test_populations_of_different_floors_are_on_different_cores(reset, tmp_path):
     network = integrators(tmp_path, -1.0, thresholds=(1.0, 5.0), reset=reset)
     levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
-    limits = {q.population.name: set(q.neuron.vmin.tolist()) for q in levels.quantized.populations}
-    assert len(limits["if1"]) == len(limits["if2"]) == 1
-    assert limits["if1"] != limits["if2"]
+    vmin_of_population = {
+        q.population.name: set(q.neuron.vmin.tolist()) for q in levels.quantized.populations
+    }
+    assert len(vmin_of_population["if1"]) == len(vmin_of_population["if2"]) == 1
+    assert vmin_of_population["if1"] != vmin_of_population["if2"]
     cores = levels.program.cores
     assert sorted(core.vmin for core in cores) == sorted(
-        v for held in limits.values() for v in held
+        v for held in vmin_of_population.values() for v in held
     )
-    for name, held in limits.items():
+    for name, held in vmin_of_population.items():
         (vmin,) = held
+        # A core's voltage ends at 1 - 2^k: 1 - vmin is a power of two.
         assert 1 - vmin == 1 << (1 - vmin).bit_length() - 1
         scale = levels.quantized.population(name).scale
         np.testing.assert_allclose(vmin / scale, -1.0, rtol=1e-2)
@@ -146,20 +156,20 @@ def test_thresholds_that_differ_share_one_floor(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("floor", "wanted", "held"),
+    ("floor", "expected", "held"),
     [("one-threshold", "-1", f"{-(2**18 - 1) / 2**18:.7g}"), ("at-rest", "0", "0")],
 )
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
-def test_the_report_says_the_floor_and_explains_every_difference(
-    reset, floor, wanted, held, tmp_path
+def test_the_report_states_the_floor_and_explains_every_difference(
+    reset, floor, expected, held, tmp_path
 ):
     name = f"iaf-{reset}-{floor}"
-    compiled = lc.compile(network_of(name, tmp_path), events=given_to(name))
-    said = (
-        f"Potentials of '1' and '3' stop falling at {wanted} from where they start (--floor), on the chip at {held}: "
+    compiled = lc.compile(network_of(name, tmp_path), events=events_of(name))
+    message = (
+        f"Potentials of '1' and '3' stop falling at {expected} from where they start (--floor), on the chip at {held}: "
         "a core's voltage ends below at 1 - 2^k. What stops there is counted among the clips."
     )
-    assert said in compiled.report["assumptions"]
+    assert message in compiled.report["assumptions"]
     assert compiled.report["error_budget"]["unexplained_spikes"] == 0
     registers = compiled.report["margins"]["registers"]
     assert all(0 <= use["share_v"] <= 1 for use in registers.values())
@@ -176,12 +186,14 @@ def test_levels_show_the_floor(tmp_path):
 
 
 def net_of_one_layer(folder: Path) -> Path:
+    """Write a lava-dl network of one layer, and return its path."""
     path = folder / "model.net"
     write_net(path, [{"type": "input", "shape": [2]}, dense(np.random.default_rng(1), 2, 2)])
     return path
 
 
 def readout_of_leaks(folder, **options):
+    """Load a graph whose only neurons are a readout."""
     leak = nir.LI(tau=np.full(2, 1e-3), r=np.ones(2), v_leak=np.zeros(2))
     return load_graph(chain((2,), ("fc", nir.Linear(np.eye(2))), ("li", leak)), folder, **options)
 
@@ -235,16 +247,16 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("refused", "said"), REFUSED)
-def test_a_floor_that_cannot_be_held_is_refused(refused, said, tmp_path):
+@pytest.mark.parametrize(("refused", "message"), REFUSED)
+def test_a_floor_that_cannot_be_held_is_refused(refused, message, tmp_path):
     with pytest.raises(LocsnnError) as caught:
         refused(tmp_path)
-    assert str(caught.value) == said
+    assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("value", ["zero", "late-zero", "subtract", "late-subtract", "none"])
 def test_the_stop_proof_holds_with_a_floor(value, tmp_path):
     network = integrators(tmp_path, -0.5, reset=value)
     program = lower(replace(network, steps=8), hw.chip("loihi-sim"), weight_bits=8).program
-    stops = stop_when_proven(program, GIVEN)
+    stops = stop_when_proven(program, EVENTS)
     np.testing.assert_array_equal(stops.prediction, stops.final)

@@ -32,39 +32,39 @@ def test_host_and_chip_together_spike_as_the_framework(case, tmp_path):
     events = recordings_for(network, inputs[None]).spikes
     np.testing.assert_array_equal(events[0], recorded.pop(last_on_host))
     ours = evaluate(network, events).spikes
-    for depth, (name, wanted) in enumerate(recorded.items(), start=1):
-        assert wanted.sum() > 10
-        np.testing.assert_array_equal(ours[name][0][depth:], wanted[:-depth])
+    for depth, (name, expected) in enumerate(recorded.items(), start=1):
+        assert expected.sum() > 10
+        np.testing.assert_array_equal(ours[name][0][depth:], expected[:-depth])
 
 
 def affine(rng, outs, ins):
     return nir.Affine(rng.normal(0.3, 0.5, (outs, ins)), rng.normal(0.1, 0.2, outs))
 
 
-def graph_file(folder, *behind):
+def graph_file(folder, *nodes_behind):
     """Write a NIR graph of three layers of neurons, and what comes behind them; return its file."""
     rng = np.random.default_rng(3)
     nodes = []
     for number in (1, 2, 3):
         nodes += [(f"fc{number}", affine(rng, 6, 6)), (f"lif{number}", lif(rng, 6))]
-    nir.write(folder / "net.nir", chain((6,), *nodes, *behind))
+    nir.write(folder / "net.nir", chain((6,), *nodes, *nodes_behind))
     return folder / "net.nir"
 
 
 @pytest.mark.parametrize(("host_layers", "on_host"), [(1, 1), (2, 2), ("lif2", 2)])
 def test_host_and_chip_compute_the_whole_network(host_layers, on_host, tmp_path):
     path = graph_file(tmp_path)
-    whole = lc.load(path, dt=DT)
+    undivided = lc.load(path, dt=DT)
     divided = lc.load(path, dt=DT, host_layers=host_layers)
     values = (np.random.default_rng(1).random((3, 30, 6)) < 0.4).astype(np.uint8)
-    wanted = evaluate(whole, values).spikes
+    expected = evaluate(undivided, values).spikes
     events = recordings_for(divided, values.astype(float)).spikes
     ours = evaluate(divided, events).spikes
-    np.testing.assert_array_equal(events[:, :-on_host], wanted[f"lif{on_host}"][:, on_host:])
+    np.testing.assert_array_equal(events[:, :-on_host], expected[f"lif{on_host}"][:, on_host:])
     for number in range(on_host + 1, 4):
-        assert wanted[f"lif{number}"].any()
+        assert expected[f"lif{number}"].any()
         np.testing.assert_array_equal(
-            ours[f"lif{number}"][:, :-on_host], wanted[f"lif{number}"][:, on_host:]
+            ours[f"lif{number}"][:, :-on_host], expected[f"lif{number}"][:, on_host:]
         )
 
 
@@ -73,9 +73,16 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     image = recorded["inputs"][:1]
     np.savez(tmp_path / "image.npz", values=image, labels=[3])
     options = ["--config", str(description), "--host-layers", "if1", "--steps", str(STEPS)]
-    out = ["-o", str(tmp_path / "out"), "--json", "--emit", "network", "events"]
+    output_options = [
+        "-o",
+        str(tmp_path / "out"),
+        "--json",
+        "--emit",
+        "network",
+        "events",
+    ]
     events = ["--events", str(tmp_path / "image.npz")]
-    assert main(["compile", str(state), *options, *events, *out]) == 0
+    assert main(["compile", str(state), *options, *events, *output_options]) == 0
     report = json.loads(capsys.readouterr().out)
     # Of the 3 x 3 taps of 64 pixels, those of the border lie outside the image of 8 x 8.
     taps = (3 * 8 - 2) ** 2
@@ -143,8 +150,8 @@ def test_reports_of_all_families_count_the_host_and_say_what_is_not_known(target
     assert "## Layers on the host" in text
     assert "| c1 | 6 | 1,080 | 180 |" in text
     worst, points = OTHER_FAMILIES[target]
-    for words in (worst, "**What is not known? 5 points.**", *points):
-        assert words in text
+    for sentence in (worst, "**What is not known? 5 points.**", *points):
+        assert sentence in text
 
 
 def slow_cuba(size):

@@ -33,13 +33,13 @@ def net_over_images(folder: Path, shape: tuple[int, ...] = IMAGE) -> Path:
         "weight": even(RNG, 3, 2, 3, 3, low=-20, high=40),
         "neuron": neuron(threshold=60),
     }
-    behind = [{"type": "flatten", "shape": np.array([36])}, dense(RNG, 4, 36)]
-    first = [convolution, *behind] if shape == IMAGE else [dense(RNG, 4, 24)]
-    write_net(folder / "model.net", [{"type": "input", "shape": np.array(shape)}, *first])
+    layers_behind = [{"type": "flatten", "shape": np.array([36])}, dense(RNG, 4, 36)]
+    layers = [convolution, *layers_behind] if shape == IMAGE else [dense(RNG, 4, 24)]
+    write_net(folder / "model.net", [{"type": "input", "shape": np.array(shape)}, *layers])
     return folder / "model.net"
 
 
-def sent_on(path: Path, folder: Path, **options) -> tuple[lc.Network, Path]:
+def exchanged(path: Path, folder: Path, **options) -> tuple[lc.Network, Path]:
     """Return a network, and the NIR file of it."""
     network = lc.load(path, **options)
     written = folder / "sent.nir"
@@ -49,7 +49,7 @@ def sent_on(path: Path, folder: Path, **options) -> tuple[lc.Network, Path]:
 
 
 def test_the_input_has_the_shape_of_the_image(tmp_path):
-    _, written = sent_on(net_over_images(tmp_path), tmp_path)
+    _, written = exchanged(net_over_images(tmp_path), tmp_path)
     graph = nir.read(written)
     assert graph.nodes["input"].input_type["input"].tolist() == [2, 3, 4]
     ((_, flat),) = [edge for edge in graph.edges if edge[0] == "input"]
@@ -58,23 +58,23 @@ def test_the_input_has_the_shape_of_the_image(tmp_path):
 
 
 def test_pixels_reach_the_same_neurons_of_the_file(tmp_path):
-    network, written = sent_on(net_over_images(tmp_path), tmp_path)
-    again = lc.load(written, dt=1e-4)
+    network, written = exchanged(net_over_images(tmp_path), tmp_path)
+    read_back = lc.load(written, dt=1e-4)
     assert network.expected.inputs == Channels(4, 3, 2, "pyx")
-    assert again.expected.inputs == Channels(4, 3, 2, "pyx")
+    assert read_back.expected.inputs == Channels(4, 3, 2, "pyx")
     # Frames of one pixel each, by what they show: polarity, row and column.
     reached = 0
     for place in np.ndindex(*IMAGE):
         frames = np.zeros((1, 6, *IMAGE), np.uint8)
         frames[(0, slice(0, 4), *place)] = 1
         played = frames.reshape(1, 6, -1)
-        wanted = evaluate(network, played).spikes["layer1"]
-        np.testing.assert_array_equal(evaluate(again, played).spikes["layer1"], wanted)
-        reached += int(wanted.sum())
+        expected = evaluate(network, played).spikes["layer1"]
+        np.testing.assert_array_equal(evaluate(read_back, played).spikes["layer1"], expected)
+        reached += int(expected.sum())
     assert reached > 20
 
 
 @pytest.mark.parametrize("options", [{}, {"channel_order": "yxp"}])
 def test_inputs_that_are_not_numbered_as_images_stay_flat(options, tmp_path):
-    _, written = sent_on(net_over_images(tmp_path, (24,)), tmp_path, **options)
+    _, written = exchanged(net_over_images(tmp_path, (24,)), tmp_path, **options)
     assert nir.read(written).nodes["input"].input_type["input"].tolist() == [24]

@@ -19,18 +19,18 @@ def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
     layers = NETS[name]
     write_net(tmp_path / "model.net", layers)
     network = lc.load(tmp_path / "model.net")
-    given = spikes(network.channels)
-    wanted = play(layers, given)
-    compiled = lc.compile(network, events=given[None], diagnosis=False)
+    events = spikes(network.channels)
+    expected = play(layers, events)
+    compiled = lc.compile(network, events=events[None], diagnosis=False)
     assert compiled.match.spikes.agreement == 1
-    assert [p.name for p in network.populations] == [f"layer{i}" for i in wanted]
+    assert [p.name for p in network.populations] == [f"layer{i}" for i in expected]
     for engine in ("fast", "reference"):
-        result = hw.simulate(compiled.program, given, engine=engine)
-        for number, rows in wanted.items():
+        result = hw.simulate(compiled.program, events, engine=engine)
+        for number, rows in expected.items():
             assert rows.sum() > 5
             np.testing.assert_array_equal(result.spikes[f"layer{number}"], rows)
     np.testing.assert_array_equal(
-        evaluate(network, given[None]).spikes[f"layer{max(wanted)}"][0], wanted[max(wanted)]
+        evaluate(network, events[None]).spikes[f"layer{max(expected)}"][0], expected[max(expected)]
     )
 
 
@@ -38,11 +38,11 @@ def test_a_conv_of_stride_1_needs_no_input_layer(tmp_path):
     layer = CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])}
     for name, layers in (("with", [IMAGE, layer]), ("without", [layer])):
         write_net(tmp_path / f"{name}.net", layers)
-    both = [
+    matrices = [
         lc.load(tmp_path / f"{name}.net").projections[0].mantissa.toarray()
         for name in ("with", "without")
     ]
-    np.testing.assert_array_equal(*both)
+    np.testing.assert_array_equal(*matrices)
 
 
 def test_integers_are_kept_as_they_are(tmp_path):
@@ -51,22 +51,31 @@ def test_integers_are_kept_as_they_are(tmp_path):
     )
     write_net(tmp_path / "model.net", [layer], {"Ts": 1.0, "tSample": 50})
     network = lc.load(tmp_path / "model.net")
-    held, made = network.projections[0], network.populations[0].neuron
-    np.testing.assert_array_equal(held.mantissa, layer["weight"])
-    np.testing.assert_array_equal(made.decay_u, layer["neuron"]["iDecay"])
-    np.testing.assert_array_equal(made.bias_mantissa * 2**made.bias_exponent, 64 * np.arange(12))
-    assert (held.exponent, held.weight_bits, held.signs) == (0, 8, "mixed")
-    assert (set(made.decay_v.tolist()), set(made.threshold.tolist())) == ({77}, {4321})
+    projection, neurons = network.projections[0], network.populations[0].neuron
+    np.testing.assert_array_equal(projection.mantissa, layer["weight"])
+    np.testing.assert_array_equal(neurons.decay_u, layer["neuron"]["iDecay"])
+    np.testing.assert_array_equal(
+        neurons.bias_mantissa * 2**neurons.bias_exponent, 64 * np.arange(12)
+    )
+    assert (projection.exponent, projection.weight_bits, projection.signs) == (0, 8, "mixed")
+    assert (set(neurons.decay_v.tolist()), set(neurons.threshold.tolist())) == ({77}, {4321})
     assert (network.steps, network.usual_step_seconds) == (50, 0.001)
 
 
 POOL = {
-    "type": "pool", "shape": np.array([2, 3, 3]), "kernelSize": np.array([2, 2]), "stride": np.array([2, 2]),
-    "weight": np.full((1, 1, 2, 2), 88.0), "neuron": neuron(),
-}  # fmt: skip
-ONE = {**CONV, "inChannels": 1, "groups": 1, "weight": even(RNG, 4, 1, 3, 3, 1)}
+    "type": "pool",
+    "shape": np.array([2, 3, 3]),
+    "kernelSize": np.array([2, 2]),
+    "stride": np.array([2, 2]),
+    "weight": np.full((1, 1, 2, 2), 88.0),
+    "neuron": neuron(),
+}
+CONV_OF_ONE_CHANNEL = {**CONV, "inChannels": 1, "groups": 1, "weight": even(RNG, 4, 1, 3, 3, 1)}
 SQUEEZED = {
-    "conv of one channel": ([{"type": "input", "shape": np.array([1, 6, 6])}, ONE], (4, 3, 3)),
+    "conv of one channel": (
+        [{"type": "input", "shape": np.array([1, 6, 6])}, CONV_OF_ONE_CHANNEL],
+        (4, 3, 3),
+    ),
     "pool": ([IMAGE, POOL], (2, 2)),
     "dense of one neuron": ([dense(RNG, 1, 10)], (10,)),
 }
@@ -75,47 +84,106 @@ SQUEEZED = {
 @pytest.mark.parametrize("name", SQUEEZED)
 def test_weights_that_lack_axes_of_one_are_those_that_have_them(name, tmp_path):
     layers, shape = SQUEEZED[name]
-    both = []
+    matrices = []
     for weight in (layers[-1]["weight"], layers[-1]["weight"].reshape(shape)):
         write_net(tmp_path / "model.net", [*layers[:-1], layers[-1] | {"weight": weight}])
-        held = lc.load(tmp_path / "model.net").projections[0].mantissa
-        both.append(held if isinstance(held, np.ndarray) else held.toarray())
-    np.testing.assert_array_equal(*both)
+        projection = lc.load(tmp_path / "model.net").projections[0].mantissa
+        matrices.append(projection if isinstance(projection, np.ndarray) else projection.toarray())
+    np.testing.assert_array_equal(*matrices)
 
 
 def test_pooling_of_an_image_that_no_windows_fill_goes_on_in_silence(tmp_path):
     ragged = {"type": "input", "shape": np.array([2, 5, 6])}
     write_net(tmp_path / "model.net", [ragged, POOL])
-    held = (
+    projection = (
         lc.load(tmp_path / "model.net").projections[0].mantissa.toarray().reshape(2, 3, 3, 2, 5, 6)
     )
     for channel, row, column in np.ndindex(2, 3, 3):
-        wanted = np.zeros((2, 5, 6))
-        wanted[channel, 2 * row : 2 * row + 2, 2 * column : 2 * column + 2] = 88
-        np.testing.assert_array_equal(held[channel, row, column], wanted)
+        expected = np.zeros((2, 5, 6))
+        expected[channel, 2 * row : 2 * row + 2, 2 * column : 2 * column + 2] = 88
+        np.testing.assert_array_equal(projection[channel, row, column], expected)
 
 
 REFUSED = [
-    ("a graded spike", [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True) | {"gradedSpike": True})], ", layer 0: its spikes are graded. Train with graded_spike=False."),
-    ("a neuron of another kind", [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))], ", layer 0: 'SDNN' neurons do not fit into one compartment of the chip. Use CUBA neurons."),
-    ("a weight out of range", [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))], ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
-    ("a fraction for a weight", [dense(RNG, 3, 4, weight=np.full((3, 4), 0.5))], ", layer 0: 'weight' is not made of integers (0.5). Export it again."),
-    ("weights the other way around", [dense(RNG, 3, 4) | {"weight": even(RNG, 4, 3)}], ", layer 0: its weight has the wrong shape ((4, 3) for 3 neurons and an input of None). Export it again."),
-    ("recurrent weights in a row", [dense(RNG, 3, 4) | {"type": "dense_rec", "weight_rec": even(RNG, 9)}], ", layer 0: weight_rec has the wrong size ((9,) for 3). Export it again."),
-    ("another input size", [{"type": "input", "shape": np.array([5])}, dense(RNG, 3, 4)], ", layer 1: its weight has the wrong shape ((3, 4) for 3 neurons and an input of (5,)). Export it again."),
-    ("convT", [{"type": "convT", "shape": np.array([3])}], ", layer 0: 'convT' is a type of layer that the chip cannot run. Replace it with a convolution."),
-    ("average", [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}], ", layer 1: 'average' is a type of layer that the chip cannot run. Count the spikes of the layer before it."),
-    ("a layer of no kind", [{"type": "wide", "shape": np.array([3])}], ", layer 0: 'wide' is not a known type of layer. Use dense and conv layers."),
-    ("a decay out of range", [dense(RNG, 3, 4, neuron=neuron(5000))], ", layer 0: iDecay is not a decay (5000..5000 against 0..4096). Correct it."),
-    ("a conv of stride 2 on its own", [CONV], ", layer 0: the shape of its input is not known. Export the input layer as well."),
-    ("a conv that is all padding", [CONV | {"stride": np.array([1, 1]), "padding": np.array([9, 9])}], ", layer 0: its padding is wider than its input ((9, 9)). Export it again."),
-    ("absurd sizes", [{"type": "input", "shape": np.array([2**40])}], ", layer 0: its size is out of range ((1099511627776,) against 1 to 1000000). Correct."),
-]  # fmt: skip
+    pytest.param(
+        [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True) | {"gradedSpike": True})],
+        ", layer 0: its spikes are graded. Train with graded_spike=False.",
+        id="a graded spike",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))],
+        ", layer 0: 'SDNN' neurons do not fit into one compartment of the chip. Use CUBA neurons.",
+        id="a neuron of another kind",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))],
+        ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, "
+        "or -255..255). Export it again, with quantised weights.",
+        id="a weight out of range",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4, weight=np.full((3, 4), 0.5))],
+        ", layer 0: 'weight' is not made of integers (0.5). Export it again.",
+        id="a fraction for a weight",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4) | {"weight": even(RNG, 4, 3)}],
+        ", layer 0: its weight has the wrong shape ((4, 3) for 3 neurons and an input of "
+        "None). Export it again.",
+        id="weights the other way around",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4) | {"type": "dense_rec", "weight_rec": even(RNG, 9)}],
+        ", layer 0: weight_rec has the wrong size ((9,) for 3). Export it again.",
+        id="recurrent weights in a row",
+    ),
+    pytest.param(
+        [{"type": "input", "shape": np.array([5])}, dense(RNG, 3, 4)],
+        ", layer 1: its weight has the wrong shape ((3, 4) for 3 neurons and an input of "
+        "(5,)). Export it again.",
+        id="another input size",
+    ),
+    pytest.param(
+        [{"type": "convT", "shape": np.array([3])}],
+        ", layer 0: 'convT' is a type of layer that the chip cannot run. Replace it with a "
+        "convolution.",
+        id="convT",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}],
+        ", layer 1: 'average' is a type of layer that the chip cannot run. Count the spikes "
+        "of the layer before it.",
+        id="average",
+    ),
+    pytest.param(
+        [{"type": "wide", "shape": np.array([3])}],
+        ", layer 0: 'wide' is not a known type of layer. Use dense and conv layers.",
+        id="a layer of no kind",
+    ),
+    pytest.param(
+        [dense(RNG, 3, 4, neuron=neuron(5000))],
+        ", layer 0: iDecay is not a decay (5000..5000 against 0..4096). Correct it.",
+        id="a decay out of range",
+    ),
+    pytest.param(
+        [CONV],
+        ", layer 0: the shape of its input is not known. Export the input layer as well.",
+        id="a conv of stride 2 on its own",
+    ),
+    pytest.param(
+        [CONV | {"stride": np.array([1, 1]), "padding": np.array([9, 9])}],
+        ", layer 0: its padding is wider than its input ((9, 9)). Export it again.",
+        id="a conv that is all padding",
+    ),
+    pytest.param(
+        [{"type": "input", "shape": np.array([2**40])}],
+        ", layer 0: its size is out of range ((1099511627776,) against 1 to 1000000). Correct.",
+        id="absurd sizes",
+    ),
+]
 
 
-@pytest.mark.parametrize(
-    ("layers", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
-)
+@pytest.mark.parametrize(("layers", "message"), REFUSED)
 def test_what_the_chip_cannot_hold_is_refused_by_name(layers, message, tmp_path):
     write_net(tmp_path / "model.net", layers)
     with pytest.raises(lc.InputError) as caught:

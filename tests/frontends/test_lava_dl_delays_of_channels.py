@@ -18,7 +18,7 @@ def layers(kind: str) -> list[dict]:
     """Return neurons without memory, (2, 2, 2), behind windows of 2 x 2 of an image (2, 4, 4)."""
     windows = {"stride": [2, 2], "padding": [0, 0], "dilation": [1, 1], "kernelSize": [2, 2]}
     channels = {"inChannels": 2, "outChannels": 2, "groups": 1} if kind == "conv" else {}
-    behind = {
+    layer_behind = {
         "type": kind,
         "shape": np.array([2, 2, 2]),
         "weight": KERNELS[kind],
@@ -27,21 +27,21 @@ def layers(kind: str) -> list[dict]:
         **windows,
         **channels,
     }
-    return [{"type": "input", "shape": np.array([2, 4, 4])}, behind]
+    return [{"type": "input", "shape": np.array([2, 4, 4])}, layer_behind]
 
 
 @pytest.mark.parametrize("kind", KERNELS)
 def test_a_spike_comes_after_the_delay_of_its_channel(kind, tmp_path):
     write_net(tmp_path / "model.net", layers(kind))
     image = np.zeros((12, 2, 4, 4), np.uint8)
-    wanted = np.zeros((12, 2, 2, 2), np.uint8)
+    expected = np.zeros((12, 2, 2, 2), np.uint8)
     for step, channel, row, column in ((0, 0, 1, 2), (0, 1, 3, 0), (4, 0, 0, 0), (5, 1, 2, 3)):
         image[step, channel, row, column] = 1
-        wanted[step + 1 + DELAYS[channel], channel, row // 2, column // 2] = 1
-    given = image.reshape(12, -1)
+        expected[step + 1 + DELAYS[channel], channel, row // 2, column // 2] = 1
+    events = image.reshape(12, -1)
     network = lc.load(tmp_path / "model.net")
-    program = lc.compile(network, events=given[None], diagnosis=False).program
-    assert np.array_equal(hw.simulate(program, given).spikes["layer1"], wanted.reshape(12, -1))
+    program = lc.compile(network, events=events[None], diagnosis=False).program
+    assert np.array_equal(hw.simulate(program, events).spikes["layer1"], expected.reshape(12, -1))
 
 
 HELD_BACK = "The delays of layer 1 hold back its inputs and not its biases, as in netx; slayer delays what it sends."
@@ -59,21 +59,21 @@ def test_a_bias_is_not_delayed_as_in_netx_and_said_to_be(tmp_path):
     }
     write_net(tmp_path / "model.net", [{"type": "input", "shape": np.array([1])}, layer])
     network = lc.load(tmp_path / "model.net")
-    given = np.zeros((12, 1), np.uint8)
-    given[0] = given[5] = 1
-    program = lc.compile(network, events=given[None], diagnosis=False).program
+    events = np.zeros((12, 1), np.uint8)
+    events[0] = events[5] = 1
+    program = lc.compile(network, events=events[None], diagnosis=False).program
     # v is 6, 9, 10.5, at which the bias alone makes it spike, in the third step: inputs wait for 3.
-    wanted = []
+    expected = []
     v = 0.0
     for step in range(12):
-        arrives = step >= 4 and given[step - 4, 0]
+        arrives = step >= 4 and events[step - 4, 0]
         v = v / 2 + 6 + 6 * arrives
-        wanted.append(int(v > 10))
+        expected.append(int(v > 10))
         if v > 10:
             v = 0.0
-    found = hw.simulate(program, given).spikes["layer1"]
-    assert found[:, 0].tolist() == wanted
-    assert wanted[2] == 1
+    spikes = hw.simulate(program, events).spikes["layer1"]
+    assert spikes[:, 0].tolist() == expected
+    assert expected[2] == 1
     assert network.assumptions == (HELD_BACK,)
 
 

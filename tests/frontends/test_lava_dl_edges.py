@@ -15,9 +15,9 @@ def layer(weight, **settings):
     return {"type": "dense", "shape": np.array([outs]), **parts}
 
 
-def loaded(folder, made, simulation=None):
+def loaded(folder, layer_entries, simulation=None):
     """Load a ``.net`` file of one layer."""
-    write_net(folder / "model.net", [made], simulation)
+    write_net(folder / "model.net", [layer_entries], simulation)
     return lc.load(folder / "model.net")
 
 
@@ -25,11 +25,13 @@ THRESHOLDS = [(2**17 - 2, 2**17 - 2, None), (2**18 - 2, 2**17 - 1, None), (2**18
 
 
 @pytest.mark.parametrize(
-    ("written", "held", "read_from"), THRESHOLDS, ids=["held", "cut off", "never spikes"]
+    ("threshold_of_file", "threshold", "read_from"),
+    THRESHOLDS,
+    ids=["fits", "cut off", "never spikes"],
 )
-def test_thresholds_at_the_end_of_the_register(written, held, read_from, tmp_path):
-    network = loaded(tmp_path, layer([[2]], threshold=written))
-    assert network.populations[0].neuron.threshold.tolist() == [held]
+def test_thresholds_at_the_end_of_the_register(threshold_of_file, threshold, read_from, tmp_path):
+    network = loaded(tmp_path, layer([[2]], threshold=threshold_of_file))
+    assert network.populations[0].neuron.threshold.tolist() == [threshold]
     assert network.readout.potentials_from == read_from
 
 
@@ -67,13 +69,37 @@ def test_the_lowest_weight_next_to_an_odd_one(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "simulation", "message"),
     [
-        ({"kind": 7}, {}, "model 'model.net', layer 0: 'neuron/type' is not text (int64). Export it again."),
-        ({}, {"tSample": "fifty"}, "model 'model.net', simulation: 'tSample' must be one number above 0 ('fifty'). Export it again."),
-        ({}, {"tSample": [5, 6]}, "model 'model.net', simulation: 'tSample' must be one number above 0 ([5 6]). Export it again."),
-        ({}, {"Ts": -1.0}, "model 'model.net', simulation: 'Ts' must be one number above 0 ([-1.]). Export it again."),
+        (
+            {"kind": 7},
+            {},
+            "model 'model.net', layer 0: 'neuron/type' is not text (int64). Export it again.",
+        ),
+        (
+            {},
+            {"tSample": "fifty"},
+            "model 'model.net', simulation: 'tSample' must be one number above 0 ('fifty'). "
+            "Export it again.",
+        ),
+        (
+            {},
+            {"tSample": [5, 6]},
+            "model 'model.net', simulation: 'tSample' must be one number above 0 ([5 6]). Export "
+            "it again.",
+        ),
+        (
+            {},
+            {"Ts": -1.0},
+            "model 'model.net', simulation: 'Ts' must be one number above 0 ([-1.]). Export it "
+            "again.",
+        ),
     ],
-    ids=["a type that is a number", "steps that are text", "two numbers of steps", "a step before it began"],
-)  # fmt: skip
+    ids=[
+        "a type that is a number",
+        "steps that are text",
+        "two numbers of steps",
+        "a step before it began",
+    ],
+)
 def test_what_is_of_another_kind_is_refused(settings, simulation, message, tmp_path):
     """A type that is a number was taken as CUBA, and steps of another kind as the usual number of them."""
     with pytest.raises(lc.InputError) as caught:

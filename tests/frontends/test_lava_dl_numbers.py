@@ -25,10 +25,10 @@ INPUT = {"type": "input", "shape": np.array([10]), "neuron": neuron(1024, 128, 6
 def recorded(name, folder):
     """Write a recorded network; return its file, its inputs and its spikes by layer."""
     with np.load(RECORDED / f"{name}.npz") as arrays:
-        held = dict(arrays)
+        arrays_of_file = dict(arrays)
     path = folder / f"{name}.net"
-    path.write_bytes(held.pop("net").tobytes())
-    return path, held.pop("inputs"), held
+    path.write_bytes(arrays_of_file.pop("net").tobytes())
+    return path, arrays_of_file.pop("inputs"), arrays_of_file
 
 
 def played(path, inputs, host_layers):
@@ -57,9 +57,9 @@ def test_host_and_chip_spike_as_slayer_did(case, tmp_path):
     path, inputs, spikes = recorded(name, tmp_path)
     ours = played(path, inputs, host_layers)
     assert list(ours) == list(spikes)[last_on_host:]
-    for layer, rows in ours.items():
+    for layer, layer_spikes in ours.items():
         assert spikes[layer].sum() > 50
-        np.testing.assert_array_equal(rows, spikes[layer], err_msg=layer)
+        np.testing.assert_array_equal(layer_spikes, spikes[layer], err_msg=layer)
 
 
 @pytest.mark.parametrize("name", ["signals", "images", "direct"])
@@ -86,9 +86,9 @@ def test_zeros_and_ones_through_the_host_are_the_whole_network_on_events(on_host
     whole = evaluate(lc.load(tmp_path / "model.net"), events).spikes
     divided = played(tmp_path / "model.net", events.astype(float), on_host)
     assert len(divided) == 4 - on_host
-    for layer, rows in divided.items():
+    for layer, layer_spikes in divided.items():
         assert whole[layer].sum() > 50
-        np.testing.assert_array_equal(rows, whole[layer])
+        np.testing.assert_array_equal(layer_spikes, whole[layer])
 
 
 FAULTS = {
@@ -127,33 +127,33 @@ def test_an_input_layer_rounds_numbers_to_eight_bits():
 def test_the_report_counts_the_host_apart(tmp_path, capsys):
     path, inputs, spikes = recorded("signals", tmp_path)
     np.savez(tmp_path / "numbers.npz", values=inputs)
-    out = tmp_path / "out"
+    folder = tmp_path / "out"
     events = ["--host-layers", "1", "--events", str(tmp_path / "numbers.npz")]
     exact = ["--min-agreement", "1", "--max-spike-error", "0"]
-    arguments = ["compile", str(path), *events, *exact, "-o", str(out), "--json"]
+    arguments = ["compile", str(path), *events, *exact, "-o", str(folder), "--json"]
     assert main([*arguments, "--emit", "network", "events"]) == 0
     report = json.loads(capsys.readouterr().out)
     samples, steps, _ = inputs.shape
-    counted = {"neurons": 12, "multiplications": 12 * steps, "neuron_updates": 12 * steps}
-    assert report["host"] == {"layers": {"layer0": counted}, "lines": 12}
-    cut = np.count_nonzero((inputs < -4) | (inputs > 127 / 32))
-    assert cut > 20
+    counts_of_host = {"neurons": 12, "multiplications": 12 * steps, "neuron_updates": 12 * steps}
+    assert report["host"] == {"layers": {"layer0": counts_of_host}, "lines": 12}
+    numbers_cut = np.count_nonzero((inputs < -4) | (inputs > 127 / 32))
+    assert numbers_cut > 20
     sent = spikes["layer0"].sum() / samples
     assert report["operations"]["per_sample"]["input_events"] == pytest.approx(sent)
     assert report["assumptions"] == [
         "The host rounds numbers to multiples of 1/32 from -4 to 3.96875, as slayer's input layer does.",
         "Layers 'layer0' run in float and integers on the host (--host-layers): their 12 "
         "multiplications a step are not among the chip's operations, energy and time.",
-        f"{cut} of {inputs.size} numbers are outside -4 to 3.96875, and are cut to these: give them in "
+        f"{numbers_cut} of {inputs.size} numbers are outside -4 to 3.96875, and are cut to these: give them in "
         "the range of the training.",
         "How long a step lasts is not known, because neither the model nor the recordings say it "
         "(--step-seconds): there is no comparison with the pace of a sensor.",
     ]
-    page = (out / "report.md").read_text()
+    page = (folder / "report.md").read_text()
     assert "## Layers on the host" in page
     assert "run outside the chip, on numbers, and send spikes to it over 12 lines" in page
-    assert "layer0" not in (out / "network.txt").read_text()
-    assert main(["run", str(out), "--events", str(out / "events.npz")]) == 0
+    assert "layer0" not in (folder / "network.txt").read_text()
+    assert main(["run", str(folder), "--events", str(folder / "events.npz")]) == 0
 
 
 BAD_LAYERS = {

@@ -30,10 +30,10 @@ def test_every_spike_is_that_of_the_framework(tmp_path):
     ours = evaluate(network, images.reshape(1, len(recordings.spikes[0]), -1)).spikes
     with np.load(RECORDED) as recorded:
         for depth, name in enumerate(("1", "5"), start=1):
-            wanted = recorded[name]
+            expected = recorded[name]
             spikes = ours[f"_{name}"][0]
-            assert wanted.sum() > 20
-            np.testing.assert_array_equal(spikes[depth:], wanted[:-depth])
+            assert expected.sum() > 20
+            np.testing.assert_array_equal(spikes[depth:], expected[:-depth])
 
 
 def test_the_command_takes_the_file_of_the_camera(tmp_path, capsys):

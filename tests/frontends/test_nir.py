@@ -42,10 +42,10 @@ def flattened(graph):
 @pytest.mark.parametrize("name", GRAPHS)
 def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
     graph, shape = GRAPHS[name]
-    given = random_spikes(shape)
-    wanted = run(flattened(graph), given, DT)
+    events = random_spikes(shape)
+    wanted = run(flattened(graph), events, DT)
     network = load_graph(graph, tmp_path)
-    found = evaluate(network, given.reshape(1, len(given), -1)).spikes
+    ours = evaluate(network, events.reshape(1, len(events), -1)).spikes
     assert [p.name for p in network.populations if p.name != "nir/bias"] == POPULATIONS.get(
         name, [p.name for p in network.populations][:1]
     )
@@ -55,18 +55,18 @@ def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
         depth = (
             2 if name == "nested" and population.name == "lif" else DEPTH.get(population.name, 1)
         )
-        expected = wanted[population.name].reshape(len(given), -1)
+        expected = wanted[population.name].reshape(len(events), -1)
         assert expected.sum() > 10
         np.testing.assert_array_equal(
-            found[population.name][0, depth:], expected[:-depth], err_msg=population.name
+            ours[population.name][0, depth:], expected[:-depth], err_msg=population.name
         )
 
 
 @pytest.mark.parametrize("name", GRAPHS)
 def test_every_graph_compiles_and_the_chip_follows_it(name, tmp_path):
     graph, shape = GRAPHS[name]
-    given = random_spikes(shape).reshape(1, 60, -1)
-    compiled = lc.compile(load_graph(graph, tmp_path), events=given, diagnosis=False)
+    events = random_spikes(shape).reshape(1, 60, -1)
+    compiled = lc.compile(load_graph(graph, tmp_path), events=events, diagnosis=False)
     assert compiled.match.spikes.agreement > 0.85
 
 
@@ -126,11 +126,11 @@ def test_several_inputs_are_lines_one_after_the_other_by_name(tmp_path):
     joined = chain(
         (7,), ("w", nir.Linear(np.hstack([first.weight, second.weight]))), ("n", neurons)
     )
-    given = random_spikes((7,))
+    events = random_spikes((7,))
     assert (network.channels, [v.name for v in network.views]) == (7, ["nir/inputs"])
     np.testing.assert_array_equal(
-        evaluate(network, given[None]).spikes["n"],
-        evaluate(load_graph(joined, tmp_path), given[None]).spikes["n"],
+        evaluate(network, events[None]).spikes["n"],
+        evaluate(load_graph(joined, tmp_path), events[None]).spikes["n"],
     )
 
 
@@ -162,14 +162,14 @@ def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_pat
         ("w", linear(rng, 3, 8)),
         ("read", node),
     )
-    given = random_spikes((10,))
-    wanted = run(graph, given, DT)["read"]
-    compiled = lc.compile(load_graph(graph, tmp_path), events=given[None], diagnosis=False)
-    result = hw.simulate(compiled.program, given, probe=("spikes", "v"))
-    found = result.v["read"] / compiled.levels.quantized.population("read").scale
+    events = random_spikes((10,))
+    wanted = run(graph, events, DT)["read"]
+    compiled = lc.compile(load_graph(graph, tmp_path), events=events[None], diagnosis=False)
+    result = hw.simulate(compiled.program, events, probe=("spikes", "v"))
+    ours = result.v["read"] / compiled.levels.quantized.population("read").scale
     assert result.spikes["read"].sum() == 0
     # The hidden spikes are the chip's own; where these are the framework's, the potential is too, but for rounding.
-    assert np.corrcoef(found[2:].ravel(), wanted[:-2].ravel())[0, 1] > 0.99
+    assert np.corrcoef(ours[2:].ravel(), wanted[:-2].ravel())[0, 1] > 0.99
     # No potential passes the threshold, so that the register needs no room above it. With room, it is 0.006 and 0.044.
     assert compiled.report["match"]["score_error"] < 0.005
 
@@ -187,14 +187,14 @@ def impulse(kind, tau, tau_syn, how, tmp_path):
         tmp_path,
         discretisation=how,
     )
-    given = np.zeros((1, 60, 1), dtype=np.uint8)
-    given[0, 0] = 1
-    found = evaluate(network, given, potentials=True).potential["read"][0, 1:, 0]
+    events = np.zeros((1, 60, 1), dtype=np.uint8)
+    events[0, 0] = 1
+    ours = evaluate(network, events, potentials=True).potential["read"][0, 1:, 0]
     # The charge arrives at the start of its step, and the potential is that of the step's end.
     t = np.arange(1, 60) * DT
     if kind == "LI":
-        return found, DT / tau * np.exp(-t / tau)
-    return found, DT * (np.exp(-t / tau) - np.exp(-t / tau_syn)) / (tau - tau_syn)
+        return ours, DT / tau * np.exp(-t / tau)
+    return ours, DT * (np.exp(-t / tau) - np.exp(-t / tau_syn)) / (tau - tau_syn)
 
 
 ODE_ERRORS = [
@@ -214,7 +214,7 @@ def test_the_error_of_both_discretisations_against_the_equation(
 ):
     errors = {}
     for how in ("euler", "exact"):
-        found, wanted = impulse(kind, tau * DT, tau_syn and tau_syn * DT, how, tmp_path)
-        errors[how] = float(np.abs(found - wanted).max() / wanted.max())
+        ours, wanted = impulse(kind, tau * DT, tau_syn and tau_syn * DT, how, tmp_path)
+        errors[how] = float(np.abs(ours - wanted).max() / wanted.max())
     assert errors["exact"] < 1e-12
     assert 0.3 * bound < errors["euler"] < bound

@@ -31,11 +31,11 @@ BEHIND_IMAGES = {
 @pytest.mark.parametrize("nodes", BEHIND_IMAGES.values(), ids=BEHIND_IMAGES)
 def test_numbers_of_a_channel_are_those_of_its_neurons(nodes, tmp_path):
     graph = chain((2, 8, 8), ("conv", CONV), *nodes)
-    given = (RNG.random((30, 2, 8, 8)) < 0.3).astype(np.uint8)
-    wanted = run(graph, given, DT)["n"].reshape(30, -1)
-    spikes = evaluate(load_graph(graph, tmp_path), given.reshape(1, 30, -1)).spikes["n"][0]
-    assert wanted.sum() > 100
-    assert np.array_equal(spikes[1:], wanted[:-1])
+    events = (RNG.random((30, 2, 8, 8)) < 0.3).astype(np.uint8)
+    expected = run(graph, events, DT)["n"].reshape(30, -1)
+    spikes = evaluate(load_graph(graph, tmp_path), events.reshape(1, 30, -1)).spikes["n"][0]
+    assert expected.sum() > 100
+    assert np.array_equal(spikes[1:], expected[:-1])
 
 
 def test_numbers_of_other_channels_are_refused(tmp_path):

@@ -19,21 +19,26 @@ def solved(node: nir.LIF | nir.CubaLIF, charges: np.ndarray) -> np.ndarray:
     """Return the spikes (steps, n) of neurons for the charges (steps, n) of each step, in units of DT."""
     spikes = np.zeros_like(charges)
     for neuron in range(charges.shape[1]):
-        at = {name: value[neuron] for name, value in vars(node).items() if np.ndim(value) == 1}
+        parameters = {
+            name: value[neuron] for name, value in vars(node).items() if np.ndim(value) == 1
+        }
         if isinstance(node, nir.LIF):
-            rates = np.array([[-1 / at["tau"]]])
-            jump = np.array([at["r"] * DT / at["tau"]])
+            rates = np.array([[-1 / parameters["tau"]]])
+            jump = np.array([parameters["r"] * DT / parameters["tau"]])
         else:
-            decays = [[-1 / at["tau_syn"], 0.0], [at["r"] / at["tau_mem"], -1 / at["tau_mem"]]]
+            decays = [
+                [-1 / parameters["tau_syn"], 0.0],
+                [parameters["r"] / parameters["tau_mem"], -1 / parameters["tau_mem"]],
+            ]
             rates = np.array(decays)
-            jump = np.array([at["w_in"] * DT / at["tau_syn"], 0.0])
+            jump = np.array([parameters["w_in"] * DT / parameters["tau_syn"], 0.0])
         flow = expm(rates * DT)
         state = np.zeros(len(jump))
         for step in range(len(charges)):
             state = flow @ (state + jump * charges[step, neuron])
-            if state[-1] > at["v_threshold"]:
+            if state[-1] > parameters["v_threshold"]:
                 spikes[step, neuron] = 1
-                state[-1] = at["v_reset"]
+                state[-1] = parameters["v_reset"]
     return spikes
 
 
@@ -52,11 +57,11 @@ def test_layers_of_both_kinds_equal_the_solution_step_by_step(first, last, tmp_p
     rng = np.random.default_rng(3)
     weights = linear(rng, 8, 6), linear(rng, 4, 8)
     layers = neurons(first, rng, 8), neurons(last, rng, 4)
-    named = [("w1", weights[0]), ("first", layers[0]), ("w2", weights[1]), ("last", layers[1])]
-    network = load_graph(chain((6,), *named), tmp_path, discretisation="exact")
-    given = (rng.random((STEPS, 6)) < 0.4).astype(np.uint8)
-    ours = evaluate(network, np.pad(given, ((0, 2), (0, 0)))[None]).spikes
-    hidden = solved(layers[0], given @ weights[0].weight.T)
+    nodes = [("w1", weights[0]), ("first", layers[0]), ("w2", weights[1]), ("last", layers[1])]
+    network = load_graph(chain((6,), *nodes), tmp_path, discretisation="exact")
+    events = (rng.random((STEPS, 6)) < 0.4).astype(np.uint8)
+    ours = evaluate(network, np.pad(events, ((0, 2), (0, 0)))[None]).spikes
+    hidden = solved(layers[0], events @ weights[0].weight.T)
     output = solved(layers[1], hidden @ weights[1].weight.T)
     assert output.sum() > 5
     assert np.array_equal(ours["first"][0, 1 : 1 + STEPS], hidden)
@@ -73,7 +78,7 @@ def test_a_current_that_is_gone_at_once_makes_a_cuba_lif_a_lif(tmp_path):
         graph = chain((1,), ("w", nir.Linear(np.ones((1, 1)))), ("n", node))
         (tmp_path / name).mkdir()
         network = load_graph(graph, tmp_path / name, discretisation="exact")
-        given = np.zeros((1, 20, 1), np.uint8)
-        given[0, 3] = 1
-        potentials.append(evaluate(network, given, potentials=True).potential["n"])
+        events = np.zeros((1, 20, 1), np.uint8)
+        events[0, 3] = 1
+        potentials.append(evaluate(network, events, potentials=True).potential["n"])
     np.testing.assert_allclose(potentials[1], potentials[0], rtol=2e-4, atol=1e-12)

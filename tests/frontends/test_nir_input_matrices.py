@@ -25,14 +25,14 @@ def with_matrix(path, weights: np.ndarray) -> None:
 def test_an_input_matrix_equals_a_linear_before_a_w_in_of_1(tmp_path):
     neurons = cuba(np.random.default_rng(1), 7)
     neurons.w_in = np.ones(7)
-    apart = load_graph(chain((5,), ("w", nir.Linear(WEIGHTS)), ("n", neurons)), tmp_path)
+    with_linear = load_graph(chain((5,), ("w", nir.Linear(WEIGHTS)), ("n", neurons)), tmp_path)
     with_matrix(tmp_path / "matrix.nir", WEIGHTS)
-    together = lc.load(tmp_path / "matrix.nir", dt=DT)
+    with_w_in = lc.load(tmp_path / "matrix.nir", dt=DT)
     spikes = (RNG.random((1, 60, 5)) < 0.5).astype(np.uint8)
-    wanted = evaluate(apart, spikes).spikes["n"]
-    assert wanted.sum() > 20
-    assert np.array_equal(evaluate(together, spikes).spikes["n"], wanted)
-    assert [population.name for population in together.populations] == ["n"]
+    expected = evaluate(with_linear, spikes).spikes["n"]
+    assert expected.sum() > 20
+    assert np.array_equal(evaluate(with_w_in, spikes).spikes["n"], expected)
+    assert [population.name for population in with_w_in.populations] == ["n"]
 
 
 def test_an_input_matrix_of_another_width_is_refused(tmp_path):

@@ -28,7 +28,7 @@ def first_spike_steps(network) -> list[int | None]:
 def test_with_r_1_a_spike_adds_its_weight(dt, tmp_path):
     network = load_graph(integrators(1.0), tmp_path, dt=dt)
     assert first_spike_steps(network) == [17]
-    assert not [said for said in network.assumptions if "IF node" in said]
+    assert not [sentence for sentence in network.assumptions if "IF node" in sentence]
 
 
 @pytest.mark.parametrize("r", [1.001, 2.0])
@@ -45,8 +45,8 @@ def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
     """r * dt is 0.5 in the second neuron: it needs 33 inputs of 0.03125 to pass 1."""
     network = load_graph(integrators(1.0, 500.0, 2.0, 2.0, 1000.0), tmp_path, dt=1e-3)
     assert first_spike_steps(network) == [17, 33, None, None, 17]
-    (said,) = [said for said in network.assumptions if "IF node" in said]
-    assert said == (
+    (sentence,) = [sentence for sentence in network.assumptions if "IF node" in sentence]
+    assert sentence == (
         "In IF node 'n', a spike adds its whole weight where r is 1 (neuron 0), 0.002 of its weight "
         "(r * dt) where r is 2 (2 neurons), 0.5 of its weight (r * dt) where r is 500 (neuron 1), "
         "1 of its weight (r * dt) where r is 1000 (neuron 4)."
@@ -56,4 +56,4 @@ def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
 def test_r_of_one_over_the_step_needs_no_word(tmp_path):
     network = load_graph(integrators(1000.0), tmp_path, dt=1e-3)
     assert first_spike_steps(network) == [17]
-    assert not [said for said in network.assumptions if "IF node" in said]
+    assert not [sentence for sentence in network.assumptions if "IF node" in sentence]

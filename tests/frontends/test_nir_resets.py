@@ -32,10 +32,16 @@ NEURONS = {
     "LIF at rest below its reset": lif(RNG, 12, v_leak=-0.4, v_reset=0.2, v_threshold=0.8),
     "CubaLIF at rest off 0": cuba(RNG, 12, v_leak=0.3, v_reset=-0.2, v_threshold=1.1),
     "LIF of a tau of one step": nir.LIF(
-        tau=np.full(12, DT), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12)
+        tau=np.full(12, DT),
+        r=np.ones(12),
+        v_leak=np.zeros(12),
+        v_threshold=np.ones(12),
+        v_reset=np.zeros(12),
     ),
-    "IF of a reset off 0": nir.IF(r=np.full(12, 1 / DT), v_threshold=np.full(12, 1.5), v_reset=np.full(12, -0.7)),
-}  # fmt: skip
+    "IF of a reset off 0": nir.IF(
+        r=np.full(12, 1 / DT), v_threshold=np.full(12, 1.5), v_reset=np.full(12, -0.7)
+    ),
+}
 BACK = linear(RNG, 12, 12, 0.2)
 
 
@@ -62,26 +68,26 @@ def two_layers(neuron, bias=True):
 @pytest.mark.parametrize("reset", RESETS)
 @pytest.mark.parametrize("name", NEURONS)
 def test_the_reference_is_the_equation_with_every_reset(name, reset, tmp_path):
-    graph, given = two_layers(NEURONS[name]), random_spikes((10,))
-    wanted = run(graph, given, DT, reset=reset)
-    found = evaluate(load_graph(graph, tmp_path, reset=reset), given[None]).spikes
+    graph, events = two_layers(NEURONS[name]), random_spikes((10,))
+    expected = run(graph, events, DT, reset=reset)
+    ours = evaluate(load_graph(graph, tmp_path, reset=reset), events[None]).spikes
     for depth, node in enumerate(("first", "second"), start=1):
-        assert wanted[node].sum() > 10
-        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
+        assert expected[node].sum() > 10
+        np.testing.assert_array_equal(ours[node][0, depth:], expected[node][:-depth], err_msg=node)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reset", RESETS)
 @pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
 def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
-    given = random_spikes((10,), 80)[None]
+    events = random_spikes((10,), 80)[None]
     network = load_graph(two_layers(NEURONS[name]), tmp_path, reset=reset)
-    compiled = lc.compile(network, events=given, diagnosis=reset == "subtract")
+    compiled = lc.compile(network, events=events, diagnosis=reset == "subtract")
     by_population = compiled.match.by_population
     assert min(by_population[node].agreement for node in ("first", "second")) > 0.6
-    exact = evaluate(compiled.levels.quantized.on_grid(), given).spikes
+    exact = evaluate(compiled.levels.quantized.on_grid(), events).spikes
     for engine in ("fast", "reference"):
-        result = hw.simulate(compiled.program, given, engine=engine)
+        result = hw.simulate(compiled.program, events, engine=engine)
         for node in ("first", "second"):
             np.testing.assert_array_equal(result.spikes[node], exact[node])
 
@@ -108,30 +114,30 @@ def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
 def test_a_potential_that_no_spike_resets_has_room_below(tmp_path):
     weights = np.where(np.arange(10) < 5, 1.0, -6.0) * np.ones((12, 1))
     graph = chain((10,), ("fc", nir.Linear(weights)), ("lif", lif(RNG, 12)))
-    given = random_spikes((10,), 100, rate=0.6)[None]
+    events = random_spikes((10,), 100, rate=0.6)[None]
     compiled = lc.compile(
-        load_graph(graph, tmp_path, reset="subtract"), events=given, diagnosis=False
+        load_graph(graph, tmp_path, reset="subtract"), events=events, diagnosis=False
     )
     assert compiled.match.wraps_and_clips == {}
 
 
 @pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
 def test_inputs_held_for_a_step(name, tmp_path):
-    graph, given = two_layers(NEURONS[name]), random_spikes((10,))
-    wanted = run(graph, given, DT, how="hold")
-    found = evaluate(load_graph(graph, tmp_path, discretisation="hold"), given[None]).spikes
+    graph, events = two_layers(NEURONS[name]), random_spikes((10,))
+    expected = run(graph, events, DT, how="hold")
+    ours = evaluate(load_graph(graph, tmp_path, discretisation="hold"), events[None]).spikes
     for depth, node in enumerate(("first", "second"), start=1):
-        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
+        np.testing.assert_array_equal(ours[node][0, depth:], expected[node][:-depth], err_msg=node)
 
 
 @pytest.mark.parametrize("dt", [1e-4, 1e-3, 1.0])
 def test_integrators_of_r_1_add_weights_whatever_the_step(dt, tmp_path):
     neuron = nir.IF(r=np.ones(12), v_threshold=np.full(12, 1.5), v_reset=np.zeros(12))
-    graph, given = chain((10,), ("fc", linear(RNG, 12, 10)), ("if", neuron)), random_spikes((10,))
-    wanted = run(graph, given, 1.0)["if"]
-    found = evaluate(load_graph(graph, tmp_path, dt=dt), given[None]).spikes["if"]
-    assert wanted.sum() > 10
-    np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
+    graph, events = chain((10,), ("fc", linear(RNG, 12, 10)), ("if", neuron)), random_spikes((10,))
+    expected = run(graph, events, 1.0)["if"]
+    ours = evaluate(load_graph(graph, tmp_path, dt=dt), events[None]).spikes["if"]
+    assert expected.sum() > 10
+    np.testing.assert_array_equal(ours[0, 1:], expected[:-1])
 
 
 @pytest.mark.parametrize("kind", ["LIF", "CubaLIF"])
@@ -144,12 +150,12 @@ def test_a_tau_without_end_integrates(kind, tmp_path):
         else nir.CubaLIF(tau_mem=endless, tau_syn=zero + DT, w_in=zero + 1, **common)
     )
     integrator = nir.IF(r=zero + 1 / DT, v_threshold=zero + 1.5, v_reset=zero)
-    weights, given = linear(RNG, 12, 10), random_spikes((10,))
-    wanted = run(chain((10,), ("fc", weights), ("n", integrator)), given, DT)["n"]
-    found = evaluate(
-        load_graph(chain((10,), ("fc", weights), ("n", node)), tmp_path), given[None]
+    weights, events = linear(RNG, 12, 10), random_spikes((10,))
+    expected = run(chain((10,), ("fc", weights), ("n", integrator)), events, DT)["n"]
+    ours = evaluate(
+        load_graph(chain((10,), ("fc", weights), ("n", node)), tmp_path), events[None]
     ).spikes["n"]
-    np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
+    np.testing.assert_array_equal(ours[0, 1:], expected[:-1])
 
 
 @pytest.mark.parametrize("shorter_by", [0.0, 1e-7, 1e-5, 0.05])
@@ -174,21 +180,21 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("reset", "more", "what"), REFUSED, ids=[row[0] for row in REFUSED])
-def test_neurons_that_spike_for_ever_are_refused(reset, more, what, tmp_path):
-    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, **more)))
+@pytest.mark.parametrize(("reset", "parameters", "what"), REFUSED, ids=[row[0] for row in REFUSED])
+def test_neurons_that_spike_for_ever_are_refused(reset, parameters, what, tmp_path):
+    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, **parameters)))
     with pytest.raises(lc.InputError) as caught:
         load_graph(graph, tmp_path, reset=reset)
     message = f"model 'graph.nir', node 'lif': {what}. Train with a threshold above v_reset and v_leak, and above 0."
     assert str(caught.value) == message
 
 
-OWN = np.random.default_rng(22)
+TONIC_RNG = np.random.default_rng(22)
 TONIC = {
-    "LIF": lif(OWN, 12, v_leak=1.5),
-    "some of them": lif(OWN, 12, v_leak=np.linspace(0.2, 1.8, 12), v_reset=-0.2),
-    "CubaLIF": cuba(OWN, 12, v_leak=1.4, v_reset=0.3),
-    "at the threshold": lif(OWN, 12, v_leak=1.0),
+    "LIF": lif(TONIC_RNG, 12, v_leak=1.5),
+    "some of them": lif(TONIC_RNG, 12, v_leak=np.linspace(0.2, 1.8, 12), v_reset=-0.2),
+    "CubaLIF": cuba(TONIC_RNG, 12, v_leak=1.4, v_reset=0.3),
+    "at the threshold": lif(TONIC_RNG, 12, v_leak=1.0),
 }
 
 
@@ -198,16 +204,16 @@ TONIC = {
 def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_themselves(
     name, how, reset, tmp_path
 ):
-    graph, given = two_layers(TONIC[name]), random_spikes((10,))
+    graph, events = two_layers(TONIC[name]), random_spikes((10,))
     graph.nodes["second"] = TONIC[name]
     graph.nodes["fc2"] = linear(RNG, 12, 12, 0.3)
-    wanted = run(graph, given, DT, how=how, reset=reset)
-    found = evaluate(
-        load_graph(graph, tmp_path, reset=reset, discretisation=how), given[None]
+    expected = run(graph, events, DT, how=how, reset=reset)
+    ours = evaluate(
+        load_graph(graph, tmp_path, reset=reset, discretisation=how), events[None]
     ).spikes
     for depth, node in enumerate(("first", "second"), start=1):
-        assert wanted[node][0].any()
-        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
+        assert expected[node][0].any()
+        np.testing.assert_array_equal(ours[node][0, depth:], expected[node][:-depth], err_msg=node)
 
 
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
@@ -222,8 +228,8 @@ def test_weights_of_several_delays_fit_the_formats_of_a_core(reset, tmp_path):
         layer |= {f"d{delay}": nir.Delay(np.full(10, delay * DT)), f"w{delay}": linear(RNG, 12, 10)}
         edges += [("input", f"d{delay}"), (f"d{delay}", f"w{delay}"), (f"w{delay}", "n")]
     graph = nir.NIRGraph({**layer, "back": BACK}, edges, type_check=False)
-    given = random_spikes((10,))[None]
+    events = random_spikes((10,))[None]
     match = lc.compile(
-        load_graph(graph, tmp_path, reset=reset), events=given, diagnosis=False
+        load_graph(graph, tmp_path, reset=reset), events=events, diagnosis=False
     ).match
     assert match.spikes.agreement > 0.7

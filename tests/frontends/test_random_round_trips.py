@@ -123,7 +123,14 @@ def nets(draw):
     for _ in range(draw(st.integers(1, 3))):
         outs = draw(st.integers(1, 5))
         each = outs if draw(st.booleans()) else 1
-        layer = dense(rng, outs, ins, neuron=neuron(*(rng.integers(low, high, each) for low, high in ((0, 4097), (0, 4097), (50, 4000)))))  # fmt: skip
+        layer = dense(
+            rng,
+            outs,
+            ins,
+            neuron=neuron(
+                *(rng.integers(low, high, each) for low, high in ((0, 4097), (0, 4097), (50, 4000)))
+            ),
+        )
         if draw(st.booleans()):
             layer["bias"] = rng.integers(-60, 61, outs).astype(np.float32)
         if draw(st.booleans()):

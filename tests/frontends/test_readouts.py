@@ -18,35 +18,41 @@ READOUTS = {
     "CubaLI": nir.CubaLI(tau_syn=TAU / 2, tau_mem=TAU, r=TAU / DT, v_leak=0 * ONES, w_in=2 * ONES),
     "LI at rest off 0": nir.LI(tau=TAU, r=TAU / DT, v_leak=RNG.normal(0, 0.5, 5)),
 }
-GIVEN = (RNG.random((12, 60, 10)) < RNG.uniform(0, 1, (12, 1, 10)) ** 2).astype(np.uint8)
+EVENTS = (RNG.random((12, 60, 10)) < RNG.uniform(0, 1, (12, 1, 10)) ** 2).astype(np.uint8)
 
 
 def graph(kind):
     """A graph of 10 inputs and 12 LIF neurons whose readout has 5 neurons of a kind."""
-    return chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12)), ("w", linear(RNG, 5, 12)), ("read", READOUTS[kind]))  # fmt: skip
+    return chain(
+        (10,),
+        ("fc", linear(RNG, 12, 10)),
+        ("lif", lif(RNG, 12)),
+        ("w", linear(RNG, 5, 12)),
+        ("read", READOUTS[kind]),
+    )
 
 
 @pytest.mark.parametrize("kind", READOUTS)
 def test_the_class_is_that_of_the_largest_potential_of_the_equations(kind, tmp_path):
-    made = graph(kind)
-    network = load_graph(made, tmp_path)
-    wanted = [run(made, given[:-2], DT)["read"].max(axis=0).argmax() for given in GIVEN]
+    nir_graph = graph(kind)
+    network = load_graph(nir_graph, tmp_path)
+    expected = [run(nir_graph, given[:-2], DT)["read"].max(axis=0).argmax() for given in EVENTS]
     assert network.readout.potentials_from == 2
-    found = evaluate(network, GIVEN)
-    np.testing.assert_array_equal(found.prediction, wanted)
-    assert len(set(wanted)) > 1
-    assert found.spikes["read"].sum() == 0
+    ours = evaluate(network, EVENTS)
+    np.testing.assert_array_equal(ours.prediction, expected)
+    assert len(set(expected)) > 1
+    assert ours.spikes["read"].sum() == 0
 
 
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
 def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path):
-    compiled = lc.compile(load_graph(graph(kind), tmp_path), events=GIVEN)
+    compiled = lc.compile(load_graph(graph(kind), tmp_path), events=EVENTS)
     assert compiled.match.prediction_agreement >= 0.9
     compiled.program.save(tmp_path / "program")
     predicted = compiled.match.chip_prediction
     for program in (compiled.program, hw.load_program(tmp_path / "program")):
         for engine in ("fast", "reference"):
-            result = hw.simulate(program, GIVEN, engine=engine, probe=("potential",))
+            result = hw.simulate(program, EVENTS, engine=engine, probe=("potential",))
             np.testing.assert_array_equal(result.prediction, predicted)
             np.testing.assert_array_equal(
                 result.scores, result.potential["read"][:, 2:].max(axis=1)
@@ -57,21 +63,21 @@ def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path
 
 
 def test_neurons_of_a_readout_share_a_scale(tmp_path):
-    compiled = lc.compile(load_graph(graph("LI"), tmp_path), events=GIVEN, diagnosis=False)
+    compiled = lc.compile(load_graph(graph("LI"), tmp_path), events=EVENTS, diagnosis=False)
     assert len(set(compiled.levels.quantized.population("read").scale.tolist())) == 1
 
 
 def test_potentials_start_at_rest(tmp_path):
-    made = graph("LI at rest off 0")
-    network = load_graph(made, tmp_path)
-    found = evaluate(network, GIVEN[:1], potentials=True).potential["read"][0, 2:]
-    np.testing.assert_allclose(found, run(made, GIVEN[0], DT)["read"][:-2], atol=1e-9)
+    nir_graph = graph("LI at rest off 0")
+    network = load_graph(nir_graph, tmp_path)
+    ours = evaluate(network, EVENTS[:1], potentials=True).potential["read"][0, 2:]
+    np.testing.assert_allclose(ours, run(nir_graph, EVENTS[0], DT)["read"][:-2], atol=1e-9)
 
 
 def test_the_last_layer_of_a_lava_dl_file_that_never_spikes_is_a_readout(tmp_path):
     layers = [dense(RNG, 12, 10), dense(RNG, 5, 12, neuron=neuron(threshold=2**18 - 1))]
     write_net(tmp_path / "model.net", layers)
-    compiled = lc.compile(lc.load(tmp_path / "model.net"), events=GIVEN, diagnosis=False)
+    compiled = lc.compile(lc.load(tmp_path / "model.net"), events=EVENTS, diagnosis=False)
     assert compiled.network.readout.potentials_from == 2
     assert compiled.match.prediction_agreement == 1
     assert len(set(compiled.match.chip_prediction.tolist())) > 1
@@ -88,11 +94,11 @@ def test_a_readout_without_leak_is_refused(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
 def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
-    program = lc.compile(load_graph(graph(kind), tmp_path), events=GIVEN, diagnosis=False).program
-    whole = hw.simulate(program, GIVEN, probe=("potential",))
+    program = lc.compile(load_graph(graph(kind), tmp_path), events=EVENTS, diagnosis=False).program
+    result = hw.simulate(program, EVENTS, probe=("potential",))
     session = hw.Session(program)
     for recording, potential, prediction in zip(
-        GIVEN, whole.potential["read"], whole.prediction, strict=True
+        EVENTS, result.potential["read"], result.prediction, strict=True
     ):
         session.reset()
         rows = [session.push(row) for row in recording]
@@ -101,10 +107,10 @@ def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
         assert rows[30].potential["read"].tolist() == [potential[2:31].max(axis=0).tolist()]
         assert rows[-1].prediction == prediction
         assert rows[-1].spikes == {}
-    proven = hw.stop_when_proven(program, GIVEN)
-    assert np.array_equal(proven.prediction, whole.prediction)
-    margin = hw.calibrate_margin(program, GIVEN, 1.0)
-    stops = hw.stop_at_margin(program, GIVEN, margin)
+    proven = hw.stop_when_proven(program, EVENTS)
+    assert np.array_equal(proven.prediction, result.prediction)
+    margin = hw.calibrate_margin(program, EVENTS, 1.0)
+    stops = hw.stop_at_margin(program, EVENTS, margin)
     assert np.array_equal(stops.prediction, stops.final)
     assert stops.steps.mean() < 60
     assert stops.counts.synaptic_ops < stops.all_counts.synaptic_ops
@@ -122,14 +128,17 @@ PROBES = {
 @pytest.mark.parametrize("engine", ["fast", "reference"])
 @pytest.mark.parametrize("probes", PROBES.values(), ids=PROBES)
 def test_probes_and_readout_are_kept_side_by_side(probes, engine, tmp_path):
-    program = lc.compile(load_graph(graph("LI"), tmp_path), events=GIVEN, diagnosis=False).program
-    plain = hw.simulate(program, GIVEN, engine=engine)
-    every = hw.simulate(program, GIVEN, probe=("potential",), engine=engine).potential
-    found = hw.simulate(program, GIVEN, probe=probes, engine=engine)
-    assert np.array_equal(found.scores, plain.scores)
-    wanted = probes[-1] if isinstance(probes[-1], hw.Probe) else hw.Probe("potential")
-    rows = slice(None) if wanted.steps is None else slice(wanted.steps.start, wanted.steps.stop)
-    assert sorted(found.potential) == sorted(wanted.populations or program.populations)
+    program = lc.compile(load_graph(graph("LI"), tmp_path), events=EVENTS, diagnosis=False).program
+    plain = hw.simulate(program, EVENTS, engine=engine)
+    all_potentials = hw.simulate(program, EVENTS, probe=("potential",), engine=engine).potential
+    ours = hw.simulate(program, EVENTS, probe=probes, engine=engine)
+    assert np.array_equal(ours.scores, plain.scores)
+    expected = probes[-1] if isinstance(probes[-1], hw.Probe) else hw.Probe("potential")
+    rows = (
+        slice(None) if expected.steps is None else slice(expected.steps.start, expected.steps.stop)
+    )
+    assert sorted(ours.potential) == sorted(expected.populations or program.populations)
     assert all(
-        np.array_equal(found.potential[name], every[name][:, rows]) for name in found.potential
+        np.array_equal(ours.potential[name], all_potentials[name][:, rows])
+        for name in ours.potential
     )

@@ -21,11 +21,11 @@ def one_synapse(delay: float) -> list[dict]:
 
 
 def spike_steps(network, steps: int = 400, name: str = "layer0") -> list[int]:
-    given = np.zeros((1, steps, network.channels), np.uint8)
-    given[0, 0, 0] = 1
-    compiled = lc.compile(network, events=given, diagnosis=False)
+    events = np.zeros((1, steps, network.channels), np.uint8)
+    events[0, 0, 0] = 1
+    compiled = lc.compile(network, events=events, diagnosis=False)
     assert compiled.match.spikes.agreement == 1
-    spikes = hw.simulate(compiled.program, given[0]).spikes[name]
+    spikes = hw.simulate(compiled.program, events[0]).spikes[name]
     return np.flatnonzero(spikes[:, 0]).tolist()
 
 
@@ -39,14 +39,14 @@ CHANGED = {
 }
 
 
-@pytest.mark.parametrize(("delay", "spike_step", "said"), CHANGED.values(), ids=CHANGED)
+@pytest.mark.parametrize(("delay", "spike_step", "sentences"), CHANGED.values(), ids=CHANGED)
 def test_a_delay_that_a_file_holds_and_the_program_does_not_is_said(
-    delay, spike_step, said, tmp_path
+    delay, spike_step, sentences, tmp_path
 ):
     write_net(tmp_path / "model.net", one_synapse(delay))
     network = lc.load(tmp_path / "model.net")
     assert spike_steps(network) == [spike_step]
-    assert network.assumptions == said
+    assert network.assumptions == sentences
 
 
 @pytest.mark.parametrize("delay", [0, 62, 63, 70, 125, 126, 200, 300])
@@ -65,13 +65,13 @@ def test_relays_of_layers_with_many_delays_change_nothing_but_the_limit(tmp_path
     layers = [dense(rng, 12, 10, delay=delays), dense(rng, 5, 12, delay=80.0)]
     write_net(tmp_path / "model.net", layers)
     network = lc.load(tmp_path / "model.net", relay_delays=True)
-    given = (rng.random((500, 10)) < 0.2).astype(np.uint8)
-    compiled = lc.compile(network, events=given[None], diagnosis=False)
-    wanted = play(layers, given, longest_delay=1000)
-    result = hw.simulate(compiled.program, given)
-    for number, rows in wanted.items():
-        assert rows.sum() > 20
-        assert np.array_equal(result.spikes[f"layer{number}"], rows)
+    events = (rng.random((500, 10)) < 0.2).astype(np.uint8)
+    compiled = lc.compile(network, events=events[None], diagnosis=False)
+    expected = play(layers, events, longest_delay=1000)
+    result = hw.simulate(compiled.program, events)
+    for number, layer_spikes in expected.items():
+        assert layer_spikes.sum() > 20
+        assert np.array_equal(result.spikes[f"layer{number}"], layer_spikes)
 
 
 def test_relays_carry_the_delays_of_a_nir_graph(tmp_path):
@@ -79,15 +79,15 @@ def test_relays_carry_the_delays_of_a_nir_graph(tmp_path):
     delays = nir.Delay(rng.integers(0, 150, 8) * DT)
     layers = (("d", delays), ("w", linear(rng, 6, 8)), ("n", lif(rng, 6)))
     graph = chain((8,), *layers)
-    given = (rng.random((300, 8)) < 0.3).astype(np.uint8)
+    events = (rng.random((300, 8)) < 0.3).astype(np.uint8)
     network = load_graph(graph, tmp_path, relay_delays=True)
-    wanted = run(graph, given, DT)["n"]
-    ours = evaluate(network, given[None]).spikes["n"][0]
-    assert wanted.sum() > 50
-    assert np.array_equal(ours[1:], wanted[:-1])
+    expected = run(graph, events, DT)["n"]
+    ours = evaluate(network, events[None]).spikes["n"][0]
+    assert expected.sum() > 50
+    assert np.array_equal(ours[1:], expected[:-1])
     with pytest.raises(lc.TargetError, match="a delay is out of range"):
-        lc.compile(load_graph(graph, tmp_path), events=given[None], diagnosis=False)
-    assert lc.compile(network, events=given[None], diagnosis=False).match.spikes.agreement > 0.95
+        lc.compile(load_graph(graph, tmp_path), events=events[None], diagnosis=False)
+    assert lc.compile(network, events=events[None], diagnosis=False).match.spikes.agreement > 0.95
 
 
 def test_a_last_layer_without_neurons_is_read_out(tmp_path):
@@ -98,13 +98,13 @@ def test_a_last_layer_without_neurons_is_read_out(tmp_path):
     del readout["neuron"]
     write_net(tmp_path / "model.net", [hidden, readout])
     network = lc.load(tmp_path / "model.net")
-    given = (rng.random((1, 80, 10)) < 0.3).astype(np.uint8)
-    spikes = play([hidden], given[0])[0]
+    events = (rng.random((1, 80, 10)) < 0.3).astype(np.uint8)
+    spikes = play([hidden], events[0])[0]
     arriving = 64 * spikes[:-1] @ readout["weight"].astype(int).T
     assert spikes.sum() > 20
-    reference = evaluate(network, given, potentials=True)
+    reference = evaluate(network, events, potentials=True)
     assert np.array_equal(reference.potential["layer1"][0, 1:], arriving)
     assert reference.scores[0].tolist() == arriving.max(axis=0).tolist()
-    compiled = lc.compile(network, events=given, diagnosis=False)
-    potential = hw.simulate(compiled.program, given[0], probe=("potential",)).potential["layer1"]
+    compiled = lc.compile(network, events=events, diagnosis=False)
+    potential = hw.simulate(compiled.program, events[0], probe=("potential",)).potential["layer1"]
     assert np.array_equal(potential[1:], arriving)

@@ -64,27 +64,33 @@ def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
     write_net(tmp_path / "model.net", NETS[name])
     network = lc.load(tmp_path / "model.net")
     (tmp_path / "model.nir").write_bytes(exchange_file("nir", quantize(network, CHIP)))
-    again = lc.load(tmp_path / "model.nir")
+    read_back = lc.load(tmp_path / "model.nir")
     for before in network.populations:
-        after = next(p.neuron for p in again.populations if p.name == before.name)
+        after = next(p.neuron for p in read_back.populations if p.name == before.name)
         np.testing.assert_allclose(4096 * after.decay_v, before.neuron.decay_v)
         np.testing.assert_allclose(after.threshold, 64 * before.neuron.threshold)
-    given = random_spikes((network.channels,))[None]
+    events = random_spikes((network.channels,))[None]
     first = network.populations[0].name
-    exact, floats = (evaluate(n, given).spikes[first] for n in (network, again))
+    exact, floats = (evaluate(n, events).spikes[first] for n in (network, read_back))
     assert (exact & floats).sum() > 0.9 * exact.sum()
 
 
 def chain(*mantissas):
     """Integers of one layer behind ten channels, in as many formats as there are mantissas."""
     cells = lc.ChipCuba.of(3, decay_u=1024, decay_v=128, threshold=100)
-    parts = tuple(
+    projections = tuple(
         lc.ChipProjection("touch", "cells", m, exponent, 8) for exponent, m in enumerate(mantissas)
     )
     touch, readout = lc.InputView("touch", "time", 10), lc.Readout(("cells",), (1.0,))
     return quantize(
         lc.Network(
-            "chain", 10, 40, (touch,), (lc.Population("cells", "time", 3, cells),), parts, readout
+            "chain",
+            10,
+            40,
+            (touch,),
+            (lc.Population("cells", "time", 3, cells),),
+            projections,
+            readout,
         ),
         CHIP,
     )
@@ -96,10 +102,10 @@ EVEN = 2 * np.random.default_rng(5).integers(-60, 128, (3, 10))
 def test_integers_go_to_lava_dl_and_back_spike_for_spike(tmp_path):
     quantized = chain(EVEN)
     (tmp_path / "model.net").write_bytes(exchange_file("net", quantized))
-    given = random_spikes((10,))[None]
-    found = evaluate(lc.load(tmp_path / "model.net"), given).spikes["layer1"]
-    assert found.any()
-    np.testing.assert_array_equal(found, evaluate(quantized.on_grid(), given).spikes["cells"])
+    events = random_spikes((10,))[None]
+    spikes = evaluate(lc.load(tmp_path / "model.net"), events).spikes["layer1"]
+    assert spikes.any()
+    np.testing.assert_array_equal(spikes, evaluate(quantized.on_grid(), events).spikes["cells"])
 
 
 @pytest.mark.parametrize(

@@ -30,11 +30,11 @@ def test_srm_layers_spike_as_slayers_forward_pass_with_whole_kernels(tmp_path):
     first, second = normal_weights(8, 12), normal_weights(4, 8)
     network = lc.load(*write(tmp_path, {"fc1": first, "fc2": second}))
     assert [p.name for p in network.populations] == ["fc1", "fc2"]
-    given = sparse_spikes(12)
-    hidden = srm_layer(first, given)
-    found = evaluate(network, given[None]).spikes
-    np.testing.assert_array_equal(found["fc1"][0], hidden)
-    np.testing.assert_array_equal(found["fc2"][0], srm_layer(second, hidden))
+    events = sparse_spikes(12)
+    hidden = srm_layer(first, events)
+    ours = evaluate(network, events[None]).spikes
+    np.testing.assert_array_equal(ours["fc1"][0], hidden)
+    np.testing.assert_array_equal(ours["fc2"][0], srm_layer(second, hidden))
     assert hidden.sum() > 20
 
 
@@ -47,18 +47,18 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
     first, second = normal_weights(8, 12), normal_weights(4, 8)
     files = write(tmp_path, {"fc1": first, "fc2": second}, steps=200)
     network, full = lc.load(*files, kernels="cut"), lc.load(*files)
-    given = sparse_spikes(12, steps=200, rate=0.05)
-    hidden = srm_layer(first, given, full=False)
-    found = evaluate(network, given[None]).spikes
-    np.testing.assert_array_equal(found["fc1"][0], hidden)
-    np.testing.assert_array_equal(found["fc2"][0], srm_layer(second, hidden, full=False))
-    whole, cut = evaluate(full, given[None]).spikes["fc1"], found["fc1"]
+    events = sparse_spikes(12, steps=200, rate=0.05)
+    hidden = srm_layer(first, events, full=False)
+    ours = evaluate(network, events[None]).spikes
+    np.testing.assert_array_equal(ours["fc1"][0], hidden)
+    np.testing.assert_array_equal(ours["fc2"][0], srm_layer(second, hidden, full=False))
+    whole, cut = evaluate(full, events[None]).spikes["fc1"], ours["fc1"]
     assert 0.7 < 2 * (whole & cut).sum() / (whole.sum() + cut.sum()) < 1
     # Not for calibration recordings: what rounding makes of those depends on the kernels of the reference.
     lowered = [lower(one, hw.chip("loihi-sim"), weight_bits=8).program for one in (network, full)]
-    played = [hw.simulate(program, given).spikes["fc2"] for program in lowered]
+    played = [hw.simulate(program, events).spikes["fc2"] for program in lowered]
     np.testing.assert_array_equal(*played)
-    compiled = lc.compile(network, events=given[None], strategy="dendrite", diagnosis=False)
+    compiled = lc.compile(network, events=events[None], strategy="dendrite", diagnosis=False)
     assert compiled.match.by_population["fc1"].reference_spikes == hidden.sum()
     assert "kernels cut after 77 and 11" in network_text(network)
 
@@ -97,22 +97,24 @@ def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
 @pytest.mark.parametrize("order", [None, "arch", "whorl", "loop"])
 def test_the_authors_hybrid_walks_its_location_order(order, tmp_path):
     steps = 40
-    named = {
+    layers_by_name = {
         "fc1": normal_weights(6, 156, 0.1),
         "fc2": normal_weights(3, 6),
         "locationFc1": normal_weights(6, steps, 0.3),
         "locationFc2": normal_weights(3, 6),
     }
-    more = {} if order is None else {"location_order": order}
-    network = lc.load(*write(tmp_path, named, steps=steps, **more))
+    options = {} if order is None else {"location_order": order}
+    network = lc.load(*write(tmp_path, layers_by_name, steps=steps, **options))
     assert [p.name for p in network.populations] == ["fc1", "fc2", "locationFc1", "locationFc2"]
-    given = sparse_spikes(156, steps)
+    events = sparse_spikes(156, steps)
     walk = channel_walk(LOCATION_ORDERS[order or "loop"], neutouch(2))
-    hidden = srm_layer(named["locationFc1"], given[:, walk].T)
-    found = evaluate(network, given[None]).spikes
-    np.testing.assert_array_equal(found["locationFc1"][0], hidden)
-    np.testing.assert_array_equal(found["locationFc2"][0], srm_layer(named["locationFc2"], hidden))
-    np.testing.assert_array_equal(found["fc1"][0], srm_layer(named["fc1"], given))
+    hidden = srm_layer(layers_by_name["locationFc1"], events[:, walk].T)
+    ours = evaluate(network, events[None]).spikes
+    np.testing.assert_array_equal(ours["locationFc1"][0], hidden)
+    np.testing.assert_array_equal(
+        ours["locationFc2"][0], srm_layer(layers_by_name["locationFc2"], hidden)
+    )
+    np.testing.assert_array_equal(ours["fc1"][0], srm_layer(layers_by_name["fc1"], events))
     assert network.readout.populations == ("fc2", "locationFc2")
 
 
@@ -129,16 +131,16 @@ def test_loihi_layers_are_integers_and_spike_as_these_mean(tmp_path):
         }
         for w in (first, second)
     ]
-    given = sparse_spikes(12, 80)
-    wanted = play(layers, given)
-    compiled = lc.compile(network, events=given[None], diagnosis=False)
-    result = hw.simulate(compiled.program, given)
+    events = sparse_spikes(12, 80)
+    expected = play(layers, events)
+    compiled = lc.compile(network, events=events[None], diagnosis=False)
+    result = hw.simulate(compiled.program, events)
     for number, name in enumerate(("fc1", "fc2")):
         np.testing.assert_array_equal(
             network.projections[number].mantissa, layers[number]["weight"]
         )
-        np.testing.assert_array_equal(result.spikes[name], wanted[number])
-    assert wanted[1].sum() > 10
+        np.testing.assert_array_equal(result.spikes[name], expected[number])
+    assert expected[1].sum() > 10
     assert compiled.match.spikes.agreement == 1
 
 
@@ -157,8 +159,8 @@ def test_half_goes_to_the_even_step(tmp_path):
 def test_weight_normalisation_is_multiplied_out(names, tmp_path):
     v, g = torch.randn(5, 7, 1, 1, 1), torch.rand(5, 1, 1, 1, 1)
     network = lc.load(*write(tmp_path, {}, extra=dict(zip(names, (g, v), strict=True))))
-    wanted = (g * v / (v**2).sum(dim=(1, 2, 3, 4), keepdim=True).sqrt()).reshape(5, 7)
-    np.testing.assert_allclose(network.projections[0].weights, wanted, rtol=1e-6)
+    expected = (g * v / (v**2).sum(dim=(1, 2, 3, 4), keepdim=True).sqrt()).reshape(5, 7)
+    np.testing.assert_allclose(network.projections[0].weights, expected, rtol=1e-6)
 
 
 def test_delays_belong_to_the_spikes_of_the_layer_of_their_size(tmp_path):
@@ -188,27 +190,33 @@ def hybrid_weights():
 
 @pytest.mark.parametrize("key", ["location_neuron", "locationNeuron"])
 def test_location_neurons_have_their_own_constants_and_delays(key, tmp_path):
-    held = hybrid_weights()
+    weights_by_name = hybrid_weights()
     delay = torch.tensor([0.0, 1.2, 2.9, 70.0]).reshape(1, 4, 1, 1, 1)
     kernels = {f"locationSlayer.{n}": torch.tensor(kernel(t, f)).float() for n, t, f in KERNELS}
     network = lc.load(
-        *write(tmp_path, held, extra={"locationDelay.delay": delay, **kernels}, **{key: LOCATION})
+        *write(
+            tmp_path,
+            weights_by_name,
+            extra={"locationDelay.delay": delay, **kernels},
+            **{key: LOCATION},
+        )
     )
     assert [p.neuron.theta for p in network.populations] == [10.0, 10.0, 4.0, 4.0]
-    late = np.array([0, 1, 2, 62])
+    delays = np.array([0, 1, 2, 62])
     assert [np.max(p.delay) for p in network.projections] == [0, 0, 0, 62]
-    np.testing.assert_array_equal(network.projections[3].delay, np.tile(late, (3, 1)))
-    given = sparse_spikes(78, 60)
-    first = srm_layer(held["locationFc1"], given.T, SRM | LOCATION)
-    found = evaluate(network, given[np.newaxis]).spikes
-    np.testing.assert_array_equal(found["locationFc1"][0], first)
-    heard = np.stack(
-        [np.pad(first[:, i], (d, 0))[: len(first)] for i, d in enumerate(late)], axis=1
+    np.testing.assert_array_equal(network.projections[3].delay, np.tile(delays, (3, 1)))
+    events = sparse_spikes(78, 60)
+    first = srm_layer(weights_by_name["locationFc1"], events.T, SRM | LOCATION)
+    ours = evaluate(network, events[np.newaxis]).spikes
+    np.testing.assert_array_equal(ours["locationFc1"][0], first)
+    delayed_spikes = np.stack(
+        [np.pad(first[:, i], (d, 0))[: len(first)] for i, d in enumerate(delays)], axis=1
     )
     np.testing.assert_array_equal(
-        found["locationFc2"][0], srm_layer(held["locationFc2"], heard, SRM | LOCATION)
+        ours["locationFc2"][0],
+        srm_layer(weights_by_name["locationFc2"], delayed_spikes, SRM | LOCATION),
     )
-    assert found["locationFc2"].sum() > 0
+    assert ours["locationFc2"].sum() > 0
 
 
 KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
@@ -219,7 +227,8 @@ KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
     [
         pytest.param(
             {"type": "LOIHI"},
-            "config 'net.yaml', location_neuron.type: it differs from the type of the other neurons. Leave it out.",
+            "config 'net.yaml', location_neuron.type: it differs from the type of the other "
+            "neurons. Leave it out.",
             id="another kind",
         ),
         pytest.param(
@@ -264,7 +273,7 @@ LISTED = [
 ]
 
 
-def listed(folder, entries=LISTED, neuron=LOIHI, **more):
+def listed(folder, entries=LISTED, neuron=LOIHI, **options):
     """Write a network of a list of layers, as slayerPytorch's Loihi networks name them."""
     shapes = {0: (4, 2, 3, 3, 1), 1: (1, 1, 2, 2, 1), 2: (3, 4, 2, 2, 1), 4: (5, 6, 1, 1, 1)}
     rng = np.random.default_rng(5)
@@ -273,42 +282,68 @@ def listed(folder, entries=LISTED, neuron=LOIHI, **more):
         for i, s in shapes.items()
     }
     state["blocks.0.delayOp.delay"] = torch.tensor([0.0, 3.2, 1.0, 2.0]).reshape(1, 4, 1, 1, 1)
-    return (*write(folder, {}, neuron, extra={**state, **more}, layer=entries), state)
+    return (*write(folder, {}, neuron, extra={**state, **options}, layer=entries), state)
 
 
 def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
     path, config, state = listed(tmp_path)
     network = lc.load(path, config)
-    held = [2 * np.round(w.double().numpy() / 2) for name, w in state.items() if "weight" in name]
+    weights_by_name = [
+        2 * np.round(w.double().numpy() / 2) for name, w in state.items() if "weight" in name
+    ]
     # Pooling goes over whole windows, the last of them half silent, and each channel by itself.
     layers = [
-        {"type": "conv", "shape": (4, 6, 7), "weight": held[0], "padding": 1, "neuron": LOIHI},
-        {"type": "conv", "shape": (4, 3, 4), "weight": np.tile(held[1], (4, 1, 1, 1, 1)), "stride": 2, "groups": 4, "neuron": LOIHI},
-        {"type": "conv", "shape": (3, 1, 2), "weight": held[2], "stride": 2, "neuron": LOIHI},
-        {"type": "dense", "shape": (5,), "weight": held[3].reshape(5, 6), "neuron": LOIHI},
-    ]  # fmt: skip
-    given = sparse_spikes(2 * 6 * 7, 60)
-    first = play_layer(layers[0], given, (2, 6, 7)).reshape(60, 4, 6, 7)
-    late = np.stack(
+        {
+            "type": "conv",
+            "shape": (4, 6, 7),
+            "weight": weights_by_name[0],
+            "padding": 1,
+            "neuron": LOIHI,
+        },
+        {
+            "type": "conv",
+            "shape": (4, 3, 4),
+            "weight": np.tile(weights_by_name[1], (4, 1, 1, 1, 1)),
+            "stride": 2,
+            "groups": 4,
+            "neuron": LOIHI,
+        },
+        {
+            "type": "conv",
+            "shape": (3, 1, 2),
+            "weight": weights_by_name[2],
+            "stride": 2,
+            "neuron": LOIHI,
+        },
+        {
+            "type": "dense",
+            "shape": (5,),
+            "weight": weights_by_name[3].reshape(5, 6),
+            "neuron": LOIHI,
+        },
+    ]
+    events = sparse_spikes(2 * 6 * 7, 60)
+    first = play_layer(layers[0], events, (2, 6, 7)).reshape(60, 4, 6, 7)
+    delays = np.stack(
         [
             np.roll(first[:, c], d, axis=0) * (np.arange(60) >= d)[:, None, None]
             for c, d in enumerate((0, 3, 1, 2))
         ],
         axis=1,
     )
-    padded = np.pad(late, [(0, 0), (0, 0), (0, 0), (0, 1)])
+    padded = np.pad(delays, [(0, 0), (0, 0), (0, 0), (0, 1)])
     second = play_layer(layers[1], padded.reshape(60, -1), (4, 6, 8))
     third = play_layer(layers[2], second, (4, 3, 4))
     last = play_layer(layers[3], third, (3, 1, 2))
-    compiled = lc.compile(network, events=given[None], diagnosis=False)
-    found = hw.simulate(compiled.program, given).spikes
-    for name, wanted in zip(
+    compiled = lc.compile(network, events=events[None], diagnosis=False)
+    ours = hw.simulate(compiled.program, events).spikes
+    for name, expected in zip(
         [p.name for p in network.populations],
         (first.reshape(60, -1), second, third, last),
         strict=True,
     ):
-        np.testing.assert_array_equal(found[name], wanted, err_msg=name)
-        assert wanted.sum() > 5
+        np.testing.assert_array_equal(ours[name], expected, err_msg=name)
+        assert expected.sum() > 5
     assert compiled.match.spikes.agreement == 1
 
 
@@ -321,25 +356,25 @@ def test_srm_convolutions_are_linear_layers(tmp_path):
 
 
 def other_kernel(tau):
-    def made(folder):
+    def write_files(folder):
         path, config = write(folder, {"fc1": normal_weights(4, 6)})
         values = yaml.safe_load(config.read_text())
         values["neuron"]["tauSr"] = tau
         config.write_text(yaml.safe_dump(values))
         return path, config
 
-    return made
+    return write_files
 
 
 def yaml_text(text):
     """Return what writes a checkpoint with this text as its YAML, and returns both paths."""
 
-    def made(folder):
+    def write_files(folder):
         path, config = write(folder, {"fc1": normal_weights(4, 6)})
         config.write_text(text)
         return path, config
 
-    return made
+    return write_files
 
 
 def replaced(folder, name, value):
@@ -358,36 +393,132 @@ def turned(folder):
 
 
 REFUSED = [
-    ("a kernel nearly the same", other_kernel(10.1), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML (0.00836 apart). Give the YAML that this checkpoint was trained with."),
-    ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML (0.541 apart). Give the YAML that this checkpoint was trained with."),
-    ("kernels of no name", lambda f: write(f, {"fc1": normal_weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
-    ("kernels of integers", lambda f: write(f, {"fc1": normal_weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
-    ("a gap in the chain", lambda f: write(f, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 5)}), "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against 4). Save the layers of one chain in their order."),
-    ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
-    ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not supported there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
-    ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists a different number of layers (2 against 4). List the input and every layer that has weights."),
-    ("a list of other layers", lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2], "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this checkpoint was trained with."),
-    ("kernels the other way around", turned, "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((2, 4, 3, 3, 1) against (4, 2, 3, 3)). Give the YAML that this checkpoint was trained with."),
-    ("a layer that is a list", lambda f: replaced(f, "fc1.weight", [[1.0]]), "model 'model.pt', entry 'fc1.weight': it is not a dense float tensor (list). Save net.state_dict() with torch.save."),
-    ("biases", lambda f: replaced(f, "fc1.bias", torch.tensor([0.0, 1, 0, 0])), "model 'model.pt', entry 'fc1.bias': layers of slayerPytorch have no biases. Train without biases, or export the network as NIR."),
-    ("a layer of a long name", lambda f: replaced(f, "x" * 300 + ".weight", torch.zeros(3, 4)), f"model 'model.pt', entry '{'x' * 80}': its name is too long (307 characters against 200). Rename it."),
-    ("a number beyond floats", yaml_text(f"simulation: {{Ts: {10**400}}}\nneuron: {{type: SRMALPHA}}"), f"config 'net.yaml': Ts must be a number from 1e-06 on (1{'0' * 39}). Correct it."),
-    ("no weights", lambda f: write(f, {}), "model 'model.pt': it has no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
-    ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight does not fit an 8-bit synapse (0..300 against -256..254). Clamp the weights in training."),
-    ("another neuron", yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"), "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?"),
-    ("no neuron", yaml_text("simulation: {Ts: 1}"), "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network description, or a list of layers."),
-    ("a python object", yaml_text("!!python/object/apply:os.system ['true']"), "config 'net.yaml': it is not YAML. Give slayerPytorch's network description, or a list of layers."),
-    ("text for a number", yaml_text("simulation: {Ts: one}\nneuron: {type: SRMALPHA}"), "config 'net.yaml': Ts must be a number from 1e-06 on ('one'). Correct it."),
-]  # fmt: skip
+    pytest.param(
+        other_kernel(10.1),
+        "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML "
+        "(0.00836 apart). Give the YAML that this checkpoint was trained with.",
+        id="a kernel nearly the same",
+    ),
+    pytest.param(
+        other_kernel(5.0),
+        "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML "
+        "(0.541 apart). Give the YAML that this checkpoint was trained with.",
+        id="another kernel",
+    ),
+    pytest.param(
+        lambda f: write(f, {"fc1": normal_weights(4, 6)}),
+        "kernels 'short': are not known. Choose one of: cut, full.",
+        id="kernels of no name",
+    ),
+    pytest.param(
+        lambda f: write(f, {"fc1": normal_weights(4, 6)}, LOIHI),
+        "kernels 'cut': LOIHI neurons have no kernels. Leave the option out.",
+        id="kernels of integers",
+    ),
+    pytest.param(
+        lambda f: write(f, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 5)}),
+        "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against "
+        "4). Save the layers of one chain in their order.",
+        id="a gap in the chain",
+    ),
+    pytest.param(
+        lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}),
+        "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). "
+        "Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, "
+        "{dim: 16c5z}, ...].",
+        id="a convolution",
+    ),
+    pytest.param(
+        lambda f: listed(f, LISTED[1:])[:2],
+        "config 'net.yaml', layer 0: dim '4c3z' is not supported there. Give the input "
+        "first, as 34x34x2, then 16c5z, 2a or 10.",
+        id="a list without an input",
+    ),
+    pytest.param(
+        lambda f: listed(f, LISTED[:3])[:2],
+        "model 'model.pt': the YAML lists a different number of layers (2 against 4). List "
+        "the input and every layer that has weights.",
+        id="a list of fewer layers",
+    ),
+    pytest.param(
+        lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2],
+        "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the "
+        "YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this "
+        "checkpoint was trained with.",
+        id="a list of other layers",
+    ),
+    pytest.param(
+        turned,
+        "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the "
+        "YAML lists ((2, 4, 3, 3, 1) against (4, 2, 3, 3)). Give the YAML that this "
+        "checkpoint was trained with.",
+        id="kernels the other way around",
+    ),
+    pytest.param(
+        lambda f: replaced(f, "fc1.weight", [[1.0]]),
+        "model 'model.pt', entry 'fc1.weight': it is not a dense float tensor (list). Save "
+        "net.state_dict() with torch.save.",
+        id="a layer that is a list",
+    ),
+    pytest.param(
+        lambda f: replaced(f, "fc1.bias", torch.tensor([0.0, 1, 0, 0])),
+        "model 'model.pt', entry 'fc1.bias': layers of slayerPytorch have no biases. Train "
+        "without biases, or export the network as NIR.",
+        id="biases",
+    ),
+    pytest.param(
+        lambda f: replaced(f, "x" * 300 + ".weight", torch.zeros(3, 4)),
+        f"model 'model.pt', entry '{'x' * 80}': its name is too long (307 characters against "
+        "200). Rename it.",
+        id="a layer of a long name",
+    ),
+    pytest.param(
+        yaml_text(f"simulation: {{Ts: {10**400}}}\nneuron: {{type: SRMALPHA}}"),
+        f"config 'net.yaml': Ts must be a number from 1e-06 on (1{'0' * 39}). Correct it.",
+        id="a number beyond floats",
+    ),
+    pytest.param(
+        lambda f: write(f, {}),
+        "model 'model.pt': it has no weights (['slayer.srmKernel', 'slayer.refKernel']). "
+        "Save net.state_dict() with torch.save.",
+        id="no weights",
+    ),
+    pytest.param(
+        lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI),
+        "model 'model.pt', layer 'fc1': a weight does not fit an 8-bit synapse (0..300 "
+        "against -256..254). Clamp the weights in training.",
+        id="a heavy weight",
+    ),
+    pytest.param(
+        yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"),
+        "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?",
+        id="another neuron",
+    ),
+    pytest.param(
+        yaml_text("simulation: {Ts: 1}"),
+        "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network "
+        "description, or a list of layers.",
+        id="no neuron",
+    ),
+    pytest.param(
+        yaml_text("!!python/object/apply:os.system ['true']"),
+        "config 'net.yaml': it is not YAML. Give slayerPytorch's network description, or a "
+        "list of layers.",
+        id="a python object",
+    ),
+    pytest.param(
+        yaml_text("simulation: {Ts: one}\nneuron: {type: SRMALPHA}"),
+        "config 'net.yaml': Ts must be a number from 1e-06 on ('one'). Correct it.",
+        id="text for a number",
+    ),
+]
 
 
-@pytest.mark.parametrize(
-    ("made", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
-)
-def test_what_cannot_be_used_is_said_in_a_line(made, message, tmp_path):
+@pytest.mark.parametrize(("write_files", "message"), REFUSED)
+def test_what_cannot_be_used_is_said_in_a_line(write_files, message, tmp_path):
     kernels = {"kernels 'short'": "short", "kernels 'cut'": "cut"}.get(message.partition(":")[0])
     with pytest.raises(lc.InputError) as caught:
-        lc.load(*made(tmp_path), kernels=kernels)
+        lc.load(*write_files(tmp_path), kernels=kernels)
     assert str(caught.value) == message
 
 

@@ -28,30 +28,30 @@ def training(steps):
     return {"error": {"type": "NumSpikes", "tgtSpikeRegion": {"start": 0, "stop": steps}}}
 
 
-def played(network, given):
+def class_scores(network, events):
     """Return the spike counts of the classes, (classes,), of the float network."""
-    trains = evaluate(network, given[None]).spikes
+    trains = evaluate(network, events[None]).spikes
     return sum(trains[name][0].sum(axis=0) for name in network.readout.populations)
 
 
-def of_time(given):
+def of_time(events):
     """The time branch of the checkpoint by SLAYER's own kernels."""
-    return srm_layer(LAYERS["fc2"], srm_layer(LAYERS["fc1"], given))
+    return srm_layer(LAYERS["fc2"], srm_layer(LAYERS["fc1"], events))
 
 
-def of_locations(given):
+def of_locations(events):
     """The location branch of the checkpoint by SLAYER's own kernels: its inputs are time steps."""
-    return srm_layer(LAYERS["locationFc2"], srm_layer(LAYERS["locationFc1"], given.T))
+    return srm_layer(LAYERS["locationFc2"], srm_layer(LAYERS["locationFc1"], events.T))
 
 
-GIVEN = sparse_spikes(LOCATIONS, STEPS)
+EVENTS = sparse_spikes(LOCATIONS, STEPS)
 
 
 def test_a_location_network_that_keeps_unused_time_layers_counts_locations_alone(tmp_path):
     network = lc.load(*write(tmp_path, LAYERS, steps=STEPS, training=training(LOCATIONS)))
-    wanted = of_locations(GIVEN).sum(axis=0)
-    assert wanted.tolist() != (wanted + of_time(GIVEN).sum(axis=0)).tolist()
-    np.testing.assert_array_equal(played(network, GIVEN), wanted)
+    expected = of_locations(EVENTS).sum(axis=0)
+    assert expected.tolist() != (expected + of_time(EVENTS).sum(axis=0)).tolist()
+    np.testing.assert_array_equal(class_scores(network, EVENTS), expected)
     assert network.channels == LOCATIONS
     assert network.assumptions == (
         TAILS,
@@ -65,7 +65,8 @@ def test_a_location_network_that_keeps_unused_time_layers_counts_locations_alone
 def test_every_layer_taken_is_said_with_its_chain(tmp_path):
     network = lc.load(*write(tmp_path, LAYERS, steps=STEPS, training=training(STEPS + LOCATIONS)))
     np.testing.assert_array_equal(
-        played(network, GIVEN), of_time(GIVEN).sum(axis=0) + of_locations(GIVEN).sum(axis=0)
+        class_scores(network, EVENTS),
+        of_time(EVENTS).sum(axis=0) + of_locations(EVENTS).sum(axis=0),
     )
     assert network.assumptions == (
         TAILS,
@@ -86,7 +87,7 @@ def test_every_layer_taken_is_said_with_its_chain(tmp_path):
 def test_branches_name_the_layers_that_run(branches, tmp_path):
     files = write(tmp_path, FUSED, steps=STEPS)
     network = lc.load(*files, branches=branches)
-    np.testing.assert_array_equal(played(network, GIVEN), of_locations(GIVEN).sum(axis=0))
+    np.testing.assert_array_equal(class_scores(network, EVENTS), of_locations(EVENTS).sum(axis=0))
     assert network.assumptions == (
         TAILS,
         "These layers of the checkpoint are not used, as no branch names them: fc1, fc2, outputFc.",
@@ -98,9 +99,11 @@ def test_branches_name_the_layers_that_run(branches, tmp_path):
 
 def test_the_description_names_branches_and_the_option_stands_above_it(tmp_path):
     files = write(tmp_path, LAYERS, steps=STEPS, branches={"time": ["fc1", "fc2"]})
-    np.testing.assert_array_equal(played(lc.load(*files), GIVEN), of_time(GIVEN).sum(axis=0))
+    np.testing.assert_array_equal(
+        class_scores(lc.load(*files), EVENTS), of_time(EVENTS).sum(axis=0)
+    )
     by_option = lc.load(*files, branches="location=locationFc1,locationFc2")
-    np.testing.assert_array_equal(played(by_option, GIVEN), of_locations(GIVEN).sum(axis=0))
+    np.testing.assert_array_equal(class_scores(by_option, EVENTS), of_locations(EVENTS).sum(axis=0))
 
 
 def test_a_branch_may_have_layers_of_any_name(tmp_path):
@@ -114,7 +117,8 @@ def test_a_branch_may_have_layers_of_any_name(tmp_path):
         "d": "location",
     }
     np.testing.assert_array_equal(
-        played(network, GIVEN), of_time(GIVEN).sum(axis=0) + of_locations(GIVEN).sum(axis=0)
+        class_scores(network, EVENTS),
+        of_time(EVENTS).sum(axis=0) + of_locations(EVENTS).sum(axis=0),
     )
 
 
@@ -127,8 +131,8 @@ def test_delays_of_a_layer_that_does_not_run_stay_with_it(tmp_path):
 
 def test_a_layer_after_both_branches_is_not_part_of_the_time_branch(tmp_path):
     """As part of it, other classes win: both ways are played here, so that the refusal is worth its trouble."""
-    joined = srm_layer(FUSED["outputFc"], np.concatenate([of_time(GIVEN), of_locations(GIVEN)]))
-    appended = srm_layer(FUSED["outputFc"], of_time(GIVEN)).sum(axis=0) + of_locations(GIVEN).sum(
+    joined = srm_layer(FUSED["outputFc"], np.concatenate([of_time(EVENTS), of_locations(EVENTS)]))
+    appended = srm_layer(FUSED["outputFc"], of_time(EVENTS)).sum(axis=0) + of_locations(EVENTS).sum(
         axis=0
     )
     assert joined.sum(axis=0).tolist() != appended.tolist()
@@ -141,7 +145,7 @@ def test_a_layer_after_both_branches_is_not_part_of_the_time_branch(tmp_path):
         "is the time branch's, name it there."
     )
     deeper = lc.load(*files, branches="time=fc1,fc2,outputFc,location=locationFc1,locationFc2")
-    np.testing.assert_array_equal(played(deeper, GIVEN), appended)
+    np.testing.assert_array_equal(class_scores(deeper, EVENTS), appended)
 
 
 def test_a_time_branch_as_wide_as_its_classes_is_no_layer_after_both(tmp_path):
@@ -183,11 +187,14 @@ FORM = "Give them as time=fc1,fc2,location=locationFc1,locationFc2."
             id="a branch twice",
         ),
         pytest.param(
-            "fc1,fc2", f"branches 'fc1,fc2': they are not layers of branches. {FORM}", id="no branch"
+            "fc1,fc2",
+            f"branches 'fc1,fc2': they are not layers of branches. {FORM}",
+            id="no branch",
         ),
         pytest.param(
             "space=fc1",
-            "branches 'space=fc1': branch 'space' is not known. Choose one of: joined, location, time.",
+            "branches 'space=fc1': branch 'space' is not known. Choose one of: joined, location, "
+            "time.",
             id="an unknown branch",
         ),
         pytest.param(
@@ -201,7 +208,7 @@ FORM = "Give them as time=fc1,fc2,location=locationFc1,locationFc2."
             id="no layers",
         ),
     ],
-)  # fmt: skip
+)
 def test_branches_that_cannot_be(branches, message, tmp_path):
     files = write(tmp_path, FUSED, steps=STEPS)
     with pytest.raises(lc.InputError) as caught:

@@ -32,13 +32,15 @@ AS_RECORDED = "A step lasts 0.02 s, like the bins of the recordings; the model s
 
 
 @pytest.mark.parametrize(
-    ("step_seconds", "recording_ns", "said"),
+    ("step_seconds", "recording_ns", "sentence"),
     [(None, 50e6, AS_STATED), (0.001, 50e6, AS_STATED), (0.02, 1e9, AS_RECORDED)],
 )
-def test_recordings_override_the_step_that_a_file_states(network, step_seconds, recording_ns, said):
+def test_recordings_override_the_step_that_a_file_states(
+    network, step_seconds, recording_ns, sentence
+):
     compiled = lc.compile(network, events=bins(step_seconds), diagnosis=False)
     assert compiled.report["latency"]["recording_ns"] == pytest.approx(recording_ns)
-    assert said in compiled.report["assumptions"]
+    assert sentence in compiled.report["assumptions"]
     assert compiled.program.step_seconds == (step_seconds or 0.001)
 
 
@@ -46,10 +48,12 @@ def test_events_are_binned_in_the_steps_that_a_file_states(network, tmp_path):
     events = np.array([(0, 0, 0), (5_400, 5, 0)], dtype=[("t", "i8"), ("x", "i8"), ("p", "i1")])
     np.save(tmp_path / "a.npy", events)
     expected = network.expected
-    found = read_recordings(tmp_path / "a.npy", model=expected, polarities=1)
-    assert (found.spikes.shape, found.step_seconds) == ((1, 6, 6), 0.001)
-    found = read_recordings(tmp_path / "a.npy", model=expected, polarities=1, step_seconds=0.002)
-    assert (found.spikes.shape, found.step_seconds) == ((1, 3, 6), 0.002)
+    recordings = read_recordings(tmp_path / "a.npy", model=expected, polarities=1)
+    assert (recordings.spikes.shape, recordings.step_seconds) == ((1, 6, 6), 0.001)
+    recordings = read_recordings(
+        tmp_path / "a.npy", model=expected, polarities=1, step_seconds=0.002
+    )
+    assert (recordings.spikes.shape, recordings.step_seconds) == ((1, 3, 6), 0.002)
 
 
 @pytest.mark.slow

@@ -28,9 +28,9 @@ def test_every_spike_is_that_of_the_framework(framework, tmp_path):
     network = lc.load(state, config=description)
     ours = evaluate(network, inputs.reshape(1, len(inputs), -1)).spikes
     assert list(recorded) == [population.name for population in network.own_populations]
-    for depth, (name, wanted) in enumerate(recorded.items(), start=1):
-        assert wanted.sum() > 10
-        np.testing.assert_array_equal(ours[name][0][depth:], wanted[:-depth])
+    for depth, (name, expected) in enumerate(recorded.items(), start=1):
+        assert expected.sum() > 10
+        np.testing.assert_array_equal(ours[name][0][depth:], expected[:-depth])
 
 
 def test_the_chip_pools_as_the_network_does(tmp_path):
@@ -43,8 +43,8 @@ def test_the_chip_pools_as_the_network_does(tmp_path):
     pooled = windows.max(axis=(3, 5)).reshape(STEPS, -1)
     assert pooled.any()
     np.testing.assert_array_equal(spikes["2"][0, 1:], pooled[:-1])
-    said = "Max pooling '2' runs as neurons that spike a step after any spike of their window."
-    assert said in compiled.report["assumptions"]
+    sentence = "Max pooling '2' runs as neurons that spike a step after any spike of their window."
+    assert sentence in compiled.report["assumptions"]
 
 
 def graph_of(layers: dict[str, torch.nn.Module], types: dict[str, dict], *shape: int):
@@ -56,8 +56,8 @@ def graph_of(layers: dict[str, torch.nn.Module], types: dict[str, dict], *shape:
     chain = Chain("model 'net.pt'", tensors, axes=len(shape))
     for name, options in types.items():
         kind = LAYERS[options["type"]]
-        rest = {option: value for option, value in options.items() if option != "type"}
-        RecordReader("config").record(kind, rest).add_to(chain, name)
+        other_options = {option: value for option, value in options.items() if option != "type"}
+        RecordReader("config").record(kind, other_options).add_to(chain, name)
     return flatten_graph(chain.graph(shape), "model 'net.pt'")
 
 
@@ -117,8 +117,8 @@ def test_normalised_layers_compute_what_torch_computes(case):
     for layer in flat.layers.values():
         ours = layer.weights @ ours + layer.constant
     with torch.no_grad():
-        wanted = torch.nn.Sequential(*layers)(torch.tensor(x)[None])[0]
-    np.testing.assert_allclose(ours, wanted.numpy().ravel(), rtol=1e-12, atol=1e-12)
+        expected = torch.nn.Sequential(*layers)(torch.tensor(x)[None])[0]
+    np.testing.assert_allclose(ours, expected.numpy().ravel(), rtol=1e-12, atol=1e-12)
 
 
 CONV = {"type": "Conv2d", "padding": 1}
