@@ -1,4 +1,7 @@
-"""The first layers of a network on the host: numbers go in, and spikes come out as the framework has them."""
+"""The first layers of a network on the host: numbers go in, and the spikes that come out are those of the framework.
+
+The expected spikes were recorded with spikingjelly and norse, or are those of the whole network in the float reference.
+"""
 
 import json
 
@@ -14,6 +17,7 @@ from tests.support.host_layer_messages import BAD_NUMBERS
 from tests.support.nir_graphs import DT, chain, cuba, lif
 from tests.support.recorded_torch_layers import STEPS, write_recorded
 
+# Framework whose recorded network is used, and its last layer on the host.
 FRAMEWORKS = {
     "an image that is held, through spikingjelly": ("spikingjelly", "if1"),
     "signals, through norse": ("norse", "lif1"),
@@ -38,11 +42,12 @@ def test_host_and_chip_together_spike_as_the_framework(case, tmp_path):
 
 
 def affine(rng, outs, ins):
+    """Return an Affine node of random weights (outs, ins) and biases, so that neurons behind it spike."""
     return nir.Affine(rng.normal(0.3, 0.5, (outs, ins)), rng.normal(0.1, 0.2, outs))
 
 
 def graph_file(folder, *nodes_behind):
-    """Write a NIR graph of three layers of neurons, and what comes behind them; return its file."""
+    """Write a NIR graph of three layers of six neurons, with more nodes after them; return its file."""
     rng = np.random.default_rng(3)
     nodes = []
     for number in (1, 2, 3):
@@ -61,6 +66,7 @@ def test_host_and_chip_compute_the_whole_network(host_layers, on_host, tmp_path)
     events = recordings_for(divided, values.astype(float)).spikes
     ours = evaluate(divided, events).spikes
     np.testing.assert_array_equal(events[:, :-on_host], expected[f"lif{on_host}"][:, on_host:])
+    # A layer on the chip comes as many steps later as there are layers on the host.
     for number in range(on_host + 1, 4):
         assert expected[f"lif{number}"].any()
         np.testing.assert_array_equal(
@@ -84,7 +90,7 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     events = ["--events", str(tmp_path / "image.npz")]
     assert main(["compile", str(state), *options, *events, *output_options]) == 0
     report = json.loads(capsys.readouterr().out)
-    # Of the 3 x 3 taps of 64 pixels, those of the border lie outside the image of 8 x 8.
+    # A kernel of 3 x 3 on an image of 8 x 8 with padding 1: along each axis, one tap at each border is outside.
     taps = (3 * 8 - 2) ** 2
     assert report["host"] == {
         "layers": {
@@ -110,6 +116,7 @@ def test_the_report_counts_the_host_apart(tmp_path, capsys):
     assert main(["run", str(tmp_path / "out"), "--events", numbers]) == 2
 
 
+# Words of the report on the worst time, and entries of its list of unknown facts.
 OTHER_FAMILIES = {
     "spinnaker1": (
         "**How fast at worst? Not known.** A board that keeps up takes 1 ms a step; loading it takes "
@@ -129,7 +136,7 @@ OTHER_FAMILIES = {
 
 
 @pytest.mark.parametrize("target", OTHER_FAMILIES)
-def test_reports_of_all_families_count_the_host_and_say_what_is_not_known(target, tmp_path):
+def test_reports_of_all_families_count_the_host_and_list_what_is_unknown(target, tmp_path):
     rng = np.random.default_rng(3)
     nodes = []
     for number in (1, 2, 3):
@@ -139,6 +146,7 @@ def test_reports_of_all_families_count_the_host_and_say_what_is_not_known(target
             (f"c{number}", neurons),
         ]
     nir.write(tmp_path / "net.nir", chain((6,), *nodes))
+    # A Xylo has no reset to zero.
     reset = "subtract" if target == "xylo-audio3" else None
     network = lc.load(tmp_path / "net.nir", dt=DT, host_layers=1, reset=reset)
     compiled = lc.compile(network, target, events=rng.random((3, 30, 6)))
@@ -155,12 +163,13 @@ def test_reports_of_all_families_count_the_host_and_say_what_is_not_known(target
 
 
 def slow_cuba(size):
-    """Neurons that lose less than half of their current in a step."""
+    """Return neurons that lose less than half of their current per step, which a Xylo needs."""
     tau = np.full(size, 8 * DT)
     one = np.ones(size)
     return nir.CubaLIF(tau_syn=tau, tau_mem=tau, r=one, v_leak=0 * one, v_threshold=one, w_in=one)
 
 
+# The option --host-layers, and the end of the error.
 BAD_LAYERS = {
     **BAD_NUMBERS,
     "a name that does not exist": ("lif9", "there is no layer 'lif9'. Did you mean 'lif3'?"),
@@ -193,6 +202,7 @@ def test_an_input_that_passes_the_host_is_refused(tmp_path):
     )
 
 
+# Arrays of numbers, and the end of the error.
 BAD_VALUES = {
     "other axes": (
         np.zeros((2, 5, 7)),

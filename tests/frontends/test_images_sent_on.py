@@ -1,4 +1,7 @@
-"""``--emit nir`` of networks over images: the file says which input is which pixel."""
+"""``--emit nir`` of networks over images: the file states which input is which pixel.
+
+lava-dl files, which state the shape of their input, are written as NIR and read again.
+"""
 
 from pathlib import Path
 
@@ -15,11 +18,12 @@ from locsnn_compile.reference.evaluate import evaluate
 from tests.support.net_files import dense, even, neuron, write_net
 
 IMAGE = (2, 3, 4)
-"""Polarities, rows and columns."""
+"""Polarities, rows and columns of the images."""
 RNG = np.random.default_rng(8)
 
 
 def net_over_images(folder: Path, shape: tuple[int, ...] = IMAGE) -> Path:
+    """Write a lava-dl network whose input has this shape: a convolution over images, or else a dense layer."""
     convolution = {
         "type": "conv",
         "shape": np.array([3, 3, 4]),
@@ -40,7 +44,7 @@ def net_over_images(folder: Path, shape: tuple[int, ...] = IMAGE) -> Path:
 
 
 def exchanged(path: Path, folder: Path, **options) -> tuple[lc.Network, Path]:
-    """Return a network, and the NIR file of it."""
+    """Load a network, write it as NIR, and return both the network and the path of the NIR file."""
     network = lc.load(path, **options)
     written = folder / "sent.nir"
     levels = lower(network, hw.chip("loihi-sim"), weight_bits=8)
@@ -62,11 +66,11 @@ def test_pixels_reach_the_same_neurons_of_the_file(tmp_path):
     read_back = lc.load(written, dt=1e-4)
     assert network.expected.inputs == Channels(4, 3, 2, "pyx")
     assert read_back.expected.inputs == Channels(4, 3, 2, "pyx")
-    # Frames of one pixel each, by what they show: polarity, row and column.
+    # For every pixel and polarity: 4 steps of an image with this pixel alone, then 2 steps of silence.
     reached = 0
-    for place in np.ndindex(*IMAGE):
+    for pixel in np.ndindex(*IMAGE):
         frames = np.zeros((1, 6, *IMAGE), np.uint8)
-        frames[(0, slice(0, 4), *place)] = 1
+        frames[(0, slice(0, 4), *pixel)] = 1
         played = frames.reshape(1, 6, -1)
         expected = evaluate(network, played).spikes["layer1"]
         np.testing.assert_array_equal(evaluate(read_back, played).spikes["layer1"], expected)

@@ -1,4 +1,7 @@
-"""lava-dl files in: spike for spike what their integers mean, on both engines."""
+"""Networks of lava-dl files spike as their integers say: in the reference, and on the chip in both engines.
+
+The expected spikes are those of ``tests/support/net_files.py: play``, a forward pass in plain integers.
+"""
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from tests.support.net_files import CONV, IMAGE, NETS, RNG, dense, even, neuron,
 
 
 def spikes(lines, steps=90, rate=0.3):
+    """Return random events, (steps, lines)."""
     return (np.random.default_rng(2).random((steps, lines)) < rate).astype(np.uint8)
 
 
@@ -71,6 +75,7 @@ POOL = {
     "neuron": neuron(),
 }
 CONV_OF_ONE_CHANNEL = {**CONV, "inChannels": 1, "groups": 1, "weight": even(RNG, 4, 1, 3, 3, 1)}
+# Layers, and the shape of the last one's weights without its axes of length one.
 SQUEEZED = {
     "conv of one channel": (
         [{"type": "input", "shape": np.array([1, 6, 6])}, CONV_OF_ONE_CHANNEL],
@@ -82,7 +87,7 @@ SQUEEZED = {
 
 
 @pytest.mark.parametrize("name", SQUEEZED)
-def test_weights_that_lack_axes_of_one_are_those_that_have_them(name, tmp_path):
+def test_weights_without_their_axes_of_length_one_read_as_those_with_them(name, tmp_path):
     layers, shape = SQUEEZED[name]
     matrices = []
     for weight in (layers[-1]["weight"], layers[-1]["weight"].reshape(shape)):
@@ -92,7 +97,7 @@ def test_weights_that_lack_axes_of_one_are_those_that_have_them(name, tmp_path):
     np.testing.assert_array_equal(*matrices)
 
 
-def test_pooling_of_an_image_that_no_windows_fill_goes_on_in_silence(tmp_path):
+def test_pooling_pads_an_image_that_is_not_a_whole_number_of_windows(tmp_path):
     ragged = {"type": "input", "shape": np.array([2, 5, 6])}
     write_net(tmp_path / "model.net", [ragged, POOL])
     projection = (
@@ -184,7 +189,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("layers", "message"), REFUSED)
-def test_what_the_chip_cannot_hold_is_refused_by_name(layers, message, tmp_path):
+def test_a_layer_that_the_chip_cannot_run_is_refused_by_its_number(layers, message, tmp_path):
     write_net(tmp_path / "model.net", layers)
     with pytest.raises(lc.InputError) as caught:
         lc.load(tmp_path / "model.net")

@@ -1,4 +1,7 @@
-"""Delays of layers of images: lava-dl writes one for each channel, of convolutions and of pooling."""
+"""Delays of lava-dl's layers of images, which have one delay per channel, and of layers with biases.
+
+The expected spikes are worked out by hand.
+"""
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ import locsnn_compile as lc
 from tests.support.net_files import neuron, write_net
 
 DELAYS = (3, 0)
+"""The delay of each of two channels, in steps."""
 KERNELS = {
     "pool": np.full((1, 1, 2, 2), 20.0),
     "conv": np.repeat(np.eye(2).reshape(2, 2, 1, 1), 4, axis=3).reshape(2, 2, 2, 2) * 20,
@@ -15,7 +19,7 @@ KERNELS = {
 
 
 def layers(kind: str) -> list[dict]:
-    """Return neurons without memory, (2, 2, 2), behind windows of 2 x 2 of an image (2, 4, 4)."""
+    """Return an input (2, 4, 4), and neurons without memory (2, 2, 2), each of which sees a window of 2 x 2 pixels."""
     windows = {"stride": [2, 2], "padding": [0, 0], "dilation": [1, 1], "kernelSize": [2, 2]}
     channels = {"inChannels": 2, "outChannels": 2, "groups": 1} if kind == "conv" else {}
     layer_behind = {
@@ -47,8 +51,8 @@ def test_a_spike_comes_after_the_delay_of_its_channel(kind, tmp_path):
 HELD_BACK = "The delays of layer 1 hold back its inputs and not its biases, as in netx; slayer delays what it sends."
 
 
-def test_a_bias_is_not_delayed_as_in_netx_and_said_to_be(tmp_path):
-    """Without memory, with a bias of 6 and a weight of 6: a spike needs both, above 10."""
+def test_a_bias_is_not_delayed_as_in_netx_and_an_assumption_says_so(tmp_path):
+    """The current is lost in every step, and half of the voltage; a bias of 6 alone needs three steps to pass 10."""
     layer = {
         "type": "dense",
         "shape": np.array([1]),
@@ -62,7 +66,7 @@ def test_a_bias_is_not_delayed_as_in_netx_and_said_to_be(tmp_path):
     events = np.zeros((12, 1), np.uint8)
     events[0] = events[5] = 1
     program = lc.compile(network, events=events[None], diagnosis=False).program
-    # v is 6, 9, 10.5, at which the bias alone makes it spike, in the third step: inputs wait for 3.
+    # A weight of 6 arrives 1 + 3 steps after its event. Until then v is 6, 9, 10.5 by the bias, which spikes in step 2.
     expected = []
     v = 0.0
     for step in range(12):
@@ -78,7 +82,7 @@ def test_a_bias_is_not_delayed_as_in_netx_and_said_to_be(tmp_path):
 
 
 @pytest.mark.parametrize("left_out", ["bias", "delay"])
-def test_delays_without_a_bias_need_no_word(left_out, tmp_path):
+def test_delays_without_a_bias_need_no_assumption(left_out, tmp_path):
     layer = {
         "type": "dense",
         "shape": np.array([1]),

@@ -1,4 +1,4 @@
-"""Numbers of a lava-dl file at the edges of what they may be."""
+"""Numbers of a lava-dl file at the ends of their range: the last one that is read, and the first that is not."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tests.support.net_files import neuron, write_net
 
 
 def layer(weight, **settings):
-    """One dense layer of these weights; settings are its neurons'."""
+    """Return one dense layer with these weights, as entries of a file; settings are those of its neurons."""
     weight = np.array(weight, dtype=np.float32)
     outs, ins = weight.shape
     parts = {"inFeatures": ins, "outFeatures": outs, "weight": weight, "neuron": neuron(**settings)}
@@ -21,6 +21,7 @@ def loaded(folder, layer_entries, simulation=None):
     return lc.load(folder / "model.net")
 
 
+# The threshold in the file, the threshold of the network, and the step from which potentials are read.
 THRESHOLDS = [(2**17 - 2, 2**17 - 2, None), (2**18 - 2, 2**17 - 1, None), (2**18 - 1, 2**17 - 1, 1)]
 
 
@@ -100,8 +101,8 @@ def test_the_lowest_weight_next_to_an_odd_one(tmp_path):
         "a step before it began",
     ],
 )
-def test_what_is_of_another_kind_is_refused(settings, simulation, message, tmp_path):
-    """A type that is a number was taken as CUBA, and steps of another kind as the usual number of them."""
+def test_an_entry_of_another_type_is_refused(settings, simulation, message, tmp_path):
+    """A type that is a number must not be read as CUBA, nor steps that are text as the default number of steps."""
     with pytest.raises(lc.InputError) as caught:
         loaded(tmp_path, layer([[2]], **settings), simulation)
     assert str(caught.value) == message

@@ -1,4 +1,7 @@
-"""Real numbers into lava-dl's networks: the host and the chip spike as slayer's forward pass did."""
+"""lava-dl networks that take real numbers: layers on the host and on the chip spike as slayer's forward pass did.
+
+The expected spikes were recorded with lava-dl itself.
+"""
 
 import json
 from pathlib import Path
@@ -40,6 +43,7 @@ def played(path, inputs, host_layers):
     return {sent.population: events} | {p.name: chip[p.name] for p in network.populations}
 
 
+# The recorded network, --host-layers, and the number of the last layer on the host.
 DIVIDED = {
     "signals, scaled by an input layer": ("signals", 1, 0),
     "signals, and a layer behind it on the host": ("signals", "layer1", 1),
@@ -91,6 +95,7 @@ def test_zeros_and_ones_through_the_host_are_the_whole_network_on_events(on_host
         np.testing.assert_array_equal(layer_spikes, whole[layer])
 
 
+# The recorded network, a dataset of its file, and the error that is added to it.
 FAULTS = {
     "the weight of the input layer": ("signals", "layer/0/weight", 2),
     "the bias of the input layer": ("signals", "layer/0/bias", -2),
@@ -176,6 +181,7 @@ def test_layers_that_cannot_run_on_the_host_are_refused(case, tmp_path):
 
 
 def refusal(layers, folder, host_layers):
+    """Write layers, and return the message with which they are refused."""
     write_net(folder / "model.net", layers)
     with pytest.raises(lc.InputError) as refused:
         lc.load(folder / "model.net", host_layers=host_layers)
@@ -206,7 +212,7 @@ def test_neurons_that_send_numbers_are_refused_on_the_host_too(tmp_path):
     )
 
 
-def test_numbers_inside_the_range_are_not_said_to_be_cut():
+def test_numbers_within_the_range_need_no_sentence():
     scaling = InputScaling(weight=1.0, bias=0.0)
     assert scaling.cut_sentences(np.array([-4.0, 0.3, 127 / 32])) == ()
 
@@ -223,7 +229,8 @@ def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
 
 
 def test_currents_on_the_host_wrap_in_no_register_of_the_chip(tmp_path):
-    # 3.9 is 125 / 32, and 16,000 units of a current that keeps all: after 525 steps, more than 2^23.
+    # 3.9 is rounded to 125 / 32, whose charge is 250 * 64 = 16,000. A current that keeps all of it passes 2^23 after 525
+    # steps, and would then be negative.
     keeps_current = neuron(0, 4096, 100)
     layer = {"type": "input", "shape": np.array([4]), "neuron": keeps_current}
     write_net(tmp_path / "model.net", [layer, dense(RNG, 5, 4)])

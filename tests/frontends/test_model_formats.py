@@ -1,4 +1,4 @@
-"""The table of model formats: what is read by which row, and that a row is all that a format needs."""
+"""The table of model formats: a new row is all that a new format needs, and every file finds its row."""
 
 import json
 from dataclasses import replace
@@ -46,6 +46,7 @@ PLAIN = ModelFormat(
 
 @pytest.fixture
 def with_plain(monkeypatch):
+    """Add a format to the table, before the last row, with whose words the list in ``--help`` ends."""
     *others, last = MODEL_FORMATS
     monkeypatch.setattr(formats, "MODEL_FORMATS", (*others, PLAIN, last))
 
@@ -87,7 +88,9 @@ def test_a_format_refuses_options_of_others(with_plain, tmp_path):
         ("m.pt", "net.yaml", "a slayerPytorch checkpoint"),
     ],
 )
-def test_checkpoints_are_told_apart_by_their_description(tmp_path, name, config, called):
+def test_checkpoints_are_recognised_by_whether_they_have_a_description(
+    tmp_path, name, config, called
+):
     source = ModelSource(tmp_path / name, LoadOptions(config=config))
     assert format_of(source).called == called
 
@@ -104,6 +107,6 @@ def test_every_option_of_a_format_is_declared_and_on_the_command_lines():
         assert LoadOptions.of(read) == LoadOptions()
 
 
-def test_what_is_not_given_is_not_said():
+def test_options_that_are_off_count_as_not_given():
     assert LoadOptions(dt=0.0, relay_delays=False).given == {"dt": 0.0}
     assert replace(LoadOptions(), relay_delays=True).given == {"relay_delays": True}

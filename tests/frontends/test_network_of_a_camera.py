@@ -1,4 +1,4 @@
-"""A network of spikingjelly spikes as it does there on the file that a camera would write."""
+"""A network of spikingjelly spikes as in spikingjelly, on a file of events as an event camera writes it."""
 
 from pathlib import Path
 
@@ -15,6 +15,7 @@ SCENE = Path(__file__).parents[1] / "data" / "scene-evt3.raw"
 
 
 def network_file(folder: Path) -> Path:
+    """Write the recorded network as a NIR file, and return its path."""
     path = folder / "scene.nir"
     with np.load(RECORDED) as recorded:
         path.write_bytes(recorded["nir"].tobytes())
@@ -25,7 +26,8 @@ def test_every_spike_is_that_of_the_framework(tmp_path):
     network = lc.load(network_file(tmp_path))
     recordings = lc.read_recordings(SCENE, step_seconds=0.001)
     assert recordings.channels is not None
-    # Channels of recordings are 2 (34 y + x) + p, those of an image p 34 20 + 34 y + x.
+    # The camera has 20 rows, 34 columns and 2 polarities. Channels of recordings are 2 (34 y + x) + p, those of the
+    # network's images 34 * 20 p + 34 y + x.
     images = recordings.spikes.reshape(1, -1, 20, 34, 2).transpose(0, 1, 4, 2, 3)
     ours = evaluate(network, images.reshape(1, len(recordings.spikes[0]), -1)).spikes
     with np.load(RECORDED) as recorded:

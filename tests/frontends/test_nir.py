@@ -1,4 +1,7 @@
-"""NIR graphs in: every primitive against plain Euler steps, one step of latency a population."""
+"""NIR graphs of every primitive spike as plain Euler steps of their equations do, one step later per population.
+
+The expected spikes are those of ``tests/support/nir_forward.py: run``, which steps the equations of a graph.
+"""
 
 import nir
 import numpy as np
@@ -11,6 +14,7 @@ from tests.support.nir_graphs import DT, chain, graphs, lif, linear, load_graph,
 
 GRAPHS = graphs()
 DEPTH = {"lif": 1, "l1": 1, "l2": 2, "out": 2, "sub.lif": 1}
+"""How many steps each population is behind the equations, by the name of its node; 1 for all others."""
 
 
 POPULATIONS = {
@@ -19,10 +23,11 @@ POPULATIONS = {
     "conv2d": ["lif", "out"],
     "nested": ["sub.lif", "lif"],
 }
+"""The populations of graphs that have several, or one of another name than its first."""
 
 
 def flattened(graph):
-    """Return the nested graph with its inner nodes beside the others, for the plain forward pass."""
+    """Return a graph without inner graphs, for the plain forward pass; only the graph ``nested`` has one."""
     if not any(isinstance(n, nir.NIRGraph) for n in graph.nodes.values()):
         return graph
     inner = graph.nodes["sub"]
@@ -52,9 +57,9 @@ def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
     for population in network.populations:
         if population.name == "nir/bias":
             continue
-        depth = (
-            2 if name == "nested" and population.name == "lif" else DEPTH.get(population.name, 1)
-        )
+        depth = DEPTH.get(population.name, 1)
+        if name == "nested" and population.name == "lif":
+            depth = 2  # behind the inner graph
         expected = wanted[population.name].reshape(len(events), -1)
         assert expected.sum() > 10
         np.testing.assert_array_equal(
@@ -168,14 +173,18 @@ def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_pat
     result = hw.simulate(compiled.program, events, probe=("spikes", "v"))
     ours = result.v["read"] / compiled.levels.quantized.population("read").scale
     assert result.spikes["read"].sum() == 0
-    # The hidden spikes are the chip's own; where these are the framework's, the potential is too, but for rounding.
+    # The hidden spikes are the chip's own. Where they equal the framework's, potentials differ by rounding only.
     assert np.corrcoef(ours[2:].ravel(), wanted[:-2].ravel())[0, 1] > 0.99
-    # No potential passes the threshold, so that the register needs no room above it. With room, it is 0.006 and 0.044.
+    # No potential passes the threshold, so the register needs no headroom above it. With headroom, the score errors of LI
+    # and CubaLI would be 0.006 and 0.044.
     assert compiled.report["match"]["score_error"] < 0.005
 
 
 def impulse(kind, tau, tau_syn, how, tmp_path):
-    """Return ours (steps,) after one spike of weight 1, and the ODE's solution at the same times, of r = w_in = 1."""
+    """Return the potential after one spike of weight 1, (steps,), and the solution of the equation at the same times.
+
+    The neuron has r = w_in = 1.
+    """
     one = np.ones(1)
     node = (
         nir.LI(tau=tau * one, r=one, v_leak=0 * one)

@@ -1,4 +1,4 @@
-"""Biases behind Delays, against the equations and by hand: a Delay holds a bias back like a spike."""
+"""A Delay behind a bias holds the bias back like a spike: against the equations, and worked out by hand."""
 
 import nir
 import numpy as np
@@ -9,23 +9,27 @@ from tests.support.nir_forward import run
 from tests.support.nir_graphs import cuba, lif, linear, load_graph
 
 DT = 1e-4
+"""The step of the graphs that are worked out by hand; random graphs have 1e-3."""
 STEPS = 24
 
 
 def integrator(threshold: float) -> nir.IF:
+    """Return one neuron that adds its inputs until it passes a threshold."""
     return nir.IF(r=np.ones(1), v_threshold=np.full(1, threshold), v_reset=np.zeros(1))
 
 
 def affine(bias: float) -> nir.Affine:
+    """Return one weight of 0.25, which no test uses, and a bias."""
     return nir.Affine(np.array([[0.25]]), np.array([bias]))
 
 
 def delay(steps: float) -> nir.Delay:
+    """Return a delay of one value."""
     return nir.Delay(np.array([steps * DT]))
 
 
 def graph(nodes: dict, edges: list[tuple[str, str]]) -> nir.NIRGraph:
-    """A graph of these nodes between one input and one output."""
+    """Return a graph of these nodes between one input and one output."""
     ends = {"input": nir.Input(np.array([1])), "output": nir.Output(np.array([1]))}
     return nir.NIRGraph({**ends, **nodes}, edges, type_check=False)
 

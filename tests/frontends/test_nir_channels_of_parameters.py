@@ -1,4 +1,7 @@
-"""Parameters with a number for each channel, (C, 1, 1), are those of every neuron of an image (C, H, W)."""
+"""Parameters with one number per channel, (C, 1, 1), hold for every neuron of an image (C, H, W).
+
+The expected spikes are those of the equations, stepped by ``tests/support/nir_forward.py``.
+"""
 
 import nir
 import numpy as np

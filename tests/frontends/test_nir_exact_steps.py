@@ -1,7 +1,7 @@
-"""``--discretisation exact`` against the solution of the equations, by matrix exponentials.
+"""``--discretisation exact`` spikes as the solution of the equations does, which matrix exponentials compute.
 
-Charges arrive at the start of a step, and thresholds look at the potential at its end: of LIF and of
-CubaLIF alike, so that a graph with both keeps its time.
+Charges arrive at the start of a step, and thresholds are compared with the potential at its end. This holds for LIF and
+CubaLIF alike, so that a graph with both stays synchronous.
 """
 
 import nir
@@ -43,6 +43,7 @@ def solved(node: nir.LIF | nir.CubaLIF, charges: np.ndarray) -> np.ndarray:
 
 
 def neurons(kind: str, rng: np.random.Generator, size: int) -> nir.LIF | nir.CubaLIF:
+    """Return neurons of a kind with random time constants."""
     tau = rng.uniform(4e-3, 2e-2, size)
     rest = {"v_leak": np.zeros(size), "v_threshold": np.ones(size), "v_reset": np.zeros(size)}
     if kind == "LIF":

@@ -1,4 +1,4 @@
-"""``w_in`` as a matrix is the weights before the neurons, and edges of inner graphs are named with them."""
+"""A ``w_in`` that is a matrix means weights before the neurons, and errors about edges name their inner graph."""
 
 import h5py
 import nir

@@ -1,4 +1,7 @@
-"""What a spike adds to an IF of any r: taken only where it is known, and said."""
+"""What a spike adds to an IF node: its weight with r = 1, else r * dt times its weight, which an assumption states.
+
+The expected steps are worked out by hand.
+"""
 
 import nir
 import numpy as np
@@ -9,6 +12,7 @@ from locsnn_compile.reference.evaluate import evaluate
 from tests.support.nir_graphs import chain, load_graph
 
 WEIGHT = 0.0625
+"""A sixteenth of the threshold: the 17th input passes it, which acts in step 17."""
 
 
 def integrators(*resistances: float) -> nir.NIRGraph:
@@ -20,6 +24,7 @@ def integrators(*resistances: float) -> nir.NIRGraph:
 
 
 def first_spike_steps(network) -> list[int | None]:
+    """Return the first spike of each neuron if the input spikes in every step; None for no spike in 40 steps."""
     spikes = evaluate(network, np.ones((1, 40, 1), np.uint8)).spikes["n"][0]
     return [int(np.flatnonzero(row)[0]) if row.any() else None for row in spikes.T]
 
@@ -41,7 +46,7 @@ def test_another_r_is_refused_without_a_step(r, tmp_path):
     )
 
 
-def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
+def test_with_a_step_the_equation_holds_and_an_assumption_lists_the_neurons(tmp_path):
     """r * dt is 0.5 in the second neuron: it needs 33 inputs of 0.03125 to pass 1."""
     network = load_graph(integrators(1.0, 500.0, 2.0, 2.0, 1000.0), tmp_path, dt=1e-3)
     assert first_spike_steps(network) == [17, 33, None, None, 17]
@@ -53,7 +58,7 @@ def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
     )
 
 
-def test_r_of_one_over_the_step_needs_no_word(tmp_path):
+def test_r_of_one_over_the_step_needs_no_assumption(tmp_path):
     network = load_graph(integrators(1000.0), tmp_path, dt=1e-3)
     assert first_spike_steps(network) == [17]
     assert not [sentence for sentence in network.assumptions if "IF node" in sentence]

@@ -1,4 +1,4 @@
-"""What a NIR node's parameters make of its neurons, at the edges of every rule, worked out by hand."""
+"""The neurons that a NIR node becomes, at the limits of every rule; the expected numbers are worked out by hand."""
 
 import math
 from fractions import Fraction
@@ -15,6 +15,7 @@ from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from tests.support.nir_graphs import DT, chain, lif, linear, load_graph
 
+# Parameters of nodes, with time constants in steps.
 LIF = {"tau": 4.0, "r": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
 CUBA = {
     "tau_syn": 2.0,
@@ -31,7 +32,7 @@ LI = {"tau": 2.0, "r": 1.0, "v_leak": 0.0}
 def two_neurons(
     kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,)), constant=0.0
 ):
-    """Read a node of two neurons behind weights and a constant, in steps of 1 s."""
+    """Return the neurons of a node of two neurons, behind weights and a constant; a step lasts 1 s."""
     node = NirNode(kind, {name: np.array(value) for name, value in parameters.items()})
     matrix = sparse.csr_array(np.array(weights))
     signal = Signal.of_source("x", matrix.shape[1]).through(matrix, constant, "n")
@@ -73,7 +74,7 @@ def test_neurons_start_at_rest_where_that_is_below_the_threshold(leak, start):
 @pytest.mark.parametrize(
     ("tau_syn", "kind"), [([1.0, 1.0], Cuba), ([1.0, 2.0], SoftCuba)], ids=["none has", "one has"]
 )
-def test_a_current_of_any_neuron_makes_them_soft(tau_syn, kind):
+def test_neurons_with_subtraction_are_soft_if_any_of_them_has_a_current(tau_syn, kind):
     assert (
         type(two_neurons("CubaLIF", CUBA | {"tau_syn": tau_syn}, reset="subtract").neuron) is kind
     )
@@ -92,16 +93,17 @@ def test_potentials_of_a_readout_are_counted_from_rest_where_that_is_one_for_all
 
 
 def test_a_readout_has_the_threshold_that_no_input_of_any_neuron_reaches():
-    """Half of what arrives is added and half of the potential lost in every step: all input at once settles at its sum.
+    """In every step, half of the input is added and half of the potential lost, so steady input settles at its sum.
 
-    The most is that of the second neuron, downwards: -9 by a spike and -4 by the constant. 1.1 leaves room for rounding.
+    The largest is that of the second neuron, downwards: -9 by a spike and -4 by the constant. A tenth more leaves room
+    for rounding.
     """
     readout = two_neurons("LI", LI, weights=[[1.0, -1.0], [3.0, -9.0]], constant=-4.0)
     assert readout.neuron.threshold.tolist() == [13.0 * 1.1] * 2
 
 
-def test_the_exact_answer_of_equal_time_constants():
-    """With tau_mem 4: exp(-1/4) / 4^2 where tau_syn is 4 too, else the quotient of the docstring of ``_alpha``."""
+def test_the_exact_response_of_equal_and_other_time_constants():
+    """With tau_mem 4: exp(-1/4) / 4^2 if tau_syn is 4 too, else (exp(-1/4) - exp(-1/2)) / (4 - 2) for tau_syn 2."""
     neurons = two_neurons("CubaLIF", CUBA | {"tau_syn": [4.0, 2.0]}, how="exact")
     gains = neurons.signal.terms[0].weights.toarray().ravel()
     of_equal_taus = math.exp(-1 / 4) / 4**2
@@ -109,7 +111,7 @@ def test_the_exact_answer_of_equal_time_constants():
     assert gains == pytest.approx([of_equal_taus, of_other_taus], rel=1e-12)
 
 
-def test_a_constant_goes_through_what_follows():
+def test_a_constant_passes_through_weights_scales_and_delays():
     weights = sparse.csr_array(np.array([[1.0, 2.0], [0.0, 4.0]]))
     signal = (
         Signal.of_source("x", 2)
@@ -147,13 +149,15 @@ def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_p
 @pytest.mark.parametrize("dt", [DT, 1e-4, 1 / 300, 7e-5])
 @pytest.mark.parametrize("off", [0.0, 0.009, -0.009])
 def test_delays_are_the_nearest_whole_steps(dt, off, tmp_path):
-    """Seconds are steps times dt in floats, and may be off by a hundredth of a step."""
+    """Files hold delays in seconds, steps times dt in floats, which may be off by up to a hundredth of a step."""
     steps = np.arange(1, 60)
     delay = nir.Delay((steps + off) * dt)
     graph = chain((59,), ("d", delay), ("w", nir.Linear(np.eye(59))), ("n", lif(RNG, 59)))
     (projection,) = load_graph(graph, tmp_path, dt=dt).projections
     assert np.asarray(projection.delay).ravel().tolist() == steps.tolist()
-    assert [round(Fraction(float(one)) / Fraction(dt)) for one in delay.delay] == steps.tolist()
+    # Fractions of the same floats have no rounding error of their own.
+    exact = [round(Fraction(float(seconds)) / Fraction(dt)) for seconds in delay.delay]
+    assert exact == steps.tolist()
 
 
 def test_potentials_count_from_where_the_deepest_readout_begins(tmp_path):

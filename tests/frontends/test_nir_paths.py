@@ -1,4 +1,8 @@
-"""Paths of different lengths that meet: what meets in one step of a framework meets in one step here."""
+"""Paths of different lengths that meet: spikes that meet in one step of a framework meet in one step here.
+
+Read from NIR, networks must spike as the equations of the graph (``tests/support/nir_forward.py``); written as NIR, the
+equations of the graph must spike as the network.
+"""
 
 import itertools
 
@@ -16,34 +20,36 @@ from tests.support.nir_graphs import DT, lif, linear, load_graph, random_spikes
 
 RNG = np.random.default_rng(31)
 SIZES = {"input": 10, "a": 12, "b": 11, "c": 9, "d": 7}
+"""Lines of the input, and neurons of the populations that a graph can have."""
 
 
-def graph(*ways, bias=True):
-    """Return a graph with a layer of weights for each way ``source target``, delayed by so many steps after a ``+``."""
-    nodes, edges = (
-        {"input": nir.Input(np.array([10])), "output": nir.Output(np.array([7]))},
-        [("d", "output")],
-    )
-    for way in ways:
-        source, target, *late = way.split()
-        name, ins, outs = f"{source}_{target}", SIZES[source], SIZES[target]
-        gain, steps = (
-            0.2 if "back" in late else 1.0,
-            sum(int(word) for word in late if word != "back"),
-        )
-        weight = linear(RNG, outs, ins, gain)
-        nodes[name] = nir.Affine(weight.weight, RNG.normal(0.05, 0.05, outs)) if bias else weight
-        nodes |= {target: nodes.get(target, lif(RNG, outs))}
+def graph(*connections):
+    """Return a graph with a layer of weights and biases for each connection, such as ``a b +2 back``.
+
+    A connection names its source and its target. ``+2`` delays it by two steps, and ``back`` gives it small weights, for
+    loops.
+    """
+    nodes = {"input": nir.Input(np.array([10])), "output": nir.Output(np.array([7]))}
+    edges = [("d", "output")]
+    for connection in connections:
+        source, target, *options = connection.split()
+        name = f"{source}_{target}"
+        scale = 0.2 if "back" in options else 1.0
+        delay = sum(int(option) for option in options if option != "back")
+        weight = linear(RNG, SIZES[target], SIZES[source], scale)
+        nodes[name] = nir.Affine(weight.weight, RNG.normal(0.05, 0.05, SIZES[target]))
+        nodes |= {target: nodes.get(target, lif(RNG, SIZES[target]))}
         edges.append((name, target))
-        if steps:
-            nodes[f"{name}_late"] = nir.Delay(np.full(ins, steps * DT))
-            edges += [(source, f"{name}_late"), (f"{name}_late", name)]
+        if delay:
+            nodes[f"{name}_delay"] = nir.Delay(np.full(SIZES[source], delay * DT))
+            edges += [(source, f"{name}_delay"), (f"{name}_delay", name)]
         else:
             edges.append((source, name))
     return nir.NIRGraph(nodes, edges, type_check=False)
 
 
 CHAIN = ("input a", "a b", "b c", "c d")
+# Connections, and the expected depths of a, b, c and d: the populations on the longest path from the input.
 GRAPHS = {
     "over one": ((*CHAIN, "a c"), [1, 2, 3, 4]),
     "over two": ((*CHAIN, "a d"), [1, 2, 3, 4]),
@@ -61,18 +67,19 @@ GRAPHS = {
 }
 
 
-@pytest.mark.parametrize(("ways", "depths"), GRAPHS.values(), ids=GRAPHS)
-def test_paths_that_meet_are_aligned(ways, depths, tmp_path):
-    made, given = graph(*ways), random_spikes((10,))
-    wanted = run(made, given, DT)
-    found = evaluate(load_graph(made, tmp_path), given[None]).spikes
+@pytest.mark.parametrize(("connections", "depths"), GRAPHS.values(), ids=GRAPHS)
+def test_paths_that_meet_are_aligned(connections, depths, tmp_path):
+    nir_graph = graph(*connections)
+    events = random_spikes((10,))
+    expected = run(nir_graph, events, DT)
+    ours = evaluate(load_graph(nir_graph, tmp_path), events[None]).spikes
     for node, depth in zip("abcd", depths, strict=True):
-        assert wanted[node].sum() > 10
-        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
+        assert expected[node].sum() > 10
+        np.testing.assert_array_equal(ours[node][0, depth:], expected[node][:-depth], err_msg=node)
 
 
 @pytest.mark.parametrize(
-    ("way", "said"),
+    ("connection", "endings"),
     [
         ("b a back", ["spikes of 'b' reach 'a' a step later"]),
         ("d a +1 back", ["spikes of 'd' reach 'a' 2 steps later"]),
@@ -80,14 +87,16 @@ def test_paths_that_meet_are_aligned(ways, depths, tmp_path):
         ("b b back", []),
     ],
 )
-def test_a_loop_that_is_slower_than_a_frameworks_is_told(way, said, tmp_path):
+def test_a_loop_that_is_slower_than_a_frameworks_is_an_assumption(connection, endings, tmp_path):
     start = "A loop over several populations takes a step for each of them here, and one step in a framework"
-    assert load_graph(graph(*CHAIN, way), tmp_path).assumptions[2:] == tuple(
-        f"{start}: {text}." for text in said
+    # The first two assumptions are those on the reset and the discretisation.
+    assert load_graph(graph(*CHAIN, connection), tmp_path).assumptions[2:] == tuple(
+        f"{start}: {ending}." for ending in endings
     )
 
 
 LOOP = {"input a": 0, "a b": 0, "b a": 0, "b c": 0}
+# Networks of the chip: the delay of every connection, in steps.
 CHIPS = {
     "a path as long as the other": {"input a": 0, "a b": 0, "input b": 1},
     "a longer one": {"input a": 0, "a b": 0, "input b": 4},
@@ -108,36 +117,50 @@ CHIPS = {
     "two that feed each other": {"input a": 0, "input b": 0, "a b": 0, "b a": 2, "a c": 0},
 }
 HELD = [[], [3], [1], [3, 2], [1, 2], [1], [4, 2], [1, 2], [2]]
-"""The delays that a graph of each of them needs, in steps."""
+"""The delays of the Delay nodes with which each of these networks is written as NIR, in steps."""
 
 
-def by_hand(ways, names=None):
-    """Return integers of populations of six with such delays between them."""
+def by_hand(delays, names=None):
+    """Return a network in integers, of populations of six neurons, with these delays by connection.
+
+    ``names`` are those of the populations; the last one is read out.
+    """
     cells = lc.ChipCuba.of(6, decay_u=4096, decay_v=0, threshold=400)
-    onto = tuple(
-        lc.ChipProjection(*way.split(), 2 * RNG.integers(-40, 120, (6, 6)), 0, 8, delay=late)
-        for way, late in ways.items()
+    projections = tuple(
+        lc.ChipProjection(
+            *connection.split(), 2 * RNG.integers(-40, 120, (6, 6)), 0, 8, delay=delay
+        )
+        for connection, delay in delays.items()
     )
-    names = names or sorted({way.split()[1] for way in ways})
-    view, readout = lc.InputView("input", "time", 6), lc.Readout((names[-1],), (1.0,))
-    populations = tuple(lc.Population(name, "time", 6, cells) for name in names)
-    return quantize(
-        lc.Network("skips", 6, 40, (view,), populations, onto, readout), chip("loihi-sim")
+    names = names or sorted({connection.split()[1] for connection in delays})
+    network = lc.Network(
+        "skips",
+        channels=6,
+        steps=40,
+        views=(lc.InputView("input", "time", 6),),
+        populations=tuple(lc.Population(name, "time", 6, cells) for name in names),
+        projections=projections,
+        readout=lc.Readout((names[-1],), (1.0,)),
     )
+    return quantize(network, chip("loihi-sim"))
 
 
 def written(quantized, path):
+    """Write a network as NIR, and return the graph that the ``nir`` package reads from the file."""
     path.write_bytes(exchange_file("nir", quantized))
     return nir.read(path, type_check=False)
 
 
 @pytest.mark.parametrize("name", [name for name in CHIPS if name != "two that feed each other"])
 def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
-    quantized, given = by_hand(CHIPS[name]), random_spikes((6,))
-    found = run(written(quantized, tmp_path / "model.nir"), given, 1e-4)
-    wanted = evaluate(quantized.on_grid(), given[None]).spikes
+    quantized = by_hand(CHIPS[name])
+    events = random_spikes((6,))
+    in_framework = run(written(quantized, tmp_path / "model.nir"), events, 1e-4)
+    on_chip = evaluate(quantized.on_grid(), events[None]).spikes
     for population in quantized.network.populations:
-        ours, theirs = wanted[population.name][0], found[population.name]
+        ours = on_chip[population.name][0]
+        theirs = in_framework[population.name]
+        # The chip is later by the depth of the population.
         assert any((ours[late:] == theirs[:-late]).all() for late in range(1, 5)), population.name
         assert theirs.sum() > 10
 
@@ -145,7 +168,8 @@ def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "held"), list(zip(CHIPS, HELD, strict=True)), ids=CHIPS)
 def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name, held, tmp_path):
-    quantized, given = by_hand(CHIPS[name]), random_spikes((6,))
+    quantized = by_hand(CHIPS[name])
+    events = random_spikes((6,))
     graph = written(quantized, tmp_path / "model.nir")
     delays = [
         node.delay[0] / 1e-4
@@ -154,26 +178,33 @@ def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name
     ]
     assert np.rint(delays).tolist() == held
     again = lc.load(tmp_path / "model.nir")
+    # The first three assumptions are those on the step, the reset and the discretisation.
     assert again.assumptions[3:] == ()
-    wanted, found = (evaluate(n, given[None]).spikes for n in (quantized.on_grid(), again))
+    before = evaluate(quantized.on_grid(), events[None]).spikes
+    after = evaluate(again, events[None]).spikes
+    steps = len(events)
     for population in quantized.network.populations:
-        ours, theirs = wanted[population.name][0], found[population.name][0]
+        ours = before[population.name][0]
+        theirs = after[population.name][0]
         assert ours.sum() > 10
-        assert any((ours[: 60 - late] == theirs[late:]).all() for late in range(4)), population.name
+        # A reader may delay all inputs of a population more than the network did.
+        assert any((ours[: steps - late] == theirs[late:]).all() for late in range(4)), (
+            population.name
+        )
 
 
 @pytest.mark.parametrize(
     "names", [("a/b", "c"), ("weights0", "c"), ("c.output", "c"), ("a", "a_", "a/b", "a.b")]
 )
 def test_every_name_of_a_population_can_be_written(names, tmp_path):
-    """A slash made a file that cannot be read; a name of a node that is added was overwritten."""
+    """HDF5 takes a slash as a group, and the writer adds nodes of its own, so such names have to change in the file."""
     chained = by_hand({f"{a} {b}": 0 for a, b in itertools.pairwise(["input", *names])}, names)
     written(chained, tmp_path / "model.nir")
-    given = random_spikes((6,))[None]
-    wanted, found = (
-        evaluate(n, given).spikes for n in (chained.on_grid(), lc.load(tmp_path / "model.nir"))
-    )
-    for (name, ours), (called, theirs) in zip(wanted.items(), found.items(), strict=True):
-        assert called.rstrip("_") == name.replace("/", ".").rstrip("_")
+    events = random_spikes((6,))[None]
+    before = evaluate(chained.on_grid(), events).spikes
+    after = evaluate(lc.load(tmp_path / "model.nir"), events).spikes
+    for (name, ours), (name_in_file, theirs) in zip(before.items(), after.items(), strict=True):
+        # A slash becomes a dot, and names that are taken get underscores.
+        assert name_in_file.rstrip("_") == name.replace("/", ".").rstrip("_")
         assert ours.any()
         np.testing.assert_array_equal(ours, theirs)

@@ -1,4 +1,7 @@
-"""Random NIR graphs against the equations: skip connections, loops, delays, images."""
+"""Random NIR graphs spike as their equations say: with skip connections, loops, delays and images.
+
+hypothesis draws the graphs; ``tests/support/nir_forward.py: run`` steps their equations.
+"""
 
 import itertools
 import tempfile
@@ -17,6 +20,7 @@ from tests.support.nir_forward import run
 from tests.support.nir_graphs import DT, cuba, integrate, lif, linear
 
 STEPS = 40
+# By reset: functions that make neurons of a shape. Those whose rest is above their threshold need a reset to a value.
 NEURONS = {
     "zero": {
         "lif": lambda rng, *n: lif(rng, *n),
@@ -51,25 +55,32 @@ def image(rng, may_have_biases):
 
 @st.composite
 def ways(draw, count):
-    """Draw pairs (source, target) of populations by number, 0 for an input, each with a delay; loops have enough."""
+    """Draw connections between ``count`` populations, and the depths of these.
+
+    A connection is a pair (source, target) of numbers, 0 for the input, with its delay in steps. A connection that closes
+    a loop leads to a population through which all spikes into the loop pass, and has at least the delay with which the
+    loop is as fast as in a framework.
+    """
     found = {}
     for target in range(1, count + 1):
         for source in draw(st.sets(st.integers(0, target - 1), min_size=1, max_size=3)):
             found[source, target] = draw(st.sampled_from([0, 0, 0, 1, 3]))
     graph = nx.DiGraph(list(found))
     depth = {n: k for k, layer in enumerate(nx.topological_generations(graph)) for n in layer}
-    above = nx.immediate_dominators(graph, 0)
+    dominator_of = nx.immediate_dominators(graph, 0)
     for source in draw(st.sets(st.integers(1, count), max_size=2)):
-        entry = [n for n in above if n and n in dominators(above, source)]
-        target = draw(st.sampled_from(sorted(entry)))
+        entries = [n for n in dominator_of if n and n in dominators(dominator_of, source)]
+        target = draw(st.sampled_from(sorted(entries)))
         found[source, target] = depth[source] - depth[target] + draw(st.integers(0, 2))
     return found, depth
 
 
-def dominators(above, name):
-    return (
-        {name} if above.get(name, name) in (name, None) else {name} | dominators(above, above[name])
-    )
+def dominators(dominator_of, name):
+    """Return the populations through which all paths from the input to a population pass, with itself."""
+    immediate = dominator_of.get(name, name)
+    if immediate in (name, None):
+        return {name}
+    return {name} | dominators(dominator_of, immediate)
 
 
 @st.composite

@@ -1,4 +1,7 @@
-"""What a spike does to the potential, where it starts, and how a step is taken: against plain steps of the equations."""
+"""NIR's neurons with every reset, rest and discretisation spike as plain steps of their equations do.
+
+The expected spikes are those of ``tests/support/nir_forward.py: run``.
+"""
 
 import itertools
 
@@ -43,10 +46,11 @@ NEURONS = {
     ),
 }
 BACK = linear(RNG, 12, 12, 0.2)
+"""Recurrent weights of the first layer."""
 
 
 def two_layers(neuron, bias=True):
-    """Return the neurons between weights, with recurrent weights, before a second layer of LIF neurons."""
+    """Return a graph of 12 of these neurons, with input and recurrent weights, and a second layer of LIF neurons."""
     first = linear(RNG, 12, 10)
     nodes = {
         "input": nir.Input(np.array([10])),
@@ -79,7 +83,7 @@ def test_the_reference_is_the_equation_with_every_reset(name, reset, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("reset", RESETS)
 @pytest.mark.parametrize("name", ["LIF", "CubaLIF", "CubaLIF at rest off 0"])
-def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
+def test_the_chip_follows_the_reference_and_equals_its_own_integers(name, reset, tmp_path):
     events = random_spikes((10,), 80)[None]
     network = load_graph(two_layers(NEURONS[name]), tmp_path, reset=reset)
     compiled = lc.compile(network, events=events, diagnosis=reset == "subtract")
@@ -92,14 +96,14 @@ def test_the_chip_follows_it_and_is_its_own_integers(name, reset, tmp_path):
             np.testing.assert_array_equal(result.spikes[node], exact[node])
 
 
-def test_what_a_spike_takes_is_exact_but_for_the_current_that_is_left(tmp_path):
+def test_a_subtracted_threshold_is_exact_except_for_what_the_current_keeps(tmp_path):
     network = load_graph(two_layers(NEURONS["CubaLIF"], bias=False), tmp_path, reset="subtract")
     q = lower(network, hw.chip("loihi-sim"), weight_bits=8).quantized.population("first")
     assert q.strategy == "delay-line"
     assert q.fit.refractory_max < 2e-3
 
 
-def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
+def test_neurons_with_a_current_have_a_dendrite_and_others_a_single_compartment(tmp_path):
     sizes = {}
     for kind in ("LIF", "CubaLIF"):
         levels = lower(
@@ -112,6 +116,7 @@ def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
 
 
 def test_a_potential_that_no_spike_resets_has_room_below(tmp_path):
+    """Half of the inputs inhibit six times as strongly as the others excite, and nothing wraps or is clipped."""
     weights = np.where(np.arange(10) < 5, 1.0, -6.0) * np.ones((12, 1))
     graph = chain((10,), ("fc", nir.Linear(weights)), ("lif", lif(RNG, 12)))
     events = random_spikes((10,), 100, rate=0.6)[None]
@@ -174,6 +179,7 @@ def test_a_tau_of_a_step_is_one_only_up_to_rounding(shorter_by, tmp_path):
     )
 
 
+# The reset, a parameter of the neurons, and the error.
 REFUSED = [
     ("zero", {"v_reset": 1.5}, "the threshold is not above the reset (by -0.5)"),
     ("subtract", {"v_leak": 1.5}, "the threshold is not above v_leak, where it starts (by -0.5)"),
@@ -190,6 +196,7 @@ def test_neurons_that_spike_for_ever_are_refused(reset, parameters, what, tmp_pa
 
 
 TONIC_RNG = np.random.default_rng(22)
+# Neurons whose rest is at their threshold or above, so that they spike without input.
 TONIC = {
     "LIF": lif(TONIC_RNG, 12, v_leak=1.5),
     "some of them": lif(TONIC_RNG, 12, v_leak=np.linspace(0.2, 1.8, 12), v_reset=-0.2),
@@ -201,7 +208,7 @@ TONIC = {
 @pytest.mark.parametrize("reset", ["zero", "late-zero"])
 @pytest.mark.parametrize("how", ["euler", "hold"])
 @pytest.mark.parametrize("name", TONIC)
-def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_themselves(
+def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_without_input(
     name, how, reset, tmp_path
 ):
     graph, events = two_layers(TONIC[name]), random_spikes((10,))

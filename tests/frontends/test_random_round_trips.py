@@ -1,4 +1,7 @@
-"""Random graphs and layers, out and in again: every number that the format holds comes back, and the same network."""
+"""Random NIR graphs and lava-dl layers, read, written and read again: every number of the file and the network stays.
+
+hypothesis draws the files; the datasets of both files are compared, and both networks.
+"""
 
 import itertools
 import tempfile
@@ -22,11 +25,12 @@ from tests.support.nir_graphs import DT
 
 CHIP = hw.chip("loihi-sim")
 RARELY = settings(max_examples=12, deadline=None)
+"""Few examples, because each writes two files and quantises a network."""
 
 
 @st.composite
 def neurons(draw, size, rng, shared):
-    """Draw neurons with parameters of each, or one for all if they may be ``shared``, of either precision."""
+    """Draw neurons with one number per neuron, or one for all if these may be ``shared``, as float32 or float64."""
     kind = draw(st.sampled_from(["LIF", "CubaLIF", "IF", "Threshold"]))
     dtype = draw(st.sampled_from([np.float32, np.float64]))
     n = 1 if shared and draw(st.booleans()) else size
@@ -142,6 +146,7 @@ def nets(draw):
 
 
 def assert_same_network(before, after):
+    """Compare the neurons and the weights of two networks, number by number."""
     assert [p.name for p in before.populations] == [p.name for p in after.populations]
     for one, other in zip(before.populations, after.populations, strict=True):
         for key, value in vars(one.neuron).items():
@@ -156,7 +161,7 @@ def assert_same_network(before, after):
 @pytest.mark.slow
 @given(graphs(), st.sampled_from(["zero", "subtract"]))
 @RARELY
-def test_nir_to_ours_to_nir(graph, reset):
+def test_a_nir_graph_that_is_read_and_written_is_the_same(graph, reset):
     with tempfile.TemporaryDirectory() as folder:
         before, after = (Path(folder) / f"{name}.nir" for name in ("before", "after"))
         nir.write(before, graph)
@@ -186,7 +191,7 @@ def test_nir_to_ours_to_nir(graph, reset):
 @pytest.mark.slow
 @given(nets())
 @RARELY
-def test_net_to_ours_to_net(made):
+def test_a_lava_dl_file_that_is_read_and_written_is_the_same(made):
     with tempfile.TemporaryDirectory() as folder:
         before, after = (Path(folder) / f"{name}.net" for name in ("before", "after"))
         write_net(before, made, {"Ts": 1.0, "tSample": 80})

@@ -1,4 +1,7 @@
-"""Readouts: the class is that of the largest potential, in the reference, on the chip and in a saved program."""
+"""Readout neurons never spike; the predicted class is that of the largest potential, in the reference and on the chip.
+
+The expected potentials are those of the equations (``tests/support/nir_forward.py``).
+"""
 
 import nir
 import numpy as np
@@ -22,7 +25,7 @@ EVENTS = (RNG.random((12, 60, 10)) < RNG.uniform(0, 1, (12, 1, 10)) ** 2).astype
 
 
 def graph(kind):
-    """A graph of 10 inputs and 12 LIF neurons whose readout has 5 neurons of a kind."""
+    """Return a graph of 10 inputs and 12 LIF neurons, whose readout has 5 neurons of a kind."""
     return chain(
         (10,),
         ("fc", linear(RNG, 12, 10)),
@@ -36,7 +39,8 @@ def graph(kind):
 def test_the_class_is_that_of_the_largest_potential_of_the_equations(kind, tmp_path):
     nir_graph = graph(kind)
     network = load_graph(nir_graph, tmp_path)
-    expected = [run(nir_graph, given[:-2], DT)["read"].max(axis=0).argmax() for given in EVENTS]
+    # On the chip, the readout is two steps behind, so the last two steps of a recording do not reach it.
+    expected = [run(nir_graph, events[:-2], DT)["read"].max(axis=0).argmax() for events in EVENTS]
     assert network.readout.potentials_from == 2
     ours = evaluate(network, EVENTS)
     np.testing.assert_array_equal(ours.prediction, expected)
@@ -45,7 +49,7 @@ def test_the_class_is_that_of_the_largest_potential_of_the_equations(kind, tmp_p
 
 
 @pytest.mark.parametrize("kind", ["LI", "CubaLI"])
-def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path):
+def test_the_chip_predicts_the_same_class_in_both_engines_and_from_a_file(kind, tmp_path):
     compiled = lc.compile(load_graph(graph(kind), tmp_path), events=EVENTS)
     assert compiled.match.prediction_agreement >= 0.9
     compiled.program.save(tmp_path / "program")
@@ -102,6 +106,7 @@ def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
     ):
         session.reset()
         rows = [session.push(row) for row in recording]
+        # Potentials count from step 2 on; step 30 stands for any later one.
         assert rows[1].scores.tolist() == [[0] * 5]
         assert rows[2].scores.tolist() == [potential[2].tolist()]
         assert rows[30].potential["read"].tolist() == [potential[2:31].max(axis=0).tolist()]
@@ -116,6 +121,7 @@ def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
     assert stops.counts.synaptic_ops < stops.all_counts.synaptic_ops
 
 
+# What a simulation is asked to keep, while the readout needs all potentials of the outputs.
 PROBES = {
     "both registers": ("v", "potential"),
     "rows before those that decide": ("v", hw.Probe("potential", None, range(2))),

@@ -1,4 +1,7 @@
-"""Delays longer than a synapse's: cut and said, or carried by neurons that repeat spikes."""
+"""Delays longer than a synapse can hold are cut, which an assumption states, or carried by neurons that repeat spikes.
+
+The expected spikes are worked out by hand, or those of forward passes in ``tests/support``.
+"""
 
 import nir
 import numpy as np
@@ -12,6 +15,7 @@ from tests.support.nir_forward import run
 from tests.support.nir_graphs import DT, chain, lif, linear, load_graph
 
 MEMORYLESS = neuron(i_decay=4096, v_decay=4096, threshold=10)
+"""Neurons that keep nothing, and whose threshold a weight of 20 exceeds."""
 
 
 def one_synapse(delay: float) -> list[dict]:
@@ -21,6 +25,7 @@ def one_synapse(delay: float) -> list[dict]:
 
 
 def spike_steps(network, steps: int = 400, name: str = "layer0") -> list[int]:
+    """Return the steps in which the first neuron of a layer spikes on the chip, after one event in step 0."""
     events = np.zeros((1, steps, network.channels), np.uint8)
     events[0, 0, 0] = 1
     compiled = lc.compile(network, events=events, diagnosis=False)
@@ -31,6 +36,7 @@ def spike_steps(network, steps: int = 400, name: str = "layer0") -> list[int]:
 
 CUT = "Of layer 0, 1 of 1 delay, up to {} steps, are cut to 62 steps, as in netx (--relay-delays keeps them)."
 FLOORED = "Of layer 0, 1 of 1 delay lose a fraction of a step, as in netx."
+# The delay in the file, the step of the spike, and the assumptions.
 CHANGED = {
     "62 fits": (62, 63, ()),
     "70 is cut": (70, 63, (CUT.format(70),)),
@@ -40,7 +46,7 @@ CHANGED = {
 
 
 @pytest.mark.parametrize(("delay", "spike_step", "sentences"), CHANGED.values(), ids=CHANGED)
-def test_a_delay_that_a_file_holds_and_the_program_does_not_is_said(
+def test_a_delay_that_a_synapse_cannot_hold_is_cut_and_listed_as_an_assumption(
     delay, spike_step, sentences, tmp_path
 ):
     write_net(tmp_path / "model.net", one_synapse(delay))
@@ -55,6 +61,7 @@ def test_relays_carry_any_delay(delay, tmp_path):
     network = lc.load(tmp_path / "model.net", relay_delays=True)
     assert spike_steps(network) == [delay + 1]
     relays = [population for population in network.populations if population.helper]
+    # A synapse holds 62 steps, and every relay adds 63.
     assert len(relays) == max(-(-(delay - 62) // 63), 0)
     assert len(network.assumptions) == (1 if relays else 0)
 
@@ -91,7 +98,7 @@ def test_relays_carry_the_delays_of_a_nir_graph(tmp_path):
 
 
 def test_a_last_layer_without_neurons_is_read_out(tmp_path):
-    """Its potential is the sum of the weights that arrive in a step, which is what netx puts out."""
+    """Its potential is the sum of the weights that arrive in a step, which is the output of netx."""
     rng = np.random.default_rng(7)
     hidden = dense(rng, 12, 10)
     readout = dense(rng, 3, 12)

@@ -1,4 +1,4 @@
-"""Out and in again: what a format holds comes back number by number, and the network spikes as before."""
+"""Files that are read, written and read again: every number stays, and the network spikes as before."""
 
 import nir
 import numpy as np
@@ -18,7 +18,7 @@ CHIP = chip("loihi-sim")
 
 
 @pytest.mark.parametrize("name", GRAPHS)
-def test_nir_to_ours_to_nir_loses_nothing(name, tmp_path):
+def test_a_nir_graph_that_is_read_and_written_loses_nothing(name, tmp_path):
     nir.write(tmp_path / "before.nir", GRAPHS[name][0])
     network = lc.load(tmp_path / "before.nir", dt=DT)
     (tmp_path / "after.nir").write_bytes(exchange_file("nir", quantize(network, CHIP)))
@@ -31,7 +31,7 @@ def test_nir_to_ours_to_nir_loses_nothing(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", NETS)
-def test_net_to_ours_to_net_loses_nothing(name, tmp_path):
+def test_a_lava_dl_file_that_is_read_and_written_loses_nothing(name, tmp_path):
     write_net(tmp_path / "before.net", NETS[name])
     network = lc.load(tmp_path / "before.net")
     (tmp_path / "after.net").write_bytes(exchange_file("net", quantize(network, CHIP)))
@@ -76,7 +76,7 @@ def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
 
 
 def chain(*mantissas):
-    """Integers of one layer behind ten channels, in as many formats as there are mantissas."""
+    """Return a network in integers: one layer behind ten channels, with one format per matrix of mantissas."""
     cells = lc.ChipCuba.of(3, decay_u=1024, decay_v=128, threshold=100)
     projections = tuple(
         lc.ChipProjection("touch", "cells", m, exponent, 8) for exponent, m in enumerate(mantissas)
@@ -96,6 +96,7 @@ def chain(*mantissas):
     )
 
 
+# The even mantissas that lava-dl needs.
 EVEN = 2 * np.random.default_rng(5).integers(-60, 128, (3, 10))
 
 
@@ -117,7 +118,7 @@ def test_integers_go_to_lava_dl_and_back_spike_for_spike(tmp_path):
     ids=["odd", "formats"],
 )
 def test_weights_that_lava_dl_has_no_place_for(mantissas, what):
-    """The message advised fewer weight bits, which do not help, or said that a layer of two formats is not a layer."""
+    """The message names the reason: fewer weight bits would not make odd weights even, nor join two formats."""
     with pytest.raises(lc.InputError) as caught:
         exchange_file("net", chain(*mantissas))
     assert str(caught.value) == f"--emit net, population 'cells': {what}. Emit another kind."

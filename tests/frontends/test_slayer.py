@@ -1,4 +1,7 @@
-"""slayerPytorch checkpoints in: against its own forward pass, kernels cut and whole."""
+"""Networks of slayerPytorch checkpoints spike as slayerPytorch's forward pass, with whole and with cut kernels.
+
+``tests/support/slayer_files.py`` has this forward pass in numpy, ``net_files.py`` that of integers.
+"""
 
 import numpy as np
 import pytest
@@ -39,6 +42,7 @@ def test_srm_layers_spike_as_slayers_forward_pass_with_whole_kernels(tmp_path):
 
 
 def test_the_cut_kernels_are_slayers():
+    # For the published neuron: tau_sr 10, tau_ref 1, and scale_ref * theta 20.
     np.testing.assert_allclose(alpha_taps(10.0, 1.0), kernel(10.0, 1))
     assert (len(alpha_taps(10.0, 1.0)), len(alpha_taps(1.0, -20.0))) == (77, 11)
 
@@ -52,10 +56,13 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
     ours = evaluate(network, events[None]).spikes
     np.testing.assert_array_equal(ours["fc1"][0], hidden)
     np.testing.assert_array_equal(ours["fc2"][0], srm_layer(second, hidden, full=False))
-    whole, cut = evaluate(full, events[None]).spikes["fc1"], ours["fc1"]
+    whole = evaluate(full, events[None]).spikes["fc1"]
+    cut = ours["fc1"]
     assert 0.7 < 2 * (whole & cut).sum() / (whole.sum() + cut.sum()) < 1
-    # Not for calibration recordings: what rounding makes of those depends on the kernels of the reference.
-    lowered = [lower(one, hw.chip("loihi-sim"), weight_bits=8).program for one in (network, full)]
+    # Lowered without calibration recordings: rounding for recordings depends on the kernels of the reference.
+    lowered = [
+        lower(either, hw.chip("loihi-sim"), weight_bits=8).program for either in (network, full)
+    ]
     played = [hw.simulate(program, events).spikes["fc2"] for program in lowered]
     np.testing.assert_array_equal(*played)
     compiled = lc.compile(network, events=events[None], strategy="dendrite", diagnosis=False)
@@ -64,7 +71,7 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
 
 
 def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
-    """The budget was of whole kernels, and the cause what the other stages do to those, in both of which tails lack."""
+    """The error budget and the cause compare with the network as it is, whose kernels are cut, and so include tails."""
     network = lc.load(
         *write(tmp_path, {"fc1": normal_weights(8, 12), "fc2": normal_weights(4, 8)}, steps=200),
         kernels="cut",
@@ -72,11 +79,9 @@ def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
     report = lc.compile(
         network, events=sparse_spikes(12, steps=200, rate=0.05)[None], strategy="dendrite"
     ).report
-    match, budget, first = (
-        report["match"],
-        report["error_budget"],
-        report["match"]["first_divergence"],
-    )
+    match = report["match"]
+    budget = report["error_budget"]
+    first = match["first_divergence"]
     assert budget["together"]["spike_agreement"] == match["spike_agreement"] < 1
     assert (
         budget["alone"]["tails"]["spike_agreement"] < budget["all_but"]["tails"]["spike_agreement"]
@@ -84,14 +89,17 @@ def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
     assert (budget["unexplained_spikes"], budget["kernel_tail"]) == (0, None)
     moved = first["chip_potential"] - first["reference_potential"]
     assert first["cause"]["moved_together"] == pytest.approx(moved, abs=1e-9)
-    by, start = first["cause"]["moved_by"], first["reference_potential"]
-    assert by["tails"]
-    decided = {
+    moved_by = first["cause"]["moved_by"]
+    assert moved_by["tails"]
+    # Stages that alone move the potential to the other side of the threshold.
+    start = first["reference_potential"]
+    threshold = first["threshold"]
+    enough_alone = {
         stage
-        for stage, far in by.items()
-        if (start + far >= first["threshold"]) != (start >= first["threshold"])
+        for stage, distance in moved_by.items()
+        if (start + distance >= threshold) != (start >= threshold)
     }
-    assert decided == set(first["cause"]["enough_alone"])
+    assert enough_alone == set(first["cause"]["enough_alone"])
 
 
 @pytest.mark.parametrize("order", [None, "arch", "whorl", "loop"])
@@ -144,7 +152,7 @@ def test_loihi_layers_are_integers_and_spike_as_these_mean(tmp_path):
     assert compiled.match.spikes.agreement == 1
 
 
-def test_half_goes_to_the_even_step(tmp_path):
+def test_weights_are_rounded_to_even_numbers_and_ties_to_multiples_of_four(tmp_path):
     network = lc.load(*write(tmp_path, {"fc1": np.array([[1.0, 3.0, 5.0, -1.0, -3.0]])}, LOIHI))
     np.testing.assert_array_equal(network.projections[0].mantissa, [[0, 4, 4, 0, -4]])
 
@@ -177,9 +185,11 @@ def test_delays_belong_to_the_spikes_of_the_layer_of_their_size(tmp_path):
 
 
 LOCATION = {"theta": 4.0, "tauSr": 3.0, "tauRef": 2.0}
+"""Constants of location neurons that differ from those of time neurons."""
 
 
 def hybrid_weights():
+    """Return weights of both branches, for one fingertip (78 channels) and 60 time steps."""
     return {
         "fc1": normal_weights(4, 78),
         "fc2": normal_weights(3, 4),
@@ -220,6 +230,7 @@ def test_location_neurons_have_their_own_constants_and_delays(key, tmp_path):
 
 
 KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
+"""The kernels of these location neurons: name in the checkpoint, time constant, and factor."""
 
 
 @pytest.mark.parametrize(
@@ -242,7 +253,7 @@ KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
         ),
     ],
 )
-def test_location_neurons_that_cannot_be(location, message, tmp_path):
+def test_location_neurons_that_differ_too_much_are_refused(location, message, tmp_path):
     kernels = {f"locationSlayer.{n}": torch.tensor(kernel(t, f)).float() for n, t, f in KERNELS[:1]}
     with pytest.raises(lc.InputError) as caught:
         lc.load(*write(tmp_path, hybrid_weights(), extra=kernels, location_neuron=location))
@@ -264,6 +275,7 @@ def test_weights_of_images_are_read_in_their_order(tmp_path):
     np.testing.assert_array_equal(network.projections[0].weights, weight.reshape(3, 40).double())
 
 
+# A list of layers with convolutions, pooling, delays and a dense layer.
 LISTED = [
     {"dim": "7x6x2"},
     {"dim": "4c3z", "delay": True},
@@ -291,7 +303,7 @@ def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
     weights_by_name = [
         2 * np.round(w.double().numpy() / 2) for name, w in state.items() if "weight" in name
     ]
-    # Pooling goes over whole windows, the last of them half silent, and each channel by itself.
+    # Pooling pads the last window of a row with zeros, and sees each channel by itself.
     layers = [
         {
             "type": "conv",
@@ -356,6 +368,8 @@ def test_srm_convolutions_are_linear_layers(tmp_path):
 
 
 def other_kernel(tau):
+    """Return a function that writes a checkpoint whose YAML has another time constant than its kernels."""
+
     def write_files(folder):
         path, config = write(folder, {"fc1": normal_weights(4, 6)})
         values = yaml.safe_load(config.read_text())
@@ -367,7 +381,7 @@ def other_kernel(tau):
 
 
 def yaml_text(text):
-    """Return what writes a checkpoint with this text as its YAML, and returns both paths."""
+    """Return a function that writes a checkpoint with this text as its YAML, and returns both paths."""
 
     def write_files(folder):
         path, config = write(folder, {"fc1": normal_weights(4, 6)})
@@ -378,14 +392,14 @@ def yaml_text(text):
 
 
 def replaced(folder, name, value):
-    """A checkpoint of which an entry is another."""
+    """Write a checkpoint in which one entry has another value, and return its path and that of its YAML."""
     path, config = write(folder, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 4)})
     torch.save(torch.load(path) | {name: value}, path)
     return path, config
 
 
 def turned(folder):
-    """A convolution whose kernels have inputs before outputs."""
+    """Write a checkpoint whose first convolution has the axes of inputs and outputs exchanged."""
     path, config, state = listed(folder)
     name = "blocks.0.weightOp.weight"
     torch.save(state | {name: state[name].transpose(0, 1)}, path)
@@ -515,7 +529,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("write_files", "message"), REFUSED)
-def test_what_cannot_be_used_is_said_in_a_line(write_files, message, tmp_path):
+def test_a_checkpoint_or_description_that_cannot_be_used_is_refused_in_one_line(
+    write_files, message, tmp_path
+):
     kernels = {"kernels 'short'": "short", "kernels 'cut'": "cut"}.get(message.partition(":")[0])
     with pytest.raises(lc.InputError) as caught:
         lc.load(*write_files(tmp_path), kernels=kernels)

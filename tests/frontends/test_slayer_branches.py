@@ -1,4 +1,7 @@
-"""Layers of slayerPytorch checkpoints that do not run, and layers after both branches: numpy's forward pass judges."""
+"""slayerPytorch checkpoints with layers that do not run, or that run over the outputs of both branches.
+
+The expected class scores are those of SLAYER's own kernels in numpy (``tests/support/slayer_files.py``).
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +11,11 @@ import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.slayer_files import normal_weights, sparse_spikes, srm_layer, write
 
-STEPS, LOCATIONS, HIDDEN, CLASSES = 60, 78, 8, 4
+STEPS = 60
+LOCATIONS = 78
+"""The channels of one fingertip: 39 taxels of two polarities."""
+HIDDEN = 8
+CLASSES = 4
 LAYERS = {
     "fc1": normal_weights(HIDDEN, LOCATIONS, 0.1),
     "fc2": normal_weights(CLASSES, HIDDEN),
@@ -24,7 +31,7 @@ LOOP = "The description has no location_order: taxels are visited in the order l
 
 
 def training(steps):
-    """What the YAML says of training: the spikes of the first steps of an output are counted."""
+    """Return the part of a YAML that says over how many steps training counts the spikes of an output."""
     return {"error": {"type": "NumSpikes", "tgtSpikeRegion": {"start": 0, "stop": steps}}}
 
 
@@ -35,12 +42,12 @@ def class_scores(network, events):
 
 
 def of_time(events):
-    """The time branch of the checkpoint by SLAYER's own kernels."""
+    """Return the output spikes of the time branch, by SLAYER's own kernels."""
     return srm_layer(LAYERS["fc2"], srm_layer(LAYERS["fc1"], events))
 
 
 def of_locations(events):
-    """The location branch of the checkpoint by SLAYER's own kernels: its inputs are time steps."""
+    """Return the output spikes of the location branch, by SLAYER's own kernels: its inputs are time steps."""
     return srm_layer(LAYERS["locationFc2"], srm_layer(LAYERS["locationFc1"], events.T))
 
 
@@ -62,7 +69,7 @@ def test_a_location_network_that_keeps_unused_time_layers_counts_locations_alone
     )
 
 
-def test_every_layer_taken_is_said_with_its_chain(tmp_path):
+def test_an_assumption_lists_every_layer_that_was_taken(tmp_path):
     network = lc.load(*write(tmp_path, LAYERS, steps=STEPS, training=training(STEPS + LOCATIONS)))
     np.testing.assert_array_equal(
         class_scores(network, EVENTS),
@@ -97,7 +104,7 @@ def test_branches_name_the_layers_that_run(branches, tmp_path):
     )
 
 
-def test_the_description_names_branches_and_the_option_stands_above_it(tmp_path):
+def test_the_option_takes_precedence_over_the_branches_of_the_description(tmp_path):
     files = write(tmp_path, LAYERS, steps=STEPS, branches={"time": ["fc1", "fc2"]})
     np.testing.assert_array_equal(
         class_scores(lc.load(*files), EVENTS), of_time(EVENTS).sum(axis=0)
@@ -130,7 +137,7 @@ def test_delays_of_a_layer_that_does_not_run_stay_with_it(tmp_path):
 
 
 def test_a_layer_after_both_branches_is_not_part_of_the_time_branch(tmp_path):
-    """As part of it, other classes win: both ways are played here, so that the refusal is worth its trouble."""
+    """The two readings give other class scores, so guessing would be wrong for one of them."""
     joined = srm_layer(FUSED["outputFc"], np.concatenate([of_time(EVENTS), of_locations(EVENTS)]))
     appended = srm_layer(FUSED["outputFc"], of_time(EVENTS)).sum(axis=0) + of_locations(EVENTS).sum(
         axis=0
@@ -209,14 +216,14 @@ FORM = "Give them as time=fc1,fc2,location=locationFc1,locationFc2."
         ),
     ],
 )
-def test_branches_that_cannot_be(branches, message, tmp_path):
+def test_branches_that_do_not_fit_the_checkpoint_are_refused(branches, message, tmp_path):
     files = write(tmp_path, FUSED, steps=STEPS)
     with pytest.raises(lc.InputError) as caught:
         lc.load(*files, branches=branches)
     assert str(caught.value) == message
 
 
-def test_branches_of_the_description_that_are_no_lists(tmp_path):
+def test_branches_of_the_description_that_are_not_lists_are_refused(tmp_path):
     files = write(tmp_path, LAYERS, steps=STEPS, branches=["fc1"])
     with pytest.raises(lc.InputError) as caught:
         lc.load(*files)

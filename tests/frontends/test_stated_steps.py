@@ -1,4 +1,4 @@
-"""The step that a file of another tool states holds where neither recordings nor the user say how long one lasts."""
+"""The step that another tool's file states is used if neither the recordings nor the user state how long a step lasts."""
 
 import json
 
@@ -23,6 +23,7 @@ def network(tmp_path):
 
 
 def bins(step_seconds):
+    """Return two recordings of 50 steps."""
     spikes = (RNG.random((2, 50, 6)) < 0.2).astype(np.uint8)
     return Recordings(spikes, labels=None, step_seconds=step_seconds, source="bins")
 
@@ -45,6 +46,7 @@ def test_recordings_override_the_step_that_a_file_states(
 
 
 def test_events_are_binned_in_the_steps_that_a_file_states(network, tmp_path):
+    # Times are in microseconds: the last event is in the sixth millisecond.
     events = np.array([(0, 0, 0), (5_400, 5, 0)], dtype=[("t", "i8"), ("x", "i8"), ("p", "i1")])
     np.save(tmp_path / "a.npy", events)
     expected = network.expected

@@ -1,4 +1,7 @@
-"""State dicts with a list of their layers: batch normalisation and max pooling as the framework computes them."""
+"""State dicts with a list of their layers compute what the framework computes, batch normalisation and pooling too.
+
+The expected spikes were recorded with snnTorch and sinabs; linear layers are compared with torch itself.
+"""
 
 import numpy as np
 import pytest
@@ -48,7 +51,7 @@ def test_the_chip_pools_as_the_network_does(tmp_path):
 
 
 def graph_of(layers: dict[str, torch.nn.Module], types: dict[str, dict], *shape: int):
-    """Return the NIR graph of layers of torch that are listed by their types."""
+    """Return the flat NIR graph of layers of torch for an input of a shape; ``types`` describe them."""
     network = torch.nn.Module()
     for name, layer in layers.items():
         network.add_module(name, layer)
@@ -62,7 +65,7 @@ def graph_of(layers: dict[str, torch.nn.Module], types: dict[str, dict], *shape:
 
 
 def trained(layer: torch.nn.Module) -> torch.nn.Module:
-    """Give a batch normalisation other statistics and parameters than its first ones."""
+    """Give a batch normalisation statistics and parameters that change its input, and return it."""
     torch.manual_seed(3)
     layer.running_mean.normal_()
     layer.running_var.uniform_(0.2, 2.0)
@@ -71,6 +74,7 @@ def trained(layer: torch.nn.Module) -> torch.nn.Module:
     return layer
 
 
+# Layers of torch, and the shape of their input.
 NORMALISED = {
     "behind a convolution": (
         (torch.nn.Conv2d(3, 4, 3), trained(torch.nn.BatchNorm2d(4))),
@@ -123,6 +127,7 @@ def test_normalised_layers_compute_what_torch_computes(case):
 
 CONV = {"type": "Conv2d", "padding": 1}
 LEAKY = {"type": "snntorch.Leaky", "reset_delay": False}
+# The layers of a description, and the error.
 REFUSED = {
     "max pooling of sums": (
         {"conv1": CONV, "pool": {"type": "MaxPool2d", "kernel_size": 2}},
@@ -212,6 +217,6 @@ def test_leaky_neurons_keep_their_own_reset_and_rule(tmp_path):
     )
     network = lc.load(tmp_path / "net.pt", config=description)
     spikes = evaluate(network, np.ones((1, 6, 2), np.uint8)).spikes
-    # A weight of 1 meets a threshold of 1 in spikingjelly; in snnTorch, it has to pass it.
+    # spikingjelly's neurons spike at their threshold of 1, which a weight of 1 reaches; snnTorch's only above it.
     assert spikes["first"][0, :, 0].tolist() == [0, 1, 1, 1, 1, 1]
     assert spikes["last"][0, :, 0].tolist() == [0, 0, 0, 1, 0, 1]
