@@ -359,23 +359,24 @@ def _change_charges(link, events, links, history):  # type: ignore[no-untyped-de
         # `~source` is listed for a spike that disappeared: its charges are subtracted.
         sign = np.int64(1 if event >= 0 else -1)
         source = offset + (event if event >= 0 else ~event) * stride
+        # A spike of step t is due in step t + 1 + delay. Charges that are due after the phase's end are dropped.
         if is_matrix:
-            at = history.event_step[e] + 1 + delay
-            if at < steps:
-                due = np.uint64(at)
+            due_step = history.event_step[e] + 1 + delay
+            if due_step < steps:
+                due = np.uint64(due_step)
                 begin = np.uint64(source)
                 for j in range(np.uint64(0), width, _LANES):
                     add_multiple(history.charge, due, low + j, links.matrix, begin + j, sign)
-                first = min(first, at)
+                first = min(first, due_step)
             continue
         for k in range(
             np.uint64(links.list_start[source]), np.uint64(links.list_start[source + 1])
         ):
-            late, slot, weight = _synapse(form, k, links)
-            at = history.event_step[e] + 1 + late
-            if at < steps:
-                history.charge[np.uint64(at), slot] += sign * weight
-                first = min(first, at)
+            synapse_delay, slot, weight = _synapse(form, k, links)
+            due_step = history.event_step[e] + 1 + synapse_delay
+            if due_step < steps:
+                history.charge[np.uint64(due_step), slot] += sign * weight
+                first = min(first, due_step)
     history.first_changed[block] = first
 
 
@@ -422,12 +423,12 @@ def _run_again(block, start, phase):  # type: ignore[no-untyped-def]
             if order.is_pair[low]:
                 call_at(phase.by_pairs, (np.uint64(first), stride, low, phase))
                 continue
-            for row in range(np.uint64(first), np.uint64(first + stride)):
+            for step in range(np.uint64(first), np.uint64(first + stride)):
                 # Children come first and do not spike: the mask of the last member is the bundle's.
                 mask = np.int32(0)
-                for member in range(low, high):
-                    mask = _run_member(row, member, chunks, order, registers, history)
-                _record_spikes(np.uint64(chunks.member[high - _ONE]), row, mask, chunks, history)
+                for member_of_bundle in range(low, high):
+                    mask = _run_member(step, member_of_bundle, chunks, order, registers, history)
+                _record_spikes(np.uint64(chunks.member[high - _ONE]), step, mask, chunks, history)
         for node in chunks.spiking_node[chunks.of_node[block] : chunks.of_node[block + 1]]:
             if order.link_of[node] < order.link_of[node + 1]:
                 _pass_flips_on(node, first, first + stride, tables, order, history)
@@ -521,13 +522,13 @@ def _pass_flips_on(node, low, high, tables, order, history):  # type: ignore[no-
     links = tables.links
     listed = _ZERO
     base = nodes.first[node]
-    for row in range(np.uint64(low), np.uint64(high)):
+    for step in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
             first = chunks.first_column[k] - base
-            flips = history.flips[row, k]
-            spikes = history.masks[row, k]
+            flips = history.flips[step, k]
+            spikes = history.masks[step, k]
             listed += list_flips(
-                history.event_source, listed, history.event_step, listed, row, first, flips, spikes
+                history.event_source, listed, history.event_step, listed, step, first, flips, spikes
             )[0]
     for index in range(order.link_of[node], order.link_of[node + 1]):
         _change_charges(np.uint64(order.link[index]), listed, links, history)
