@@ -31,7 +31,16 @@ def dendrite(  # noqa: PLR0913 - registers and parameters of a step, by name
     ``keep`` is the share that u and v keep, in 4096ths, and v is clipped to ``-last..last``.
     """
     nothing = charge & 0
-    p = Parameters(keep, keep, nothing, last, nothing, -last, last)
+    # v never exceeds the threshold `last`, so there are no spikes.
+    p = Parameters(
+        keep_u=keep,
+        keep_v=keep,
+        bias=nothing,
+        threshold=last,
+        refractory=nothing,
+        vmin=-last,
+        vmax=last,
+    )
     response = loihi.respond(OnLanes((half_charge, half_current)), p, u, v, charge, nothing)
     return response.u, response.v, *_event_counts(response, ALWAYS, nothing)
 
@@ -45,7 +54,15 @@ def sum_of_joined(
     Return v as it was compared with the threshold, whether it spikes, and how often it met each event.
     """
     nothing = joined & 0
-    p = Parameters(nothing, nothing, nothing, threshold, nothing + 1, -last, last)
+    p = Parameters(
+        keep_u=nothing,
+        keep_v=nothing,
+        bias=nothing,
+        threshold=threshold,
+        refractory=nothing + 1,
+        vmin=-last,
+        vmax=last,
+    )
     at_rest = State(nothing, nothing, nothing)
     step = loihi.step(OnLanes((half_charge, half_current)), p, at_rest, nothing, joined)
     return step.potential, step.fired, *_event_counts(step.response, step.live, nothing)
@@ -65,7 +82,15 @@ def compartment(  # noqa: PLR0913 - registers and parameters of a step, by name
     how often it met each event.
     """
     nothing = charge & 0
-    p = Parameters(keep, keep, nothing, threshold, refractory, -last, last)
+    p = Parameters(
+        keep_u=keep,
+        keep_v=keep,
+        bias=nothing,
+        threshold=threshold,
+        refractory=refractory,
+        vmin=-last,
+        vmax=last,
+    )
     ops = OnLanes((half_charge, half_current))
     step = loihi.step(ops, p, State(u, v, blocked), charge, nothing)
     counts = _event_counts(step.response, step.live, nothing)

@@ -107,12 +107,24 @@ PLAINLY = OnLanes()
 
 def _wrap(x: Lanes, half: Lanes | int | None) -> Lanes:
     """Return x wrapped to ``-half..half - 1``: its low bits in two's complement."""
-    return x if half is None else ((x & (half * 2 - 1)) ^ half) - half
+    if half is None:
+        return x
+    low_bits = x & (half * 2 - 1)
+    # This extends the sign: the highest of the low bits, worth half, counts as -half.
+    return (low_bits ^ half) - half
 
 
 def _parameters(c: Place) -> Parameters:
     """Return the parameters of a chunk. The compiler removes the loads of those that a kernel does not use."""
-    return Parameters(c[KEEP_U], c[KEEP_V], c[BIAS], c[THRESHOLD], c[REFRACTORY], c[VMIN], c[VMAX])
+    return Parameters(
+        keep_u=c[KEEP_U],
+        keep_v=c[KEEP_V],
+        bias=c[BIAS],
+        threshold=c[THRESHOLD],
+        refractory=c[REFRACTORY],
+        vmin=c[VMIN],
+        vmax=c[VMAX],
+    )
 
 
 def _plain(p: Parameters) -> Parameters:

@@ -40,13 +40,14 @@ Lanes = Int32Array | IntArray
 
 LANES = 16
 """Compartments of a chunk. Their 32-bit numbers fill one vector register of AVX-512, or two of AVX2."""
-# A chunk has FIELDS registers for each lane, and field f of a chunk is a vector of LANES numbers.
 FIELDS = 15
+"""Numbers that a chunk has for each lane. Field f of a chunk is a vector of LANES numbers."""
+# Fields with parameters of the compartments.
 KEEP_U, KEEP_V, THRESHOLD, BIAS, REFRACTORY, VMIN, VMAX = range(7)
+# Fields with their state and, in JOINED, the sum of what their children pass in the current step.
 U, V, POTENTIAL, BLOCKED, JOINED = range(7, 12)
+# Fields with counts of events.
 CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS = range(12, FIELDS)
-"""The fields of a compartment: seven parameters; its state, and in JOINED the sum of its children's v; and counts of
-events."""
 KEPT_FIELDS = BLOCKED + 1 - U
 """The number of fields of a compartment's state, U to BLOCKED, which lie side by side."""
 CACHE_LINE = 64

@@ -95,7 +95,10 @@ def test_a_change_in_another_file_is_seen(tmp_path):
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 5
     # Without the wrap in another file, the loop of this one returns the charge itself.
     source = tmp_path / "hw_model/engine/chunks.py"
-    source.write_text(source.read_text().replace("((x & (half * 2 - 1)) ^ half) - half", "x"))
+    text = source.read_text()
+    wrapped = "(low_bits ^ half) - half"
+    assert wrapped in text
+    source.write_text(text.replace(wrapped, "x"))
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 2**24 + 5
 
 
