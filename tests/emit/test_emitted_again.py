@@ -1,4 +1,7 @@
-"""A build into the folder of an earlier one: what `--emit` wrote there is replaced, what others wrote is not."""
+"""A build into the folder of an earlier build: files that ``--emit`` wrote are replaced, files of others are kept.
+
+A folder that holds a file of somebody else is not touched, and the build is refused.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,14 @@ from locsnn_compile.emitters import EMITTERS, NAMES_IN_FOLDERS
 
 CHANNELS = 6
 FOLDERS = {emitter.kind: emitter for emitter in EMITTERS if emitter.path.endswith("/")}
+"""The emitters that write a folder, by kind."""
 TARGETS = {"xylo": "xylo-audio3", "pynn": "spinnaker1"}
-"""By kind: the chip that has it; all other kinds are for loihi-sim."""
+"""The chip that a kind is for; all other kinds are for loihi-sim."""
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A small NIR graph of leaky neurons with a current, and recordings for it."""
+    """A folder with a small NIR graph of leaky neurons with a current, and recordings for it."""
     folder = tmp_path_factory.mktemp("again")
     r = np.random.default_rng(0)
     nodes = {
@@ -41,6 +45,7 @@ def place(tmp_path_factory):
 
 
 def leaky(size):
+    """Return a NIR node of leaky neurons with a current."""
     ones = np.ones(size)
     return nir.CubaLIF(
         tau_syn=4e-3 * ones,
@@ -54,6 +59,8 @@ def leaky(size):
 
 
 def build(place, folder, kind):
+    """Build the graph of ``place`` into a folder with files of a kind, and return the exit code."""
+    # Xylo subtracts its threshold after a spike; the other chips reset to 0.
     reset = "subtract" if kind == "xylo" else "zero"
     arguments = [place / "leaky.nir", "--dt", "1e-3", "--reset", reset]
     arguments += ["--events", place / "few.npy", "--target", TARGETS.get(kind, "loihi-sim")]
@@ -75,7 +82,8 @@ def test_a_second_build_replaces_the_folder_that_the_first_emitted(kind, place, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", sorted({*BOARDS.values(), "locsnn-130nm"}))
-def test_all_that_is_written_of_an_open_core_may_be_replaced(target):
+def test_all_files_of_an_open_core_may_be_replaced(target):
+    """``NAMES_IN_FOLDERS`` matches the names of files that emitters write, which a later build may remove."""
     builder = hw.ProgramBuilder(hw.chip(target))
     line = builder.add_input("line", 1)
     cell = builder.add_compartments("cell", 2, decay_u=4096, threshold=15)

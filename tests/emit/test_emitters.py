@@ -1,4 +1,4 @@
-"""The table of emitters: what a build may ask for, and what it is told if it may not."""
+"""The table of emitters: each kind writes only its own files, and is refused for a build that lacks what it shows."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ MODEL = Path(__file__).parents[2] / "examples/models/containers-window-16.pt"
 
 @pytest.fixture(scope="module")
 def compiled() -> lc.CompiledModel:
+    """A shipped network, checked on a recording without events."""
     network = lc.load(MODEL)
     spikes = np.zeros((1, network.steps, network.channels), np.uint8)
     return lc.compile(network, events=spikes, diagnosis=False)
@@ -32,17 +33,17 @@ def test_no_two_emitters_share_a_kind_or_a_file():
     "kind", [e.kind for e in EMITTERS if e.shows_recording and e.of_chip is None]
 )
 def test_a_kind_that_shows_a_recording_is_refused_without_one(compiled, kind):
-    with pytest.raises(lc.InputError) as refused:
+    with pytest.raises(lc.InputError) as caught:
         compiled.files([kind])
-    assert str(refused.value) == "emit: it shows a recording, and none is given. Give one."
+    assert str(caught.value) == "emit: it shows a recording, and none is given. Give one."
 
 
 @pytest.mark.parametrize("kind", ["network", "nir", "csv", "viewer"])
 def test_a_kind_that_shows_a_model_is_refused_for_a_program_written_by_hand(compiled, kind):
-    with pytest.raises(lc.InputError) as refused:
+    with pytest.raises(lc.InputError) as caught:
         bench_files(compiled.program, [kind], np.zeros((1, 1), np.uint8))
     message = "emit: it shows a model, and the program was written by hand. Compile a model."
-    assert str(refused.value) == message
+    assert str(caught.value) == message
 
 
 WRITABLE = [
@@ -50,7 +51,7 @@ WRITABLE = [
     for emitter in EMITTERS
     if emitter.kind not in ("nir", "net", "lava") and not emitter.of_chip
 ]
-"""All but the formats of other tools and of another chip, which cannot hold this model."""
+"""All emitters except formats that cannot hold this model, and those for other chips."""
 
 
 @pytest.mark.parametrize("emitter", WRITABLE, ids=lambda emitter: emitter.kind)

@@ -1,7 +1,12 @@
-"""The files for SANA-FE, as YAML: what is mapped where, and why somas play spikes back. SANA-FE itself: tests/peers."""
+"""``--emit sanafe``: the files are read as YAML and compared with the program, its profile and the simulator.
+
+They show which phases SANA-FE's neurons would compute and which are replayed, where neurons and synapses are mapped,
+and what operations cost. SANA-FE itself runs such files in tests/peers.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +23,7 @@ from tests.support.emitted_programs import CHIP, everything, played_streams, sma
 
 
 def documents(played):
-    """The YAML files for SANA-FE as plain values, by name without the folder."""
+    """Return the YAML files for SANA-FE as plain values, by name without the folder."""
     files = sanafe_files(played)
     return {
         name.removeprefix("sanafe/"): yaml.safe_load(text)
@@ -27,23 +32,18 @@ def documents(played):
     }
 
 
-def one(chip=CHIP, weight=20, steps=3, **settings):
-    """Return one compartment driven by one line in every step."""
+def one_compartment(chip=CHIP, weight=20, steps=3, delay=0, exponent=0, **settings):
+    """Play an event per step to a program of one compartment, driven by one line."""
+    settings = {"decay_u": 4096, "decay_v": 128, "threshold": 30, **settings}
     b = hw.ProgramBuilder(chip)
-    given = {"decay_u": 4096, "decay_v": 128, "threshold": 30, **settings}
-    delay = given.pop("delay", 0)
-    exponent = given.pop("exponent", 0)
-    b.connect(
-        b.add_input("x", 1),
-        b.add_compartments("h", 1, **given),
-        [[weight]],
-        delay=delay,
-        exponent=exponent,
-    )
+    line = b.add_input("x", 1)
+    cell = b.add_compartments("h", 1, **settings)
+    b.connect(line, cell, [[weight]], delay=delay, exponent=exponent)
     return play_recording(b.build(), np.ones((steps, 1), dtype=np.uint8))
 
 
-def joined():
+def joined_compartments():
+    """Play two events to a program of a soma with a dendrite."""
     b = hw.ProgramBuilder(CHIP)
     soma = b.add_compartments("h", 1, threshold=10)
     child = b.add_compartments("h/dendrite", 1, threshold=0, joined_to=soma)
@@ -51,34 +51,39 @@ def joined():
     return play_recording(b.build(), [[1], [1]])
 
 
+# A program with a recording, and the reasons why SANA-FE's neurons would not compute it.
 OBSTACLES = [
-    ("none", one, []),
-    ("lasting current", lambda: one(decay_u=0), []),
-    ("exact fractions", lambda: one(decay_u=2048), []),
-    ("delay of five", lambda: one(delay=5), []),
-    ("joined", joined, ["joined compartments, of which its neurons have none (1)"]),
-    ("refractory", lambda: one(refractory=2), ["refractory periods, in which it loses charge that arrives (1)"]),
-    ("delay", lambda: one(delay=6), ["delays above 5 steps (1)"]),
-    ("upper limit", lambda: one(vmax=(1 << 9) - 1), ["upper voltage limits not above the threshold; it has no upper limit (1)"]),
-    ("wraps", lambda: one(exponent=7, weight=254, decay_u=0, threshold=131071, steps=6), ["wraps of registers in this recording; it has none (1)"]),
-    ("fractions", lambda: one(decay_u=1025), ["currents that lose a fraction in this recording; it keeps fractions (1)"]),
+    pytest.param(one_compartment, [], id="none"),
+    pytest.param(lambda: one_compartment(decay_u=0), [], id="lasting current"),
+    pytest.param(lambda: one_compartment(decay_u=2048), [], id="exact fractions"),
+    pytest.param(lambda: one_compartment(delay=5), [], id="delay of five"),
+    pytest.param(joined_compartments, ["joined compartments, of which its neurons have none (1)"], id="joined"),
+    pytest.param(lambda: one_compartment(refractory=2), ["refractory periods, in which it loses charge that arrives (1)"], id="refractory"),
+    pytest.param(lambda: one_compartment(delay=6), ["delays above 5 steps (1)"], id="delay"),
+    pytest.param(lambda: one_compartment(vmax=(1 << 9) - 1), ["upper voltage limits not above the threshold; it has no upper limit (1)"], id="upper limit"),
+    pytest.param(lambda: one_compartment(exponent=7, weight=254, decay_u=0, threshold=131071, steps=6), ["wraps of registers in this recording; it has none (1)"], id="wraps"),
+    pytest.param(lambda: one_compartment(decay_u=1025), ["currents that lose a fraction in this recording; it keeps fractions (1)"], id="fractions"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("make", "lines"), [row[1:] for row in OBSTACLES], ids=[row[0] for row in OBSTACLES]
-)
-def test_why_its_neurons_do_not_compute_a_program(make, lines):
+@pytest.mark.parametrize(("make", "reasons"), OBSTACLES)
+def test_a_program_that_its_neurons_do_not_compute_is_replayed_with_the_reasons(make, reasons):
     played = make()
-    assert obstacles(played, "time") == lines
+    assert obstacles(played, "time") == reasons
     (phase,) = documents(played)["expected.yaml"]["phases"]
-    assert (phase["neurons"], phase["because"]) == ("replayed" if lines else "simulated", lines)
+    assert phase["neurons"] == ("replayed" if reasons else "simulated")
+    assert phase["because"] == reasons
 
 
-def small():
-    """Return a program of several cores and tiles that is simulated."""
+CORES_PER_TILE = 2
+TILES = 3 * 2
+
+
+def several_tiles():
+    """Play a recording to a program on several cores and tiles that SANA-FE's neurons compute."""
     r = np.random.default_rng(0)
-    b = hw.ProgramBuilder(small_chip(compartments=4, cores_per_tile=2, columns=3, rows=2))
+    chip = small_chip(compartments=4, cores_per_tile=CORES_PER_TILE, columns=3, rows=2)
+    b = hw.ProgramBuilder(chip)
     x = b.add_input("x", 5)
     h = b.add_compartments(
         "h.1", 9, decay_u=4096, decay_v=100, threshold=50, bias=np.repeat([0, 64, -1], 3)
@@ -90,49 +95,52 @@ def small():
 
 
 def test_every_synapse_is_an_edge_and_every_neuron_is_mapped_to_its_core():
-    played = small()
-    program, found = played.program, documents(played)
-    network, mappings = found["time.yaml"]["network"], found["time.yaml"]["mappings"]
+    played = several_tiles()
+    program = played.program
+    files = documents(played)
+    network = files["time.yaml"]["network"]
     sizes = {}
     for group in network["groups"]:
-        (last,) = (str(key).rsplit("..", 1)[-1] for key in group["neurons"][-1])
-        sizes[group["name"]] = int(last) + 1
+        # The last row of a group is "first..last: attributes" or "last: attributes".
+        (last_numbers,) = group["neurons"][-1]
+        sizes[group["name"]] = int(str(last_numbers).rsplit("..", 1)[-1]) + 1
     assert {name: size for name, size in sizes.items() if "_tile" not in name} == {"h_1": 9, "o": 6}
     assert len(network["edges"]) == sum(len(core.axons.target) for core in program.cores)
 
-    place = {}
-    for mapping in mappings:
-        ((neurons, where),) = mapping.items()
-        name, index = neurons.split(".", 1)
-        first, _, last = index.partition("..")
+    core_of_neuron = {}
+    for mapping in files["time.yaml"]["mappings"]:
+        ((neurons, units),) = mapping.items()
+        name, numbers = neurons.split(".", 1)
+        first, _, last = numbers.partition("..")
         for i in range(int(first), int(last or first) + 1):
-            place[name, i] = str(where["core"])
-    assert len(place) == sum(sizes.values())
-    rows, tile = program.chip.mesh.rows, found["arch.yaml"]["architecture"]["tile"]
-    assert (
-        sum(
-            int(t["name"][5:-1].split("..")[1]) - int(t["name"][5:-1].split("..")[0]) + 1
-            for t in tile
-        )
-        == 6
-    )
+            core_of_neuron[name, i] = str(units["core"])
+    assert len(core_of_neuron) == sum(sizes.values())
+    tiles = 0
+    for tile in files["arch.yaml"]["architecture"]["tile"]:
+        first, last = re.fullmatch(r"tile\[(\d+)\.\.(\d+)\]", tile["name"]).groups()
+        tiles += int(last) - int(first) + 1
+    assert tiles == TILES
     for core in program.cores:
         column, row = program.chip.tile_of(core.slot)
-        for piece in core.slices:
-            name = {"h.1": "h_1"}.get(piece.group, piece.group)
-            for i in range(piece.start, piece.stop):
-                assert place[name, i] == f"{column * rows + row}.{core.slot % 2}"
+        tile_number = column * program.chip.mesh.rows + row
+        for core_slice in core.slices:
+            name = core_slice.group.replace(".", "_")
+            for i in range(core_slice.start, core_slice.stop):
+                core_name = f"{tile_number}.{core.slot % CORES_PER_TILE}"
+                assert core_of_neuron[name, i] == core_name
     # Input neurons sit on the host core of a tile, so their packets travel no hop.
-    for (name, _), core in place.items():
+    for (name, _), core_name in core_of_neuron.items():
         if "_tile" in name:
-            assert core == f"{name.rsplit('_tile')[1]}.2"
+            tile_number = name.rsplit("_tile")[1]
+            assert core_name == f"{tile_number}.{CORES_PER_TILE}"
 
 
 def test_costs_are_those_of_the_profile():
-    tile = documents(one())["arch.yaml"]["architecture"]["tile"][0]
-    (hops, core, host) = (tile["attributes"], *tile["core"])
+    tile = documents(one_compartment())["arch.yaml"]["architecture"]["tile"][0]
+    hops = tile["attributes"]
+    core, host = tile["core"]
     soma = core["soma"][0]["attributes"]
-    picojoules = {
+    energy_joules = {
         "synaptic_ops": core["synapse"][0]["attributes"]["energy_process_spike"],
         "neuron_updates": soma["energy_access_neuron"],
         "neuron_updates_active": soma["energy_update_neuron"],
@@ -141,78 +149,76 @@ def test_costs_are_those_of_the_profile():
         "hops_x": hops["energy_east_hop"],
         "hops_y": hops["energy_south_hop"],
     }
-    found = {name: float(value) * 1e12 for name, value in picojoules.items()}
-    assert found == pytest.approx(CHIP.profile("sanafe").energy_pj)
-    for section in ("synapse", "soma", "axon_out"):
-        attributes = host[section][0]["attributes"]
-        assert {
-            float(v) for key, v in attributes.items() if key.startswith(("energy", "latency"))
-        } == {0.0}
+    energy_pj = {name: float(joules) * 1e12 for name, joules in energy_joules.items()}
+    assert energy_pj == pytest.approx(CHIP.profile("sanafe").energy_pj)
+    # The host's core costs nothing.
+    for unit in ("synapse", "soma", "axon_out"):
+        attributes = host[unit][0]["attributes"]
+        costs = [
+            float(cost)
+            for name, cost in attributes.items()
+            if name.startswith(("energy", "latency"))
+        ]
+        assert set(costs) == {0.0}
 
 
 def test_a_phase_is_a_network_of_its_own():
     played = play_recording(two_phases(), np.eye(5, 4, dtype=np.uint8))
-    found = documents(played)
-    assert set(found) == {"arch.yaml", "time.yaml", "location.yaml", "expected.yaml"}
-    assert [(p["file"], p["steps"]) for p in found["expected.yaml"]["phases"]] == [
+    files = documents(played)
+    assert set(files) == {"arch.yaml", "time.yaml", "location.yaml", "expected.yaml"}
+    phases = files["expected.yaml"]["phases"]
+    assert [(phase["file"], phase["steps"]) for phase in phases] == [
         ("time.yaml", 5),
         ("location.yaml", 4),
     ]
-    groups = {group["name"]: group for group in found["location.yaml"]["network"]["groups"]}
+    groups = {group["name"]: group for group in files["location.yaml"]["network"]["groups"]}
     spikes = [neuron[i]["spikes"] for i, neuron in enumerate(groups["xt_tile0"]["neurons"])]
     assert np.array_equal(np.array(spikes).T, played.lines["location"])
 
 
 def test_steps_before_the_first_touch_are_left_out():
+    """The time phase begins in step 3, the first with two events, and runs five steps."""
     recording = np.zeros((12, 4), dtype=np.uint8)
     recording[[0, 3, 3, 5], [1, 0, 2, 1]] = 1
-    found = documents(play_recording(two_phases(align_events=2, bias=700), recording))
-    phases = found["expected.yaml"]["phases"]
-    assert [(p["file"], p["first_step"], p["steps"]) for p in phases] == [
+    files = documents(play_recording(two_phases(align_events=2, bias=700), recording))
+    phases = files["expected.yaml"]["phases"]
+    assert [(phase["file"], phase["first_step"], phase["steps"]) for phase in phases] == [
         ("time.yaml", 3, 5),
         ("location.yaml", 0, 4),
     ]
-    lines, cell = found["time.yaml"]["network"]["groups"]
+    lines, cell = files["time.yaml"]["network"]["groups"]
     assert [line[i]["spikes"] for i, line in enumerate(lines["neurons"])] == [
         [1, 0, 0, 0, 0],
         [0, 0, 1, 0, 0],
         [1, 0, 0, 0, 0],
         [0, 0, 0, 0, 0],
     ]
+    # The cell has a bias, so it is updated in all five steps; the lines spike three times.
     assert phases[0]["counts"]["neurons_updated"] == 5 + 3
     assert cell["name"] == "a"
 
 
-def test_weights_of_spikes_played_back_are_nothing():
+def test_synapses_of_replayed_spikes_have_weights_of_0():
     program = everything()
-    found = documents(play_recording(program, played_streams(program)))
-    edges = [next(iter(edge.values())) for edge in found["time.yaml"]["network"]["edges"]]
-    assert {tuple(edge.items()) for edge in edges} == {(("weight", 0),)}
+    network = documents(play_recording(program, played_streams(program)))["time.yaml"]["network"]
+    attributes = [next(iter(edge.values())) for edge in network["edges"]]
+    assert attributes
+    assert all(edge_attributes == {"weight": 0} for edge_attributes in attributes)
 
 
-@pytest.mark.parametrize(
-    ("make", "line"),
-    [
-        (
-            lambda: one(replace(CHIP, profiles={"davies2018": CHIP.profile("davies2018")})),
-            "chip loihi-sim: it has no energy profile 'sanafe' that prices what SANA-FE counts. "
-            "Copy the profile 'sanafe' of loihi-sim into the chip file.",
-        ),
-        (
-            lambda: one(replace(CHIP, profiles={"sanafe": CHIP.profile("davies2018")})),
-            "chip loihi-sim: it has no energy profile 'sanafe' that prices what SANA-FE counts. "
-            "Copy the profile 'sanafe' of loihi-sim into the chip file.",
-        ),
-    ],
-    ids=["no profile", "other prices"],
-)
-def test_chips_that_cannot_be_written(make, line):
+@pytest.mark.parametrize("name", ["davies2018", "sanafe"], ids=["no profile", "other prices"])
+def test_a_chip_without_the_costs_that_sana_fe_has_is_refused(name):
+    """The chip has the profile davies2018 alone, under its own name or under that of the missing profile."""
+    chip = replace(CHIP, profiles={name: CHIP.profile("davies2018")})
     with pytest.raises(InputError) as caught:
-        sanafe_files(make())
-    assert str(caught.value) == line
+        sanafe_files(one_compartment(chip))
+    assert str(caught.value) == (
+        "chip loihi-sim: it has no energy profile 'sanafe' that prices what SANA-FE counts. "
+        "Copy the profile 'sanafe' of loihi-sim into the chip file."
+    )
 
 
-def test_cores_larger_than_its_units():
+def test_a_core_larger_than_a_unit_of_sana_fe_is_refused():
     large = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=2000))
     b = hw.ProgramBuilder(large)
     b.connect(
@@ -239,6 +245,7 @@ def test_hostile_names_are_code_in_the_readmes_and_plain_elsewhere():
         heading = files[f"{folder}/README.md"].decode().splitlines()[0]
         assert "`<script>'x' # y`" in heading
     groups = [group["name"] for group in documents(played)["time.yaml"]["network"]["groups"]]
+    # The names of the input and of the population.
     assert groups == ["a____b_0____tile0", "_0__3___x_"]
     assert yaml.safe_load(vectors_files(played)["vectors/manifest.yaml"])["program"] == name
 

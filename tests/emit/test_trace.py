@@ -1,4 +1,7 @@
-"""The timeline: of the Trace Event Format, nested where slices share a thread, and as long as the latency."""
+"""``--emit trace``: the file has the Trace Event Format, and its events add up to the latency and the counts.
+
+``hw.latency`` and the counts of the simulator are the independent answers; both have tests of their own.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,13 @@ from tests.support.emitted_programs import CHIP, everything, played_streams, two
     ids=["cores", "phases"],
 )
 def case(request):
+    """A recording that was played to a program, and its timeline: on several cores, or in two phases."""
     played = request.param()
     return played, json.loads(trace_file(played)["trace.json"])
 
 
 def slices(document):
-    """The events of a timeline that have a duration."""
+    """Return the events of a timeline that have a duration (ph X; those of ph M name processes and threads)."""
     return [event for event in document["traceEvents"] if event["ph"] == "X"]
 
 
@@ -49,63 +53,69 @@ def test_every_event_has_the_keys_of_its_kind(case):
 
 def test_every_process_and_thread_has_a_name(case):
     played, document = case
-    named = {
-        (e["name"], e["pid"], e["tid"]): e["args"]["name"]
-        for e in document["traceEvents"]
-        if e["ph"] == "M"
+    names = {
+        (event["name"], event["pid"], event["tid"]): event["args"]["name"]
+        for event in document["traceEvents"]
+        if event["ph"] == "M"
     }
     for event in slices(document):
-        assert ("thread_name", event["pid"], event["tid"]) in named
-    phases = [name for (kind, *_), name in named.items() if kind == "process_name"]
+        assert ("thread_name", event["pid"], event["tid"]) in names
+    phases = [name for (kind, *_), name in names.items() if kind == "process_name"]
     assert phases == [f"phase {phase.name}" for phase in played.phases]
+    # Thread 0 of a phase has its steps, all others are cores.
     cores = [
         name.split(",")[0]
-        for (kind, _, thread), name in named.items()
-        if kind == "thread_name" and thread
+        for (kind, _, thread), name in names.items()
+        if kind == "thread_name" and thread > 0
     ]
     assert cores == [f"core {core.number}" for core in played.program.cores]
 
 
-def test_slices_of_a_thread_follow_or_hold_each_other(case):
+def test_events_of_a_thread_follow_or_contain_each_other(case):
+    """Viewers nest events; two that overlap otherwise cannot be shown."""
+    rounding_us = 1e-6
     _, document = case
     threads = defaultdict(list)
     for event in slices(document):
         threads[event["pid"], event["tid"]].append(event)
     for events in threads.values():
-        around = []
-        for event in sorted(events, key=lambda e: (e["ts"], -e["dur"])):
+        # The ends of the events that are open at the beginning of the next, the innermost last.
+        open_ends = []
+        for event in sorted(events, key=lambda event: (event["ts"], -event["dur"])):
             end = event["ts"] + event["dur"]
-            while around and around[-1] <= event["ts"] + 1e-6:
-                around.pop()
-            assert not around or end <= around[-1] + 1e-6
-            around.append(end)
+            while open_ends and open_ends[-1] <= event["ts"] + rounding_us:
+                open_ends.pop()
+            assert not open_ends or end <= open_ends[-1] + rounding_us
+            open_ends.append(end)
 
 
-def test_it_is_as_long_as_the_latency(case):
+def test_the_timeline_is_as_long_as_the_latency(case):
+    # Times are rounded to 1e-7 us, and some dozens of them are added.
+    rounding_us = 1e-5
     played, document = case
     profile = CHIP.profile("davies2018")
-    activity = {phase: found[0] for phase, found in played.result.activity.items()}
+    activity = {phase: activities[0] for phase, activities in played.result.activity.items()}
     total_us = hw.latency(played.program, activity, profile).total_ns / 1000
-    assert max(event["ts"] + event["dur"] for event in slices(document)) == pytest.approx(
-        total_us, abs=1e-5
-    )
+    end_us = max(event["ts"] + event["dur"] for event in slices(document))
+    assert end_us == pytest.approx(total_us, abs=rounding_us)
     steps = [event for event in slices(document) if event["name"].startswith("step ")]
     assert len(steps) == sum(played.steps(phase.name) for phase in played.phases)
-    assert sum(event["dur"] for event in steps) == pytest.approx(total_us, abs=1e-5)
+    assert sum(event["dur"] for event in steps) == pytest.approx(total_us, abs=rounding_us)
 
 
-def test_counts_are_the_simulators(case):
+def test_counts_of_operations_are_those_of_the_simulator(case):
     played, document = case
-    counts, found = played.result.counts, defaultdict(int)
+    counts = played.result.counts
+    counts_by_name = defaultdict(int)
     for event in slices(document):
-        found[event["name"]] += event["args"].get("count", 0)
-    assert found["synaptic operations"] == counts.synaptic_ops
-    assert found["active updates"] == counts.neuron_updates_active
-    assert found["inactive updates"] == counts.neuron_updates_inactive
-    assert found["packets within the tile"] == counts.packets_within_tile
+        counts_by_name[event["name"]] += event["args"].get("count", 0)
+    assert counts_by_name["synaptic operations"] == counts.synaptic_ops
+    assert counts_by_name["active updates"] == counts.neuron_updates_active
+    assert counts_by_name["inactive updates"] == counts.neuron_updates_inactive
+    assert counts_by_name["packets within the tile"] == counts.packets_within_tile
 
 
-def test_it_says_that_it_is_modelled(case):
+def test_the_file_says_that_times_are_modelled(case):
     _, document = case
     assert (
         document["otherData"]["profile"]

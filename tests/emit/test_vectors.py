@@ -1,4 +1,9 @@
-"""Vectors, read back by a bench that knows the manifest and the files alone, and equal to the simulator."""
+"""``--emit vectors``: a bench that knows only the manifest and the files computes what the simulator computes.
+
+There are two such benches: one in Python (``tests/support/emitted_bench.py``) and one in Verilog (``core_bench.v``). Both
+unpack the memory images, play the stimuli, and compare spikes, u and v of every step. The programs here use every kind of
+synapse list, neuron and register event.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +29,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "models"
 
 
 def written(played, folder):
+    """Write the vectors of a played recording into a folder, and return them as the bench reads them."""
     for name, content in vectors_files(played).items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -38,13 +44,17 @@ def dense():
     h = b.add_compartments("h", 150, decay_u=1024, decay_v=128, threshold=300)
     r = np.random.default_rng(0)
     weights = r.integers(-128, 128, (150, 3)) * 2
+    # A weight of 0 would be no synapse, and the list not dense.
     weights[weights == 0] = 2
     b.connect(x, h, weights, delay=r.integers(0, 63, (150, 3)))
     return b.build()
 
 
 def shared_formats():
-    """Return a program of 21 formats, three exponents by seven delay fields, that come to share the 16 of a core."""
+    """Return a program with 21 kinds of synapses, which have to share the 16 formats of a core.
+
+    They are three exponents by seven widths of delays.
+    """
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 3)
     h = b.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=300)
@@ -58,7 +68,7 @@ def shared_formats():
 
 
 def taps():
-    """Return a program of neurons with several synapses of one format to themselves, of as many delays."""
+    """Return a program whose neurons have several synapses of one format onto themselves, with different delays."""
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 3)
     h = b.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=300)
@@ -69,7 +79,7 @@ def taps():
 
 
 def lists_of_several_projections():
-    """Return a program whose axons have one sparse format in several projections, onto one population and onto two."""
+    """Return a program in which several projections of an axon share a sparse format, onto one population and onto two."""
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 3)
     h = b.add_compartments("h", 30, decay_u=1024, decay_v=128, threshold=300)
@@ -96,67 +106,80 @@ PROGRAMS = {
 
 @pytest.fixture(params=PROGRAMS.values(), ids=PROGRAMS.keys(), scope="module")
 def case(request, tmp_path_factory):
+    """A recording that was played to one of the programs, and its vectors."""
     program = request.param()
     played = play_recording(program, played_streams(program))
     return played, written(played, tmp_path_factory.mktemp("vectors"))
 
 
-def test_expected_values_are_the_simulators(case):
+def test_expected_values_are_those_of_the_simulator(case):
     played, vectors = case
     for core, entry in zip(played.program.cores, vectors.manifest["cores"], strict=True):
-        columns = [
-            (kind, np.array([row[i] for row in bench.expected(vectors, entry)]))
-            for i, kind in ((1, "u"), (2, "v"))
-        ]
-        for kind, found in columns:
-            of_group = getattr(played.result, kind)
-            for piece in core.slices:
-                mine = found[:, piece.offset : piece.offset + piece.size]
-                assert np.array_equal(mine, of_group[piece.group][:, piece.start : piece.stop]), (
-                    kind
-                )
+        # A row is (spikes, u, v) of a step.
+        rows = bench.expected(vectors, entry)
+        registers = {
+            "u": np.array([u for _, u, _ in rows]),
+            "v": np.array([v for _, _, v in rows]),
+        }
+        for kind, values in registers.items():
+            by_group = getattr(played.result, kind)
+            for core_slice in core.slices:
+                in_file = values[:, core_slice.offset : core_slice.offset + core_slice.size]
+                simulated = by_group[core_slice.group][:, core_slice.start : core_slice.stop]
+                assert np.array_equal(in_file, simulated), kind
 
 
-def test_each_core_alone_gives_what_is_expected(case):
+def test_each_core_alone_computes_what_is_expected(case):
     played, vectors = case
     for entry in vectors.manifest["cores"]:
         assert bench.run_core(vectors, entry) == bench.expected(vectors, entry)
+    # A silent program would prove little.
     assert played.result.counts.spikes > 20
 
 
-def test_all_cores_together_give_what_is_expected(case):
+def test_all_cores_together_compute_what_is_expected(case):
     _, vectors = case
     for phase in vectors.manifest["phases"]:
         entries = [entry for entry in vectors.manifest["cores"] if entry["phase"] == phase["name"]]
-        found = bench.run_cores(vectors, entries)
-        assert found == {entry["number"]: bench.expected(vectors, entry) for entry in entries}
+        computed = bench.run_cores(vectors, entries)
+        assert computed == {entry["number"]: bench.expected(vectors, entry) for entry in entries}
 
 
 @pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-def test_each_core_gives_what_is_expected_in_verilog(case, tmp_path):
+def test_each_core_computes_what_is_expected_in_verilog(case, tmp_path):
     _, vectors = case
     for entry in vectors.manifest["cores"]:
-        sizes = {name.upper(): file["rows"] for name, file in entry["files"].items()}
+        rows = {name: file["rows"] for name, file in entry["files"].items()}
         parameters = {
-            name: sizes[name]
-            for name in ("LISTS", "FORMATS", "PROFILES", "THRESHOLDS", "COMPARTMENTS")
-        }
-        parameters |= {
-            "WORDS": sizes["SYNAPSES"],
             "AXONS": entry["input_axons"],
+            "LISTS": rows["lists"],
+            "WORDS": rows["synapses"],
+            "FORMATS": rows["formats"],
+            "PROFILES": rows["profiles"],
+            "THRESHOLDS": rows["thresholds"],
+            "COMPARTMENTS": rows["compartments"],
             "STEPS": entry["steps"],
+            "VMIN": entry["vmin"],
+            "VMAX": entry["vmax"],
         }
-        parameters |= {"VMIN": entry["vmin"], "VMAX": entry["vmax"]}
-        given = [f"-Pcore_bench.{name}={value}" for name, value in parameters.items()]
-        built = tmp_path / f"core{entry['number']}"
+        options = [f"-Pcore_bench.{name}={value}" for name, value in parameters.items()]
+        simulator = tmp_path / f"core{entry['number']}"
         source = Path(__file__).with_name("core_bench.v")
         subprocess.run(
-            ["iverilog", "-g2012", "-Wall", *given, "-o", built, source], check=True, timeout=60
+            ["iverilog", "-g2012", "-Wall", *options, "-o", simulator, source],
+            check=True,
+            timeout=60,
         )
-        call = ["vvp", "-n", built, f"+folder={vectors.folder}/core{entry['number']}"]
-        done = subprocess.run(call, capture_output=True, text=True, check=True, timeout=60)
+        completed = subprocess.run(
+            ["vvp", "-n", simulator, f"+folder={vectors.folder}/core{entry['number']}"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+        )
+        # Spike, u and v of every compartment in every step.
         values = 3 * entry["steps"] * entry["compartments"]
-        assert (done.stdout, done.stderr) == (f"0 of {values} values differ\n", "")
+        assert (completed.stdout, completed.stderr) == (f"0 of {values} values differ\n", "")
 
 
 def test_memory_takes_the_words_that_placement_counted(case):
@@ -168,19 +191,25 @@ def test_memory_takes_the_words_that_placement_counted(case):
 @pytest.mark.parametrize(
     ("strategy", "words"), [("dendrite", [1313, 3114]), ("delay-line", [1783, 3540])]
 )
-def test_a_networks_report_and_image_agree(strategy, words):
-    """Own spikes come back by many synapses onto one compartment: a list of them is one list, in placement too."""
+def test_the_report_and_the_memory_image_of_a_network_agree(strategy, words):
+    """With these strategies, many synapses lead from a neuron to one compartment of itself.
+
+    Placement and the image must count their list in the same way. ``words`` are those of each core, kept to notice
+    a change.
+    """
     compiled = lc.compile(
         lc.load(EXAMPLES / "objects-hybrid.pt"), strategy=strategy, diagnosis=False
     )
-    cores, chip = compiled.program.cores, compiled.program.chip
+    cores = compiled.program.cores
+    chip = compiled.program.chip
     assert [len(synapse_image(core, chip).words) for core in cores] == words
-    assert compiled.report["resources"]["synapse_bits"] == 64 * sum(words)
+    word_bits = 64
+    assert compiled.report["resources"]["synapse_bits"] == word_bits * sum(words)
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_full_core_holds_its_image(seed):
-    """Formats drawn again and again from the same sources, dense and sparse, onto populations that share cores."""
+    """Random projections between the same populations, dense and sparse, on cores with little memory and odd runs."""
     r = np.random.default_rng(seed)
     limit = int(r.integers(120, 250))
     memory = replace(CHIP.synapse_memory, run_length=int(r.integers(1, 65)))
@@ -192,22 +221,20 @@ def test_a_full_core_holds_its_image(seed):
     groups = [b.add_compartments(name, 40, threshold=20) for name in ("h", "o")]
     for source, target in [(x, groups[0]), (x, groups[1]), (groups[0], groups[0])]:
         for _ in range(3):
-            kept = r.random((target.size, source.size)) < r.choice(
-                [0.05, 0.3, 1.0 if source is x else 0.05]
-            )
-            b.connect(
-                source,
-                target,
-                2 * kept,
-                delay=kept * r.integers(0, 2, kept.shape) * r.integers(0, 63),
-            )
+            # Projections among neurons are sparse, so that the program fits at all.
+            densest = 1.0 if source is x else 0.05
+            density = r.choice([0.05, 0.3, densest])
+            is_connected = r.random((target.size, source.size)) < density
+            # About half of the synapses have a delay, the same for all.
+            delay = is_connected * r.integers(0, 2, is_connected.shape) * r.integers(0, 63)
+            b.connect(source, target, 2 * is_connected, delay=delay)
     cores = b.build().cores
-    used = [len(synapse_image(core, chip).words) for core in cores]
-    assert used == [core.axons.synapse_words for core in cores]
-    assert max(used) <= limit
+    words = [len(synapse_image(core, chip).words) for core in cores]
+    assert words == [core.axons.synapse_words for core in cores]
+    assert max(words) <= limit
 
 
-def test_a_program_that_counted_other_words():
+def test_a_program_that_states_another_number_of_words_is_refused():
     (core,) = taps().cores
     with pytest.raises(InputError) as caught:
         synapse_image(replace(core, axons=replace(core.axons, synapse_words=1)), CHIP)
@@ -216,22 +243,18 @@ def test_a_program_that_counted_other_words():
     )
 
 
-def test_wraps_and_clips_are_in_what_was_compared():
+def test_the_programs_have_wraps_clips_and_hops():
+    """So that the comparisons above cover them."""
     counts = hw.simulate(everything(), played_streams(everything())).counts
-    assert (
-        min(
-            counts.charge_wraps,
-            counts.current_wraps,
-            counts.voltage_clips,
-            counts.hops_x,
-            counts.hops_y,
-        )
-        > 0
-    )
+    assert counts.charge_wraps > 0
+    assert counts.current_wraps > 0
+    assert counts.voltage_clips > 0
+    assert counts.hops_x > 0
+    assert counts.hops_y > 0
 
 
-def test_files_of_a_tiny_program():
-    """One line, one compartment: written out by hand."""
+def test_files_of_a_tiny_program_are_those_written_by_hand():
+    """One line leads to one compartment."""
     b = hw.ProgramBuilder(CHIP, name="tiny")
     x = b.add_input("x", 1)
     h = b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=15, refractory=2)
@@ -267,6 +290,7 @@ def test_files_of_a_tiny_program():
 
 
 LOCATION = ("location", 0, 4)
+"""Name, first step and number of steps of the second phase, which always runs over all four channels."""
 
 
 @pytest.mark.parametrize(
@@ -284,19 +308,24 @@ LOCATION = ("location", 0, 4)
     ],
 )
 def test_only_steps_that_run_are_written(events, phases, tmp_path):
-    """With a bias, any bench would find other registers in steps before the first touch, in which the chip is at rest."""
+    """The time phase begins in the first step with two events, and runs at most five steps.
+
+    Before, the chip is at rest. A bench that played these steps would compute other registers, because of the bias.
+    """
     recording = np.zeros((12, 4), dtype=np.uint8)
-    recording[tuple(zip(*events, strict=True))] = 1
+    for step, channel in events:
+        recording[step, channel] = 1
     vectors = written(play_recording(two_phases(align_events=2, bias=700), recording), tmp_path)
-    assert [(p["name"], p["first_step"], p["steps"]) for p in vectors.manifest["phases"]] == phases
+    assert [
+        (phase["name"], phase["first_step"], phase["steps"]) for phase in vectors.manifest["phases"]
+    ] == phases
     for entry, (_, _, steps) in zip(vectors.manifest["cores"], phases, strict=True):
         assert bench.run_core(vectors, entry) == bench.expected(vectors, entry)
-        assert [
-            len(vectors.rows(entry["files"][name])) for name in ("axon_spikes", "spikes", "u")
-        ] == [steps] * 3
+        for name in ("axon_spikes", "spikes", "u"):
+            assert len(vectors.rows(entry["files"][name])) == steps
 
 
-def test_a_recording_that_would_fill_a_disk(monkeypatch):
+def test_a_recording_that_would_fill_a_disk_is_refused(monkeypatch):
     monkeypatch.setattr("locsnn_compile.backends.vectors.vectors.MAX_BYTES", 1000)
     program = everything()
     with pytest.raises(InputError) as caught:
@@ -307,7 +336,7 @@ def test_a_recording_that_would_fill_a_disk(monkeypatch):
     )
 
 
-def test_a_chip_whose_runs_have_no_room_for_a_header():
+def test_a_chip_whose_runs_have_no_room_for_a_header_is_refused():
     chip = replace(CHIP, synapse_memory=replace(CHIP.synapse_memory, run_header_bits=8))
     program = everything(chip=chip)
     with pytest.raises(InputError) as caught:

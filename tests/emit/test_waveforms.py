@@ -1,4 +1,4 @@
-"""The value change dump, read back by the reader of pyvcd and equal to the simulator; and what probes name."""
+"""``--emit vcd``: waveforms are read back with pyvcd and equal the simulator's registers; and what probes select."""
 
 from __future__ import annotations
 
@@ -13,32 +13,29 @@ from tests.support.emitted_programs import CHIP, everything, played_streams, two
 from tests.support.vcd_values import read_vcd, values_by_step
 
 
-def test_every_value_is_the_simulators():
+def test_every_value_is_that_of_the_simulator():
+    steps = 40
     program = everything()
     played = play_recording(program, played_streams(program))
     paths, end = read_vcd(vcd_file(played, ["h", "o[1:3]"])["waves.vcd"])
-    assert end == 40
-    result, checked = played.result, 0
-    for group, indices, name in (
-        ("h", range(7), "h"),
-        ("o", (1, 2), "o"),
-        ("o/dendrite", (1, 2), "o_dendrite"),
-    ):
-        for i in indices:
+    assert end == steps
+    result = played.result
+    # The dendrites of neurons come with them.
+    probed_neurons = {"h": range(7), "o": (1, 2), "o/dendrite": (1, 2)}
+    for group, numbers in probed_neurons.items():
+        for i in numbers:
+            scope = f"time.{group.replace('/', '_')}.n{i}"
             for kind in ("u", "v", "potential"):
-                wanted = getattr(result, kind)[group][:, i].tolist()
-                assert values_by_step(paths[f"time.{name}.n{i}.{kind}"], 0, 40) == wanted
-                checked += 1
+                simulated = getattr(result, kind)[group][:, i].tolist()
+                assert values_by_step(paths[f"{scope}.{kind}"], 0, steps) == simulated
             if group in result.spikes:
-                assert (
-                    values_by_step(paths[f"time.{name}.n{i}.spike"], 0, 40)
-                    == result.spikes[group][:, i].tolist()
-                )
+                simulated = result.spikes[group][:, i].tolist()
+                assert values_by_step(paths[f"{scope}.spike"], 0, steps) == simulated
             else:
-                assert f"time.{name}.n{i}.spike" not in paths
-    assert checked == 33
+                assert f"{scope}.spike" not in paths
+    # Two's complement matters only if some value is negative.
     assert min(int(array.min()) for array in result.v.values()) < 0
-    assert values_by_step(paths["time.step"], 0, 40) == list(range(40))
+    assert values_by_step(paths["time.step"], 0, steps) == list(range(steps))
 
 
 def test_phases_follow_each_other():
@@ -54,6 +51,7 @@ def test_phases_follow_each_other():
 
 
 def test_steps_before_the_first_touch_do_not_run():
+    """The time phase begins in step 3, the first with two events, and runs five steps."""
     recording = np.zeros((12, 4), dtype=np.uint8)
     recording[[3, 3, 5], [0, 2, 1]] = 1
     played = play_recording(two_phases(align_events=2, bias=700), recording)
@@ -68,9 +66,11 @@ def test_steps_before_the_first_touch_do_not_run():
     assert (
         values_by_step(paths["time.a.n0.spike"], 0, 5) == played.result.spikes["a"][3:8, 0].tolist()
     )
-    never, end = read_vcd(vcd_file(play_recording(played.program, recording[4:]), ())["waves.vcd"])
+    # No step of the rest has two events, so only the location phase runs.
+    late = play_recording(played.program, recording[4:])
+    paths, end = read_vcd(vcd_file(late, ())["waves.vcd"])
     assert end == 4
-    assert never["time.running"] == [(0, "0")]
+    assert paths["time.running"] == [(0, "0")]
 
 
 def test_names_that_are_no_identifiers():
@@ -91,12 +91,17 @@ def test_names_that_are_no_identifiers():
 
 
 def test_each_of_many_signals_has_a_code_of_its_own():
-    many = hw.ProgramBuilder(CHIP)
-    many.connect(
-        many.add_input("x", 1), many.add_compartments("h", 60, threshold=1), np.full((60, 1), 2)
+    """Codes of one letter are too few for so many signals."""
+    neurons = 60
+    b = hw.ProgramBuilder(CHIP)
+    b.connect(
+        b.add_input("x", 1),
+        b.add_compartments("h", neurons, threshold=1),
+        np.full((neurons, 1), 2),
     )
-    paths, _ = read_vcd(vcd_file(play_recording(many.build(), [[1], [0]]), ["h"])["waves.vcd"])
-    assert len(paths) == 2 + 4 * 60
+    paths, _ = read_vcd(vcd_file(play_recording(b.build(), [[1], [0]]), ["h"])["waves.vcd"])
+    # Two signals of the phase; u, v, potential and spikes of each neuron.
+    assert len(paths) == 2 + 4 * neurons
 
 
 # Probes ---------------------------------------------------------------------------------------------------------------
@@ -104,13 +109,13 @@ def test_each_of_many_signals_has_a_code_of_its_own():
 
 @pytest.fixture(scope="module")
 def played():
-    """A program of every kind of neuron, and one recording played on it."""
+    """A recording that was played to a program with every kind of neuron."""
     program = everything()
     return play_recording(program, played_streams(program))
 
 
 @pytest.mark.parametrize(
-    ("probes", "found"),
+    ("probes", "compartments"),
     [
         (["h[3]"], [("h", 3)]),
         (["o[2]"], [("o/dendrite", 2), ("o", 2)]),
@@ -120,8 +125,8 @@ def played():
     ],
     ids=["neuron", "with its dendrite", "dendrite alone", "range, once each", "population"],
 )
-def test_probes(played, probes, found):
-    assert probed(played, probes) == tuple(found)
+def test_probes_select_compartments_and_those_joined_to_them(played, probes, compartments):
+    assert probed(played, probes) == tuple(compartments)
 
 
 def test_the_most_active_neuron_is_shown_by_default(played):
@@ -134,36 +139,42 @@ def test_the_most_active_neuron_is_shown_by_default(played):
     )
 
 
-BAD_PROBES = [
-    ("unknown", "hh[0]", "probe 'hh[0]': there is no population 'hh'. Did you mean 'h'?"),
-    ("unknown population", "hh", "probe 'hh': there is no population 'hh'. Did you mean 'h'?"),
-    (
-        "form",
-        "h[a]",
-        "probe 'h[a]': not an index. Write population[index] or population[first:stop].",
-    ),
-    (
-        "far",
-        "h[7]",
-        "probe 'h[7]': 'h' has no such compartment (7 compartments). Count from 0 to 6.",
-    ),
-    (
-        "empty",
-        "h[3:3]",
-        "probe 'h[3:3]': it holds no compartment. Let the stop be above the first.",
-    ),
-    (
-        "negative",
-        "h[-1]",
-        "probe 'h[-1]': not an index. Write population[index] or population[first:stop].",
-    ),
-]
-
-
 @pytest.mark.parametrize(
-    ("probe", "line"), [row[1:] for row in BAD_PROBES], ids=[row[0] for row in BAD_PROBES]
+    ("probe", "message"),
+    [
+        pytest.param(
+            "hh[0]",
+            "probe 'hh[0]': there is no population 'hh'. Did you mean 'h'?",
+            id="unknown",
+        ),
+        pytest.param(
+            "hh",
+            "probe 'hh': there is no population 'hh'. Did you mean 'h'?",
+            id="unknown population",
+        ),
+        pytest.param(
+            "h[a]",
+            "probe 'h[a]': not an index. Write population[index] or population[first:stop].",
+            id="form",
+        ),
+        pytest.param(
+            "h[7]",
+            "probe 'h[7]': 'h' has no such compartment (7 compartments). Count from 0 to 6.",
+            id="far",
+        ),
+        pytest.param(
+            "h[3:3]",
+            "probe 'h[3:3]': it holds no compartment. Let the stop be above the first.",
+            id="empty",
+        ),
+        pytest.param(
+            "h[-1]",
+            "probe 'h[-1]': not an index. Write population[index] or population[first:stop].",
+            id="negative",
+        ),
+    ],
 )
-def test_bad_probes(played, probe, line):
+def test_a_probe_that_selects_nothing_is_refused(played, probe, message):
     with pytest.raises(InputError) as caught:
         probed(played, [probe])
-    assert str(caught.value) == line
+    assert str(caught.value) == message

@@ -1,4 +1,9 @@
-"""A small report in which every number can be followed by hand, and an excerpt for its pictures."""
+"""Fixtures of the report's tests: a small report.json in which every number can be followed by hand, and an excerpt.
+
+The report is of an imaginary build: a network of two branches, checked on 20 recordings. Tests change a few of its keys
+and compare what the report then says with sentences and numbers written out by hand. The excerpt is the part of one
+recording that the report draws.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +20,15 @@ from tests.support.small_costs import ann, energy, latency
 
 @pytest.fixture
 def excerpt() -> Excerpt:
-    """Four steps of two neurons; the second fires a step later on the chip, and the third step is the first to differ."""
+    """Steps 39 to 42 of neurons 1 and 3 of a population, and of an input.
+
+    Neuron 3 spikes in step 41 only in the reference, which is the first difference, and in step 42 only on the chip.
+    """
+    # (steps, neurons)
     reference = np.array([[1, 0], [0, 1], [0, 1], [1, 0]], dtype=np.uint8)
     chip = np.array([[1, 0], [0, 1], [0, 0], [1, 1]], dtype=np.uint8)
-    touched = np.array([[1, 0, 0]] * 4, dtype=np.uint8)
+    # The first of three rows has an event in every step; two lines share a row.
+    input_events = np.array([[1, 0, 0]] * 4, dtype=np.uint8)
     potential = NeuronPotential(
         population="time_output",
         axis="time",
@@ -50,8 +60,8 @@ def excerpt() -> Excerpt:
                 "time",
                 size=5,
                 numbers=np.array([0, 2, 4]),
-                reference=touched,
-                chip=touched,
+                reference=input_events,
+                chip=input_events,
                 together=2,
             ),
         ),

@@ -1,4 +1,4 @@
-"""Every kind of block on the page and in Markdown, with the markup written out by hand."""
+"""Every kind of block of a section, drawn on the page and in Markdown, and compared with markup written out by hand."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
 
 ENDS = Axis(0.0, 4.0, (0.0, 2.0, 4.0), "{:g}".format)
+"""An axis from 0 to 4 with ticks at its ends and its middle."""
 X_AXIS = (
     '<line class="axis" x1="0.00%" x2="0.00%" y1="{y}" y2="{end}"/>'
     '<text class="tick" text-anchor="start" x="0.00%" y="{below}">0</text>'
@@ -42,11 +43,14 @@ X_AXIS = (
     '<text class="tick" text-anchor="end" x="100.00%" y="{below}">4</text>'
     '<text class="tick" text-anchor="middle" x="50%" y="{label}">step</text>'
 )
+"""The markup of the axis ``ENDS`` below a plot or a raster; the fields are places in pixels from the top."""
 MARK = '<svg class="mark" width="{}" height="14" aria-hidden="true" focusable="false">'
+"""The beginning of a mark in a legend, by its width."""
 END_MARK = f'{MARK.format(14)}<line class="end" x1="7" x2="7" y1="2" y2="12"/></svg>'
 MEDIAN_MARK = f'{MARK.format(14)}<line class="median" x1="7" x2="7" y1="0" y2="14"/></svg>'
 MEAN_MARK = f'{MARK.format(14)}<circle class="mean" cx="7" cy="7" r="4.5"/></svg>'
 
+# For each case: a block, its markup on the page, and its text in Markdown.
 CASES = [
     pytest.param(
         "3 µJ <with> --max-cores",
@@ -263,6 +267,7 @@ def test_a_block_is_drawn(
         '<section class="section" aria-labelledby="key"><div><h2 id="key">Title</h2>'
         f'<p class="lead">Lead &amp; more</p></div><div class="blocks">{markup}</div></section>\n'
     )
+    # A block without text in Markdown leaves only the empty lines in front of it.
     text = render_markdown(report)
     assert text[text.index("## Title") :].rstrip("\n") == (
         f"## Title\n\nLead &amp; more\n\n{markdown}".rstrip("\n")
@@ -286,7 +291,7 @@ def test_every_kind_of_block_is_drawn() -> None:
     assert {type(case.values[0]) for case in CASES} == set(get_args(Block))
 
 
-def test_what_was_assumed_stands_below_the_verdicts(document: dict[str, Any]) -> None:
+def test_assumptions_stand_below_the_verdicts(document: dict[str, Any]) -> None:
     report = replace(
         compose(typed(ReportFigures, document)),
         assumptions=("A step lasts 1 ms.", "<b>"),

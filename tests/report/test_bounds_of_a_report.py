@@ -1,4 +1,8 @@
-"""Bounds in the report: what the summary says of them, and their figures of a build, against the definition."""
+"""Worst-case bounds in the report: what the summary and the table say, and the figures of a build.
+
+Sentences are written out by hand for the small report. Figures of builds are compared with ``hw.worst_case``, which
+defines the bounds and has tests of its own, and with the recordings that were played.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,10 @@ from locsnn_compile.report.sections.worst_time import worst_time
 from tests.support.networks import hybrid, recordings
 from tests.support.small_checks import bounds_at
 from tests.support.small_report import figures
+
+CHANNELS = 6
+STEPS = 30
+"""The size of the networks that are built here."""
 
 
 def test_the_summary_says_what_no_recording_exceeds(document: dict[str, Any]) -> None:
@@ -34,7 +42,7 @@ def test_the_summary_says_what_no_recording_exceeds(document: dict[str, Any]) ->
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "fact"),
     [
         pytest.param(
             {"sustained_events_per_step": 2},
@@ -49,14 +57,15 @@ def test_the_summary_says_what_no_recording_exceeds(document: dict[str, Any]) ->
         pytest.param({"step_ns": None}, None, id="length of a step not known"),
     ],
 )
-def test_the_rate_that_is_sustained(
-    document: dict[str, Any], changes: dict[str, Any], said: str | None
+def test_the_summary_says_which_rate_of_events_is_always_done_in_time(
+    document: dict[str, Any], changes: dict[str, Any], fact: str | None
 ) -> None:
     document["bounds"] |= changes
-    assert bound_facts(figures(document).bounds).get("sustained") == said
+    assert bound_facts(figures(document).bounds).get("sustained") == fact
 
 
 def test_bounds_of_nothing_have_no_row(document: dict[str, Any]) -> None:
+    """The small report has no queue of packets: its bound is 0."""
     table = bounds_table(figures(document).bounds)
     assert table is not None
     assert table.rows == (
@@ -101,13 +110,17 @@ def test_a_stated_rate_takes_the_place_of_the_recorded_one_in_the_answer(
 
 @pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f"])
 def test_a_build_bounds_what_is_stated(target: str) -> None:
-    network = hybrid(channels=6, steps=30)
+    network = hybrid(channels=CHANNELS, steps=STEPS)
     played = recordings(network, samples=4, rate=0.1)
-    compiled = lc.compile(network, target, events=played, strategy="dendrite", events_per_step=5)
+    stated = 5
+    compiled = lc.compile(
+        network, target, events=played, strategy="dendrite", events_per_step=stated
+    )
     bounds = compiled.report["bounds"]
-    worst = hw.worst_case(compiled.program, 30, 5)
-    assert bounds["as_recorded"]["events_per_step"] == int(played.sum(axis=2).max()) < 5
-    assert bounds["as_stated"]["events_per_step"] == 5
+    worst = hw.worst_case(compiled.program, STEPS, stated)
+    busiest_step = int(played.sum(axis=2).max())
+    assert bounds["as_recorded"]["events_per_step"] == busiest_step < stated
+    assert bounds["as_stated"]["events_per_step"] == stated
     assert bounds["as_stated"]["recording_ns"] == {
         "bound": worst.recording_ns,
         "measured": None,
@@ -119,6 +132,7 @@ UNTIMED = (
     "{source: ours, basis: measured, energy_pj: {synaptic_ops: 30.0}, time_ns: {}, "
     "barrier_ns: {one_tile: 1.0, all_tiles: 4.0}, not_included: []}"
 )
+"""A profile of costs in which no operation has a time."""
 REFUSED = {
     "more events than channels": (
         "loihi-sim",
@@ -152,7 +166,7 @@ REFUSED = {
 def test_a_rate_for_which_nothing_is_bounded_is_refused(
     tmp_path: Path, target: str, options: dict[str, Any], message: str
 ) -> None:
-    network = hybrid(channels=6, steps=30)
+    network = hybrid(channels=CHANNELS, steps=STEPS)
     if options.get("profile") == "UNTIMED":
         profile = tmp_path / "untimed.yaml"
         profile.write_text(UNTIMED)
@@ -164,30 +178,33 @@ def test_a_rate_for_which_nothing_is_bounded_is_refused(
 
 @pytest.mark.parametrize("target", ["loihi-sim", "ecp5-25f"])
 def test_a_build_reports_bounds_at_the_rate_of_its_recordings(target: str) -> None:
-    network = hybrid(channels=6, steps=30)
+    network = hybrid(channels=CHANNELS, steps=STEPS)
     played = recordings(network, samples=4, rate=0.4)
     compiled = lc.compile(network, target, events=played, strategy="dendrite")
     bounds = compiled.report["bounds"]
-    busiest = int(played.sum(axis=2).max())
-    assert bounds["channels"] == 6
-    assert bounds["as_recorded"]["events_per_step"] == busiest
-    assert bounds["any_input"]["events_per_step"] == 6
-    for entry, events in (("as_recorded", busiest), ("any_input", 6)):
-        worst = hw.worst_case(compiled.program, 30, events)
-        slowest = max(latency.total_ns for latency in compiled.match.latencies)
+    busiest_step = int(played.sum(axis=2).max())
+    assert bounds["channels"] == CHANNELS
+    assert bounds["as_recorded"]["events_per_step"] == busiest_step
+    assert bounds["any_input"]["events_per_step"] == CHANNELS
+    for entry, events in (("as_recorded", busiest_step), ("any_input", CHANNELS)):
+        worst = hw.worst_case(compiled.program, STEPS, events)
+        slowest_ns = max(latency.total_ns for latency in compiled.match.latencies)
         assert bounds[entry]["recording_ns"] == {
             "bound": worst.recording_ns,
-            "measured": slowest,
-            "share": slowest / worst.recording_ns,
+            "measured": slowest_ns,
+            "share": slowest_ns / worst.recording_ns,
         }
         assert bounds[entry]["buffered_events"]["measured"] == played.sum(axis=(1, 2)).max()
-        assert bounds[entry]["buffered_events"]["bound"] == 30 * events
-    assert bounds["sustained_events_per_step"] == 6
-    full = np.ones((1, 30, 6), dtype=np.uint8)
-    again = lc.compile(network, target, events=full, strategy="dendrite", calibration=played)
-    entry = again.report["bounds"]["any_input"]["recording_ns"]
-    assert again.report["bounds"]["as_recorded"] == again.report["bounds"]["any_input"]
-    assert 0.5 < entry["share"] <= 1
+        assert bounds[entry]["buffered_events"]["bound"] == STEPS * events
+    assert bounds["sustained_events_per_step"] == CHANNELS
+    # An input that has every event comes near to the bounds on any input.
+    all_events = np.ones((1, STEPS, CHANNELS), dtype=np.uint8)
+    compiled = lc.compile(
+        network, target, events=all_events, strategy="dendrite", calibration=played
+    )
+    bounds = compiled.report["bounds"]
+    assert bounds["as_recorded"] == bounds["any_input"]
+    assert 0.5 < bounds["any_input"]["recording_ns"]["share"] <= 1
 
 
 def test_without_a_diagnosis_nothing_is_bounded() -> None:

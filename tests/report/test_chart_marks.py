@@ -1,4 +1,7 @@
-"""Pictures of explorations: whole files, marks where they belong, labels that keep clear of each other."""
+"""Scatter charts of settings, as ``locsnn explore`` writes them.
+
+The SVG files are parsed: they are complete, marks lie where their figures say, and labels keep clear of each other.
+"""
 
 import xml.etree.ElementTree as ET
 
@@ -10,10 +13,12 @@ from locsnn_compile.report.pictures.axis import nice_step
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 
 SVG = "{http://www.w3.org/2000/svg}"
+"""The namespace in front of the names of elements."""
 FIGURE = st.floats(0, 1e12, allow_subnormal=False)
 
 
 def panel(*marks):
+    """A panel of energy (upwards) over error (to the right)."""
     return Panel("energy", "error", "{:g}".format, "{:g}".format, marks)
 
 
@@ -23,8 +28,12 @@ def mark(x, y, *, kind=0, front=True, taken=False, label="8-bit"):
 
 
 def drawn(*marks, kinds=("dendrite", "reset")):
-    """The picture of these marks, parsed."""
+    """The chart of these marks in one panel, parsed."""
     return ET.fromstring(draw("title", "subtitle", kinds, [panel(*marks)]))
+
+
+MOST_TICKS = 6
+"""About how many ticks a chart asks for."""
 
 
 def shapes(root):
@@ -78,7 +87,7 @@ def test_lower_figures_are_lower_and_lower_errors_to_the_left():
     assert float(less_error.get("y")) < float(less_energy.get("y"))
 
 
-def test_the_recommended_one_has_a_ring():
+def test_the_recommended_mark_has_a_ring():
     root = drawn(mark(0.1, 5), mark(0.5, 3, taken=True))
     rings = [element for element in root.iter(f"{SVG}circle") if element.get("class") == "ring"]
     assert rings[0].get("cx") == shapes_by_title(root)["at 0.5, 3"].get("x")
@@ -86,7 +95,8 @@ def test_the_recommended_one_has_a_ring():
 
 
 def test_crowded_marks_share_no_room_for_labels():
-    root = drawn(*(mark(0.5 + 1e-4 * i, 5, label=f"{i}-bit") for i in range(8)), mark(1, 1))
+    crowd = [mark(0.5 + 1e-4 * i, 5, label=f"{i}-bit") for i in range(8)]
+    root = drawn(*crowd, mark(1, 1))
     labels = [element for element in root.iter(f"{SVG}text") if element.get("class") == "label"]
     places = [
         (element.get("x"), element.get("y"), element.get("text-anchor")) for element in labels
@@ -103,10 +113,12 @@ def test_names_that_are_no_xml_do_no_harm():
 @pytest.mark.parametrize(
     ("largest", "step"), [(1, 0.2), (6, 1), (7, 2), (0.31, 0.1), (12e6, 2e6), (1e-300, 2e-301)]
 )
-def test_ticks_are_round(largest, step):
-    assert nice_step(largest / 6) == pytest.approx(step)
+def test_ticks_are_at_round_numbers(largest, step):
+    assert nice_step(largest / MOST_TICKS) == pytest.approx(step)
 
 
 @given(st.floats(1e-9, 1e12))
 def test_there_are_neither_many_nor_few_ticks(largest):
-    assert 2 <= largest / nice_step(largest / 6) <= 6 * 1.001
+    ticks = largest / nice_step(largest / MOST_TICKS)
+    # A step may be a thousandth too small.
+    assert 2 <= ticks <= MOST_TICKS * 1.001

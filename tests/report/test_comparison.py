@@ -1,4 +1,8 @@
-"""Two builds side by side: what changed, what is asked first, and reports that lack what is needed."""
+"""``locsnn diff``: what changed between two builds, the answers to its three questions, and what cannot be compared.
+
+The builds are two copies of the small report with known differences, and answers are written out by hand. Reports may
+come from files that anybody wrote, so values of any type and size are tried as well.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +24,16 @@ from locsnn_compile.report.sections.comparison import MAX_ROWS, comparison
 
 @pytest.fixture
 def builds(document: dict[str, Any]) -> tuple[Build, Build]:
-    """The second takes a quarter less energy, a core more, and differs in one more spike."""
-    other = copy.deepcopy(document)
-    other["energy"]["per_sample_pj"] = 75_000.0
-    other["resources"]["cores"] = 3
-    other["match"] |= {"spike_mismatches": 21, "spike_agreement": 0.895}
+    """The second build takes a quarter less energy and a core more, and one more of its spikes differs."""
+    second = copy.deepcopy(document)
+    second["energy"]["per_sample_pj"] = 75_000.0
+    second["resources"]["cores"] = 3
+    second["match"] |= {"spike_mismatches": 21, "spike_agreement": 0.895}
     program = {"cores": 2, "groups": {"time_output": {"synapses": 40}}}
-    return Build("one", document, program), Build("two", other, {**program, "cores": 3})
+    return Build("one", document, program), Build("two", second, {**program, "cores": 3})
 
 
-def test_all_that_changed(builds: tuple[Build, Build]) -> None:
+def test_every_figure_that_changed_is_found(builds: tuple[Build, Build]) -> None:
     assert changes(*builds) == {
         "match.spike_agreement": (0.9, 0.895),
         "match.spike_mismatches": (20, 21),
@@ -45,14 +49,18 @@ def test_histograms_are_left_to_the_reports(builds: tuple[Build, Build]) -> None
     assert not [key for key in changes(*builds) if "margins" in key]
 
 
-def test_three_questions(builds: tuple[Build, Build]) -> None:
+def test_three_questions_are_answered_before_the_figures(builds: tuple[Build, Build]) -> None:
     report = comparison(*builds)
     assert (report.title, report.notices) == ("one → two", ())
     assert (
         report.subtitle
         == "two-branches on loihi-sim, then two-branches on loihi-sim: 5 figures changed"
     )
-    assert [(v.status, v.answer, v.figure, v.figure_label) for v in report.verdicts] == [
+    answers = [
+        (verdict.status, verdict.answer, verdict.figure, verdict.figure_label)
+        for verdict in report.verdicts
+    ]
+    assert answers == [
         (
             "nearly",
             "As before, but fewer spikes are equal",
@@ -74,7 +82,7 @@ def test_three_questions(builds: tuple[Build, Build]) -> None:
         "Resources",
         "Program",
     ]
-    energy = next(b for b in report.sections[2].blocks if isinstance(b, Table))
+    (energy,) = (block for block in report.sections[2].blocks if isinstance(block, Table))
     assert energy.rows == (("per_sample_pj", "100,000.0", "75,000.0", "-25.0 %"),)
 
 
@@ -89,24 +97,25 @@ def test_three_questions(builds: tuple[Build, Build]) -> None:
     ],
     ids=["potentials off", "better", "equal", "both", "not compared before"],
 )  # fmt: skip
-def test_class_scores_count(
+def test_the_answer_on_the_match_counts_class_scores(
     builds: tuple[Build, Build], scores: Any, spikes: Any, status: str, answer: str, fact: str
 ) -> None:
     for build, error, agreement in zip(builds, scores, spikes, strict=True):
         build.report["match"] |= {"score_error": error, "spike_agreement": agreement}
-    found = comparison(*builds).verdicts[0]
-    assert (found.status, found.answer) == (status, answer)
-    assert {row.label: row.value for row in found.facts}["class scores"] == fact
+    match = comparison(*builds).verdicts[0]
+    assert (match.status, match.answer) == (status, answer)
+    facts = {fact.label: fact.value for fact in match.facts}
+    assert facts["class scores"] == fact
 
 
-def test_predictions_that_were_not_compared_are_not_said_to_differ(
+def test_predictions_that_were_not_compared_are_not_called_different(
     builds: tuple[Build, Build],
 ) -> None:
     builds[0].report["match"]["prediction_agreement"] = None
-    found = comparison(*builds).verdicts[0]
-    assert (found.answer, found.sentence) == (
-        "Not known",
-        "The chip predicts the same class as the network in 95.0 % of recordings, an unknown share before.",
+    match = comparison(*builds).verdicts[0]
+    assert match.answer == "Not known"
+    assert match.sentence == (
+        "The chip predicts the same class as the network in 95.0 % of recordings, an unknown share before."
     )
 
 
@@ -136,11 +145,11 @@ def test_the_answer_on_costs(
 ) -> None:
     for build, energy in zip(builds, (before, after), strict=True):
         build.report["energy"]["per_sample_pj"] = energy
-    found = comparison(*builds).verdicts[1]
-    assert (found.status, found.answer) == answer
+    cost = comparison(*builds).verdicts[1]
+    assert (cost.status, cost.answer) == answer
 
 
-def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
+def test_other_models_recordings_and_profiles_are_noticed(builds: tuple[Build, Build]) -> None:
     builds[1].report["model"]["sha256"] = "cd" * 32
     builds[1].report["match"]["events_source"] = "others.npz"
     builds[1].report["energy"]["profile"] = "sanafe"
@@ -160,6 +169,7 @@ def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
 
 def test_a_time_that_a_build_does_not_know_is_not_compared(builds: tuple[Build, Build]) -> None:
     assert "latency" in str(comparison(*builds).verdicts[1])
+    # The figures of a build are cached.
     builds[1].__dict__.pop("figures", None)
     builds[1].report["latency"]["timed"] = False
     report = comparison(*builds)
@@ -167,7 +177,7 @@ def test_a_time_that_a_build_does_not_know_is_not_compared(builds: tuple[Build, 
     assert "time per recording" not in str(report.sections[0])
 
 
-def test_committees_of_other_weights_are_other_models(builds: tuple[Build, Build]) -> None:
+def test_committees_with_other_weights_are_other_models(builds: tuple[Build, Build]) -> None:
     for build, weight in zip(builds, (1.0, 5.0), strict=True):
         build.report["model"]["members"] = [
             {"name": "a", "weight": 1.0},
@@ -211,27 +221,31 @@ RECORDINGS = Notice(
         "another array",
     ],
 )
-def test_what_is_of_one_name_may_differ(
+def test_things_of_the_same_name_may_differ(
     builds: tuple[Build, Build], change: dict[str, Any], notice: Notice, answer: str
 ) -> None:
-    def merge(into: dict[str, Any], given: dict[str, Any]) -> None:
-        for key, value in given.items():
-            if isinstance(value, dict):
-                merge(into.setdefault(key, {}), value)
-            else:
-                into[key] = value
+    """Both builds get the figures that are compared in addition to names; then one of them changes."""
 
-    limits = {"limits": {"compartments": {"used": 5, "limit": 8}}}
-    first = {"resources": limits, "operations": {"by_branch": {"time": {"input_events": 8.0}}}}
+    def merge(document: dict[str, Any], changes: dict[str, Any]) -> None:
+        for key, value in changes.items():
+            if isinstance(value, dict):
+                merge(document.setdefault(key, {}), value)
+            else:
+                document[key] = value
+
+    common = {
+        "energy": {"profiles": {"davies2018": {"voltage_v": 0.75}}},
+        "resources": {"limits": {"compartments": {"used": 5, "limit": 8}}},
+        "operations": {"by_branch": {"time": {"input_events": 8.0}}},
+    }
     for build in builds:
-        merge(
-            build.report,
-            {"energy": {"profiles": {"davies2018": {"voltage_v": 0.75}}}} | copy.deepcopy(first),
-        )
+        merge(build.report, common)
+    # How much of a limit is used does not make another chip.
     builds[1].report["resources"]["limits"]["compartments"]["used"] = 3
     merge(builds[1].report, change)
-    fresh = tuple(Build(build.name, build.report, build.program) for build in builds)
-    report = comparison(*fresh)
+    # New builds, because figures are cached.
+    before, after = (Build(build.name, build.report, build.program) for build in builds)
+    report = comparison(before, after)
     assert report.notices == (notice,)
     assert report.verdicts[1].answer == answer
 
@@ -268,29 +282,30 @@ def test_the_page_is_small_whatever_changed(builds: tuple[Build, Build]) -> None
 @pytest.mark.parametrize(
     ("before", "after", "text"),
     [
-        (4, 5, "+25.0 %"),
-        (0, 5, ""),
-        ("a", 1, ""),
-        (True, 2, ""),
-        (10**400, 1, ""),
-        (float("inf"), 1, ""),
+        pytest.param(4, 5, "+25.0 %", id="a quarter more"),
+        pytest.param(0, 5, "", id="from nothing"),
+        pytest.param("a", 1, "", id="a text"),
+        pytest.param(True, 2, "", id="a truth value"),
+        pytest.param(10**400, 1, "", id="too large for a float"),
+        pytest.param(float("inf"), 1, "", id="infinite"),
     ],
 )
-def test_percent(before: Any, after: Any, text: str) -> None:
+def test_a_change_in_percent_is_of_two_usual_numbers(before: Any, after: Any, text: str) -> None:
     assert percent(before, after) == text
 
 
-def test_figures_of_a_program() -> None:
+def test_figures_of_a_program_are_those_counted_by_hand() -> None:
+    """Two compartments and three synapses; a weight counts 64 times its mantissa."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"), name="tiny")
     line = builder.add_input("line", 2)
     cell = builder.add_compartments(
         "cell", 2, decay_u=[4096, 2048], decay_v=128, threshold=15, bias=64, refractory=2
     )
     builder.connect(line, cell, [[20, -2], [0, 4]], delay=3)
-    found = plain(program_figures(builder.build()))
-    assert found.pop("registers")["voltage_bits"] == 23
-    assert {"readout", "cores.mantissa", "inputs.line", "chip"} < found.pop("contents").keys()
-    assert found == {
+    figures = plain(program_figures(builder.build()))
+    assert figures.pop("registers")["voltage_bits"] == 23
+    assert {"readout", "cores.mantissa", "inputs.line", "chip"} < figures.pop("contents").keys()
+    assert figures == {
         "cores": 1,
         "groups": {
             "cell": {
@@ -323,6 +338,7 @@ def test_flatten_keeps_the_order_at_any_depth() -> None:
         ("b.1.a", 2),
         ("c", None),
     ]
+    # Deeper than Python can call functions.
     deep: Any = 1
     for _ in range(5000):
         deep = [deep]

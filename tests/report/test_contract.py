@@ -1,6 +1,10 @@
-"""What others rely on: the keys of report.json on every chip, files of a build, signatures, options and exit codes.
+"""The contract with those who read builds and call the package: it must not change by accident.
 
-Keys that only some chips have are here as well: an open core has no mesh and, unless it is made of cells, no energies.
+It consists of the keys of report.json and their types for every shipped chip, the files of a build, exit codes of gates,
+and the first parameters of public functions. All are written out here, independently of the code.
+
+Keys are null where a chip cannot have them: an open core has no mesh and, unless it is made of standard cells, no
+energies.
 """
 
 from __future__ import annotations
@@ -22,6 +26,8 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 NUMBER = (int, float)
 NONE = type(None)
 OPERATIONS = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
+UNPRICED = ("ecp5-25f", "ecp5-85f", "ice40up5k")
+"""Devices, for which no power model is public."""
 KEYS = {
     "schema": str,
     "model": {"name": str, "sha256": str, "members": list},
@@ -65,7 +71,7 @@ KEYS = {
     "gates": list,
     "input": {"aligned_steps": NUMBER},
 }
-"""The type of each value; of a mapping, the keys that it holds."""
+"""The keys of report.json, with the type of each value; for a mapping, the keys that it must have."""
 NO_MESH = ("latency.critical_core",)
 NO_ENERGY = tuple(
     f"energy.{key}" for key in ("profile", "per_sample_pj", "breakdown_pj", "not_included")
@@ -78,28 +84,32 @@ NULL = {
     "ice40up5k": NO_MESH + NO_ENERGY,
     "locsnn-130nm": NO_MESH,
 }
-"""What is null in the report of each chip that ships, whatever the network."""
+"""The keys that are null in the report of each shipped chip, whatever the network."""
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
 
 
-def departures(keys, found, null, path=""):
-    """Yield each key that is missing, or whose value has another type; those of ``null`` must be None."""
-    for key, wanted in keys.items():
-        where = f"{path}{key}"
-        if key not in found:
-            yield f"{where} is missing"
-        elif where in null:
-            if found[key] is not None:
-                yield f"{where} is not null"
-        elif isinstance(wanted, dict):
-            yield from departures(wanted, found[key], null, f"{where}.")
-        elif not isinstance(found[key], wanted) or isinstance(found[key], bool):
-            yield f"{where} is {found[key]!r}"
+def departures(keys, document, null, path=""):
+    """Yield each key of ``keys`` that is missing in a document, or whose value has another type.
+
+    The values of keys in ``null`` must be None. ``path`` begins the names of all keys.
+    """
+    for key, expected in keys.items():
+        name = f"{path}{key}"
+        if key not in document:
+            yield f"{name} is missing"
+        elif name in null:
+            if document[key] is not None:
+                yield f"{name} is not null"
+        elif isinstance(expected, dict):
+            yield from departures(expected, document[key], null, f"{name}.")
+        # True is an int to Python, but not a number to a reader of JSON.
+        elif not isinstance(document[key], expected) or isinstance(document[key], bool):
+            yield f"{name} is {document[key]!r}"
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
-    """A network of touch that every chip holds."""
+    """The checkpoint of a network with random weights that is small enough for every chip."""
     layout = InputLayout(neutouch(1), steps=40, step_seconds=0.02)
     description = NetworkDescription("tactile-snn", layout, classes=3, hidden=6, name="small")
     r = np.random.default_rng(0)
@@ -114,7 +124,7 @@ def model(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=NULL)
 def build(request, model, tmp_path_factory):
-    """The folder of a build for a chip, with gates on energy and time, and the exit code."""
+    """The name of a chip, the folder of a build for it with gates on energy and time, and the exit code of the build."""
     folder = tmp_path_factory.mktemp("build")
     bounds = "--max-energy-nj", "1e6", "--max-latency-us", "1e6"
     code = main([str(model), "--target", request.param, "-o", str(folder), "--quiet", *bounds])
@@ -139,17 +149,15 @@ def test_a_gate_on_an_energy_that_is_not_known_fails(build):
     target, folder, code = build
     energy, latency = json.loads((folder / "report.json").read_text())["gates"]
     assert set(energy) == set(latency) == {"name", "bound", "measured", "passed"}
-    known = target not in {"ecp5-25f", "ecp5-85f", "ice40up5k"}
-    assert (energy["passed"], energy["measured"] is not None, code) == (
-        known,
-        known,
-        0 if known else 3,
-    )
+    is_known = target not in UNPRICED
+    assert energy["passed"] == is_known
+    assert (energy["measured"] is not None) == is_known
+    assert code == (0 if is_known else 3)
     assert latency["passed"]
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "departure"),
     [
         ("match.samples", None, "match.samples is None"),
         ("energy.per_sample_pj", "1", "energy.per_sample_pj is '1'"),
@@ -159,17 +167,18 @@ def test_a_gate_on_an_energy_that_is_not_known_fails(build):
     ],
     ids=["null", "text", "truth", "not null", "missing"],
 )
-def test_departures_are_found(build, path, value, said):
+def test_a_planted_departure_is_found(build, path, value, departure):
+    """The value ``...`` stands for a key that is taken out."""
     _, folder, _ = build
     report = json.loads((folder / "report.json").read_text())
-    *above, last = path.split(".")
-    held = reduce(dict.__getitem__, above, report)
+    *outer_keys, last_key = path.split(".")
+    entry = reduce(dict.__getitem__, outer_keys, report)
     if value is ...:
-        del held[last]
+        del entry[last_key]
     else:
-        held[last] = value
-    null = NO_ENERGY + NO_MESH if said.endswith("not null") else ()
-    assert said in list(departures(KEYS, report, null))
+        entry[last_key] = value
+    null = NO_ENERGY + NO_MESH if departure.endswith("not null") else ()
+    assert departure in list(departures(KEYS, report, null))
 
 
 SIGNATURES = [
@@ -192,29 +201,28 @@ SIGNATURES = [
     (hw.ChipProgram.save, "self, folder"),
     (hw.load_program, "folder"),
 ]
-"""Functions with their first parameters. Where weight bits are None, they are the chip's widest: 8 on all that ship."""
+"""Public functions with their first parameters; more may follow."""
 
 
 @pytest.mark.parametrize(
-    ("function", "wanted"), SIGNATURES, ids=[f.__qualname__ for f, _ in SIGNATURES]
+    ("function", "first_parameters"), SIGNATURES, ids=[f.__qualname__ for f, _ in SIGNATURES]
 )
-def test_public_functions_keep_their_first_parameters(function, wanted):
+def test_public_functions_keep_their_first_parameters(function, first_parameters):
     def text(parameter):
-        return (
-            parameter.name
-            if parameter.default is parameter.empty
-            else f"{parameter.name}={parameter.default!r}"
-        )
+        if parameter.default is parameter.empty:
+            return parameter.name
+        return f"{parameter.name}={parameter.default!r}"
 
-    found = [text(parameter) for parameter in inspect.signature(function).parameters.values()]
-    assert ", ".join(found[: wanted.count(", ") + 1]) == wanted
+    parameters = [text(parameter) for parameter in inspect.signature(function).parameters.values()]
+    number = first_parameters.count(", ") + 1
+    assert ", ".join(parameters[:number]) == first_parameters
 
 
-def test_eight_bits_are_what_no_bits_mean_on_chips_that_ship(model):
+def test_without_a_width_weights_have_eight_bits_on_every_shipped_chip(model):
+    """Where ``weight_bits`` is None, weights are as wide as the chip allows."""
     network = lc.load(model)
     for name in hw.chip_names():
         assert hw.chip(name).registers.weight_bits[-1] == 8, name
-    assert (
-        lc.compile(network, diagnosis=False).files()
-        == lc.compile(network, weight_bits=8, diagnosis=False).files()
-    )
+    usual = lc.compile(network, diagnosis=False)
+    eight_bits = lc.compile(network, weight_bits=8, diagnosis=False)
+    assert usual.files() == eight_bits.files()

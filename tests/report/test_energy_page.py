@@ -1,4 +1,8 @@
-"""What docs/explanation/energy.md and docs/research/results/energy.md say: tables come from a command, constants from chip file and code."""
+"""The pages on energy in the documentation agree with the code.
+
+Constants in docs/explanation/energy.md are those of the chip file and of the code; tables in
+docs/research/results/energy.md are what a benchmark writes from real recordings.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +44,7 @@ def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
 @on_real_recordings
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
 def test_the_tables_are_what_the_command_writes(name, monkeypatch):
-    """Of the networks whose integers are their own: no change of the rounding moves them."""
+    """Only for networks that were trained in integers: a change of the rounding does not move their figures."""
     monkeypatch.syspath_prepend(ROOT / "tests/benchmarks")
     spec = importlib.util.spec_from_file_location(
         "energy_tables", ROOT / "tests/benchmarks/energy.py"
@@ -49,10 +53,8 @@ def test_the_tables_are_what_the_command_writes(name, monkeypatch):
     assert spec.loader
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
-    rows = [
-        line
-        for line in script.tables({name: script.report_of(name, REAL)}).splitlines()
-        if line.startswith(f"| {name} ")
-    ]
+    tables = script.tables({name: script.report_of(name, REAL)})
+    rows = [line for line in tables.splitlines() if line.startswith(f"| {name} ")]
+    # A network has ten rows in all tables together.
     assert len(rows) == 10
     assert [row for row in rows if row not in TABLES] == []

@@ -1,4 +1,8 @@
-"""Names that a model brings harm neither the page nor the files, whatever they hold."""
+"""Names in a model file, or of the file itself, harm neither the page nor the files, whatever characters they have.
+
+Names are markup, quotes, control characters, paths, formulas and very long texts. Builds run with them, and the results
+are parsed with Python's own readers of HTML and CSV.
+"""
 
 from __future__ import annotations
 
@@ -32,48 +36,58 @@ NAMES = {
 
 
 class Tags(HTMLParser):
+    """The elements of a page, and the attributes that could load or run something."""
+
     def __init__(self, page: str) -> None:
         super().__init__()
-        self.found: set[str] = set()
-        self.handlers: set[str] = set()
+        self.names: set[str] = set()
+        self.dangerous_attributes: set[str] = set()
         self.feed(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.add(tag)
-        self.handlers |= {
+        self.names.add(tag)
+        self.dangerous_attributes |= {
             name for name, _ in attrs if name.startswith("on") or name in ("src", "style")
         }
 
 
 def renamed(name):
-    """A small hybrid with this name for itself and in those of its populations."""
+    """Return a small network with this name, and with populations whose names begin with it."""
     network = hybrid(1, steps=40, hidden=6)
-    new = {p.name: f"{name}{p.name}" for p in network.populations}
+    new_names = {population.name: f"{name}{population.name}" for population in network.populations}
+    populations = tuple(
+        replace(population, name=new_names[population.name]) for population in network.populations
+    )
+    # The source of a projection may be an input, which keeps its name.
+    projections = tuple(
+        replace(
+            projection,
+            source=new_names.get(projection.source, projection.source),
+            target=new_names[projection.target],
+        )
+        for projection in network.projections
+    )
+    readout = replace(
+        network.readout,
+        populations=tuple(new_names[population] for population in network.readout.populations),
+    )
     return replace(
-        network,
-        name=name,
-        populations=tuple(replace(p, name=new[p.name]) for p in network.populations),
-        projections=tuple(
-            replace(p, source=new.get(p.source, p.source), target=new[p.target])
-            for p in network.projections
-        ),
-        readout=replace(
-            network.readout, populations=tuple(new[n] for n in network.readout.populations)
-        ),
+        network, name=name, populations=populations, projections=projections, readout=readout
     )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES.keys())
-def test_names_of_populations(name, tmp_path):
+def test_names_of_populations_do_no_harm(name, tmp_path):
     network = renamed(name)
     compiled = lc.compile(network, events=recordings(network))
     files = compiled.files([*LEVEL_KINDS, "csv"])
     page = files["report.html"].decode()
     assert len(page) < 2_000_000
-    found = Tags(page)
-    assert not found.found & {"script", "img", "iframe", "object"}
-    assert not found.handlers
+    tags = Tags(page)
+    assert not tags.names & {"script", "img", "iframe", "object"}
+    assert not tags.dangerous_attributes
+    # Control characters, and the one that turns the direction of text round.
     assert not set(page) & set("\x00\x1b\r\u202e")
     for table in ("figures", "spikes", "potential"):
         rows = list(csv.reader(io.StringIO(files[f"csv/{table}.csv"].decode())))
@@ -102,14 +116,14 @@ def test_names_of_populations(name, tmp_path):
         pytest.param("指" * 100 + ".pt", f"build/{'指' * 66}", id="long in bytes"),
     ],
 )
-def test_names_of_model_files(model, folder):
+def test_the_name_of_a_model_file_gives_a_safe_folder(model, folder):
     assert str(default_folder(model)) == folder
 
 
 @pytest.mark.parametrize(
     "name", ["...pt", "\"'<script>alert(1)<script>\n指.pt"], ids=["dots", "script"]
 )
-def test_a_model_file_with_a_bad_name(name, tmp_path, monkeypatch, capsys):
+def test_a_model_file_with_a_bad_name_writes_only_its_build(name, tmp_path, monkeypatch, capsys):
     home = tmp_path / "home"
     home.mkdir()
     shutil.copy(MODEL, home / name)

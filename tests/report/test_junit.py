@@ -1,4 +1,4 @@
-"""Gates as JUnit XML: the whole file."""
+"""The results of gates as JUnit XML, compared with a file written out by hand."""
 
 from __future__ import annotations
 

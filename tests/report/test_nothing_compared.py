@@ -1,4 +1,8 @@
-"""Networks of which little or nothing can be compared: what the report, the summary, the page and the gates say."""
+"""Networks of which little or nothing can be compared, because neurons stay silent or class scores tie.
+
+What was not compared must not look like perfect agreement: the terminal, report.json, the pages and the gates say that it
+is unknown. Faults that are planted in a program show which of them the check can notice.
+"""
 
 from __future__ import annotations
 
@@ -92,6 +96,7 @@ def graph_with_biases(
     return path
 
 
+# What the terminal shows; made-up recordings have no labels.
 SILENT_PART = """\
 ? Does it match? Not known. No neuron spiked, in the float network or on the
   chip: nothing was compared.
@@ -112,6 +117,7 @@ OUTPUTS_PART = """\
 """
 SILENT_NETWORK = SILENT_PART.format(first="time_hidden", second="time_output")
 SILENT_GRAPH = SILENT_PART.format(first="hidden", second="out")
+# What the gates print.
 TIES = "gate failed: --min-agreement: no prediction was compared, as all class scores tie in every recording.\n"
 SILENCE = "gate failed: --max-spike-error: no spike was compared, as no neuron spiked.\n"
 
@@ -150,6 +156,8 @@ CASES = [
 ]
 
 
+# The columns are: a function that writes the model, the text on the terminal, the spike agreement by population, the
+# neurons that the compiler added, and the messages of the gates.
 @pytest.mark.parametrize(("make", "summary", "agreement", "helpers", "failures"), CASES)
 def test_what_was_not_compared_is_not_100_percent(
     tmp_path: Path,
@@ -261,6 +269,7 @@ def test_a_bound_without_end_is_refused(
 
 
 def events() -> Recordings:
+    """Return six random recordings without labels."""
     random = np.random.default_rng(5)
     return Recordings(
         (random.random((6, STEPS, 78)) < 0.2).astype(np.uint8),
@@ -271,9 +280,11 @@ def events() -> Recordings:
 
 
 def compiled(path: Path) -> CompiledModel:
+    """Compile a checkpoint, and check it on :func:`events`."""
     return lc.compile(lc.load(path), strategy="dendrite", events=events(), diagnosis=False)
 
 
+# The columns are: fixed weights of the network, fixed weights of the program on the chip, status and answer.
 FAULTS = [
     pytest.param({}, {}, "yes", "Yes, in every prediction", id="no fault"),
     pytest.param({}, {"time_output": -0.5}, "no", "No", id="outputs fall silent"),
@@ -303,12 +314,12 @@ FAULTS = [
 
 
 def verdict_of(levels: Levels, match: Match) -> Verdict:
-    """Return whether a report of this match says that the chip does what the network does."""
+    """Return the verdict of a report of this match on whether the chip does what the network does."""
     return matches(report_figures(levels, match, GROUNDS))
 
 
 @pytest.mark.parametrize(("trained", "on_chip", "status", "answer"), FAULTS)
-def test_a_planted_fault(
+def test_a_planted_fault_is_noticed_where_it_can_be(
     tmp_path: Path, trained: dict[str, float], on_chip: dict[str, float], status: str, answer: str
 ) -> None:
     """The chip has the program of another network; the verdict is that of the comparison."""

@@ -1,9 +1,12 @@
-"""The report after ``locsnn rtl fit``: its answers, its section and its document say the same of the board."""
+"""The report after ``locsnn rtl fit`` placed the open core on an FPGA: answers, section and report.json agree.
+
+A small program is compiled for a device, and placements that were made up here are added to its written report. No
+synthesis tool runs.
+"""
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -21,9 +24,6 @@ from locsnn_compile.report.figures.typed import typed
 from locsnn_compile.report.placed import WrittenReport
 from locsnn_compile.report.renderers.html import verdicts_html
 from locsnn_compile.report.renderers.markdown import verdicts_markdown
-
-sys.path.append(str(Path(__file__).parents[1] / "compiler"))
-
 from tests.support.networks import hybrid, recordings
 
 USED = {"luts": 20, "flip_flops": 31, "block_rams": 4, "multipliers": 2}
@@ -51,6 +51,7 @@ WITHOUT_ROOM = PlacedFigures(
     placements=3,
     lacking="60 of 56 block RAMs",
 )
+"""The core does not fit the device."""
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,7 @@ def read(folder: Path, files: Mapping[str, bytes]) -> WrittenReport:
 
 
 def answer(files: Mapping[str, bytes], question: str) -> Verdict:
-    """Return an answer of the first screen, which both pages must have as it is."""
+    """Return the answer to a question in report.json; both pages must show the same answers."""
     report = compose(typed(ReportFigures, json.loads(files["report.json"])))
     assert verdicts_html(report) in files["report.html"].decode()
     assert verdicts_markdown(report) in files["report.md"].decode()
@@ -84,6 +85,7 @@ def answer(files: Mapping[str, bytes], question: str) -> Verdict:
 
 
 def facts(verdict: Verdict) -> dict[str, str]:
+    """Return the facts of a verdict by their labels."""
     return {fact.label: fact.value for fact in verdict.facts}
 
 
@@ -138,7 +140,7 @@ def test_a_board_that_keeps_its_clock_is_a_yes_with_the_clock(files, written) ->
 
 
 @pytest.mark.parametrize(
-    ("placed", "status", "says", "figure", "sentence"),
+    ("placed", "status", "short_answer", "figure", "sentence"),
     [
         pytest.param(
             replace(PLACED, fmax_mhz=99.75),
@@ -163,12 +165,13 @@ def test_a_board_that_does_not_run_the_core_is_a_no(
     written: WrittenReport,
     placed: PlacedFigures,
     status: str,
-    says: str,
+    short_answer: str,
     figure: str,
     sentence: str,
 ) -> None:
     fit = answer(written.with_placed(placed), "Does it fit?")
-    assert (fit.status, fit.answer, fit.figure, fit.sentence) == (status, says, figure, sentence)
+    assert (fit.status, fit.answer, fit.figure) == (status, short_answer, figure)
+    assert fit.sentence == sentence
 
 
 def test_a_board_for_another_target_changes_no_answer(files, written) -> None:
@@ -204,6 +207,7 @@ def test_pictures_of_a_recording_stay(files, written) -> None:
     assert written.with_placed(PLACED)["report.html"].decode().count(marker) == 1
 
 
+# A file, an edit of its text, and the error.
 REFUSED: dict[str, tuple[str, Any, str]] = {
     "an answer that was edited": (
         "report.md",
@@ -224,7 +228,7 @@ REFUSED: dict[str, tuple[str, Any, str]] = {
 
 
 @pytest.mark.parametrize(("name", "edit", "message"), REFUSED.values(), ids=REFUSED)
-def test_a_report_that_does_not_hold_together_is_refused(files, tmp_path, name, edit, message):
+def test_a_report_whose_files_disagree_is_refused(files, tmp_path, name, edit, message):
     edited = edit(files[name].decode())
     assert edited != files[name].decode()
     with pytest.raises(InputError) as caught:

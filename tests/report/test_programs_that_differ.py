@@ -1,4 +1,8 @@
-"""Two builds whose programs differ: every kind of entry and array is told, whatever the figures say."""
+"""``locsnn diff`` notices every difference between two programs, even if all other figures are equal.
+
+The second program is a copy of the first with one edit in one kind of entry or array. The edits mostly exchange two
+values, so that sums and extremes stay as they are, and only the checksum of this part can show a difference.
+"""
 
 import json
 import shutil
@@ -17,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
-    """The program of a shipped network, checked on shipped touches."""
+    """The folder of a build of a shipped network."""
     folder = tmp_path_factory.mktemp("builds") / "out"
     recordings = ROOT / "examples/recordings/touches.npz"
     arguments = [
@@ -35,10 +39,10 @@ def build(tmp_path_factory):
 
 
 def swapped(values):
-    """Return values of which the first and the first that differs from it changed places."""
+    """Return values with the first one exchanged for the first that differs from it."""
     values = np.array(values)
-    other = np.flatnonzero(values != values[0])[0]
-    values[[0, other]] = values[[other, 0]]
+    first_other = np.flatnonzero(values != values[0])[0]
+    values[[0, first_other]] = values[[first_other, 0]]
     return values
 
 
@@ -48,7 +52,7 @@ def of_core(program, **changes):
 
 
 def of_axons(program, *names, **changes):
-    """Return a program with other axons in its first core; arrays of these names are swapped."""
+    """Return a program with other axons in its first core: two values of the arrays ``names`` are exchanged."""
     axons = program.cores[0].axons
     return of_core(
         program,
@@ -57,14 +61,17 @@ def of_axons(program, *names, **changes):
 
 
 def of_input(program, **changes):
+    """Return a program with changes in its second input, that of the location branch."""
     return replace(program, inputs=(program.inputs[0], replace(program.inputs[1], **changes)))
 
 
 def of_phase(program, **changes):
+    """Return a program with changes in its first phase."""
     return replace(program, phases=(replace(program.phases[0], **changes), program.phases[1]))
 
 
 def of_route(program, name):
+    """Return a program in which two values of an array of its first input's route are exchanged."""
     first, *others = program.input_routes
     return replace(
         program, input_routes=(replace(first, **{name: swapped(getattr(first, name))}), *others)
@@ -72,28 +79,31 @@ def of_route(program, name):
 
 
 def of_readout(program, **changes):
-    """The program with parts of its readout replaced."""
+    """Return a program with changes in its readout."""
     return replace(program, readout=replace(program.readout, **changes))
 
 
 def of_profiles(program, **changes):
+    """Return a program with changes in the first compartment profile of its first core."""
     first, *others = program.cores[0].profiles
     return of_core(program, profiles=(replace(first, **changes), *others))
 
 
 def of_format(program, **changes):
+    """Return a program with changes in the first synapse format of its first core."""
     first, *others = program.cores[0].axons.formats
     return of_axons(program, formats=(replace(first, **changes), *others))
 
 
 def of_chip(program, before, after):
+    """Return a program whose chip file has ``after`` in place of ``before``."""
     text = program.chip.document.replace(before, after)
     assert text != program.chip.document
     return replace(program, chip=replace(program.chip, document=text))
 
 
 def regrouped(program):
-    """Return a program whose two groups of 32 changed their names, and so their places."""
+    """Return a program in which the first two groups of a core exchanged their names; both have 32 compartments."""
     first, second, *others = program.cores[0].slices
     return of_core(
         program,
@@ -101,6 +111,8 @@ def regrouped(program):
     )
 
 
+# For each edit: the part of the program whose checksum must differ, and the function that edits a program. The core has
+# 136 compartments, the input 78 lines, and the recording 250 steps.
 EDITS = {
     "location walk": ("inputs.positions", lambda p: of_input(p, positions=swapped(p.inputs[1].positions))),
     "first lines": ("inputs.first_lines", lambda p: of_input(p, first_lines=np.eye(1, 78, dtype=int)[0])),
@@ -150,40 +162,41 @@ EDITS = {
 
 
 def differences(build, tmp_path, edit, capsys):
-    """Return what diff says, as text and as JSON, of a build and its copy with an edited program."""
+    """Return the output of diff, as text and as JSON, for a build and a copy with an edited program."""
     shutil.copytree(build, tmp_path / "out")
     edit(hw.load_program(build)).save(tmp_path / "out")
     assert main(["diff", str(build), str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
+    text = capsys.readouterr().out
     assert main(["diff", str(build), str(tmp_path / "out"), "--json"]) == 0
-    return said, json.loads(capsys.readouterr().out)
+    return text, json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EDITS)
-def test_every_edit_of_a_program_is_told(name, build, tmp_path, capsys):
+def test_every_edit_of_a_program_is_noticed(name, build, tmp_path, capsys):
     part, edit = EDITS[name]
-    said, changed = differences(build, tmp_path, edit, capsys)
+    text, changed = differences(build, tmp_path, edit, capsys)
     assert f"program.contents.{part}" in changed
-    assert "The builds are equal" not in said
+    assert "The builds are equal" not in text
     if all(key.startswith("program.contents.") for key in changed):
-        parts = [key.removeprefix("program.contents.") for key in changed]
-        told = " and ".join([", ".join(parts[:-1]), parts[-1]] if parts[1:] else parts)
-        assert said == f"All figures are equal, but not the programs: they differ in {told}.\n"
+        *parts, last_part = [key.removeprefix("program.contents.") for key in changed]
+        listed = f"{', '.join(parts)} and {last_part}" if parts else last_part
+        assert text == f"All figures are equal, but not the programs: they differ in {listed}.\n"
 
 
 @pytest.mark.slow
 def test_where_figures_of_reports_differ_as_well_the_summary_says_so(build, tmp_path, capsys):
     shutil.copytree(build, tmp_path / "out")
-    EDITS["weights"][1](hw.load_program(build)).save(tmp_path / "out")
+    _, exchange_weights = EDITS["weights"]
+    exchange_weights(hw.load_program(build)).save(tmp_path / "out")
     report = json.loads((build / "report.json").read_text())
     report["energy"]["per_sample_pj"] += 1.0
     (tmp_path / "out/report.json").write_text(json.dumps(report))
     assert main(["diff", str(build), str(tmp_path / "out")]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.split())
     assert (
         "The programs differ, but not in their sums and extremes. They differ in cores.mantissa."
-        in said
+        in text
     )
 
 
@@ -196,5 +209,5 @@ def test_where_figures_of_reports_differ_as_well_the_summary_says_so(build, tmp_
     ],
     ids=["written again", "provenance", "remarks in the chip file"],
 )
-def test_where_it_came_from_is_no_difference(edit, build, tmp_path, capsys):
+def test_the_origin_of_a_program_is_no_difference(edit, build, tmp_path, capsys):
     assert differences(build, tmp_path, edit, capsys) == ("The builds are equal.\n", {})

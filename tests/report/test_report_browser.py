@@ -1,4 +1,7 @@
-"""The page in a browser: what it asks for, what it says, and how it stands on a phone, in the dark and on paper."""
+"""report.html in a browser: it loads nothing, and can be read on a phone, in the dark, on paper and by keyboard.
+
+Chromium opens the pages and runs small scripts in them; the tests are skipped where there is no Chromium.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +23,21 @@ from tests.support.chromium import Chromium, find_chromium, started
 from tests.support.small_report import figures
 
 ROOT = Path(__file__).parents[2]
-ENTER, TAB = ("Enter", 13), ("Tab", 9)
-LOUD = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+ENTER = ("Enter", 13)
+TAB = ("Tab", 9)
+"""Keys, with their codes in the DevTools protocol."""
+CONSOLE_EVENTS = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+# Scripts that return the elements (the beginning of their markup) that break a rule.
 TOO_WIDE = """
   [...document.querySelectorAll('body *')].filter(e => !e.closest('.scroll, .hidden, .skip, .defs')
     && e.getBoundingClientRect().right > document.documentElement.clientWidth + 1).map(e => e.outerHTML.slice(0, 80))
 """
+"""Elements that stick out of the window to the right; tables in boxes that scroll may be wider."""
 CUT = """
   [...document.querySelectorAll('.scroll:not(:has(.wide))')].filter(e => e.scrollWidth > e.clientWidth + 1)
     .map(e => e.querySelector('caption').textContent)
 """
+"""Captions of tables that are wider than their box, except those of many columns."""
 FIRST_SCREEN = 800
 """Pixels that the browser of a small laptop shows."""
 FAINT = """
@@ -37,19 +45,21 @@ FAINT = """
     const parts = colour => colour.match(/[\\d.]+/g).map(Number)
     const light = ([r, g, b]) => [r, g, b].map(v => v / 255).map(v => v <= .03928 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
       .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0)
-    const ground = e => { for (; e; e = e.parentElement) {
+    const background = e => { for (; e; e = e.parentElement) {
       const [r, g, b, a = 1] = parts(getComputedStyle(e).backgroundColor); if (a > 0) return [r, g, b] } return [255, 255, 255] }
     const ratio = (a, b) => (Math.max(a, b) + .05) / (Math.min(a, b) + .05)
     return [...document.querySelectorAll('h1, h2, h3, p, dt, dd, th, td, li, a, caption, summary, figcaption, text')]
       .filter(e => e.textContent.trim()).filter(e => { const style = getComputedStyle(e)
-        return ratio(light(parts(e.tagName == 'text' ? style.fill : style.color)), light(ground(e.parentElement))) < 4.5 })
+        return ratio(light(parts(e.tagName == 'text' ? style.fill : style.color)), light(background(e.parentElement))) < 4.5 })
       .map(e => e.outerHTML.slice(0, 80))
   })()
 """
+"""Texts whose contrast to the background is below 4.5, the least that WCAG 2 (level AA) allows."""
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Chromium]:
+    """A browser for all tests of this module."""
     path = find_chromium()
     if path is None:
         pytest.skip("no Chromium on this machine; Debian has it as the package chromium")
@@ -70,20 +80,20 @@ def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
 
 
 def _quiet_and_alone(browser: Chromium, page: Path) -> None:
-    """Nothing was said on the console, and nothing asked for but the page itself."""
-    assert [event for event in browser.events if event["method"] in LOUD] == []
-    asked = [
-        e["params"]["request"]["url"]
-        for e in browser.events
-        if e["method"] == "Network.requestWillBeSent"
+    """Check that the page wrote nothing to the console, and that the browser loaded only the page itself."""
+    assert [event for event in browser.events if event["method"] in CONSOLE_EVENTS] == []
+    requests = [
+        event["params"]["request"]["url"]
+        for event in browser.events
+        if event["method"] == "Network.requestWillBeSent"
     ]
-    assert asked == [page.resolve().as_uri()]
+    assert requests == [page.resolve().as_uri()]
 
 
-def test_it_says_nothing_to_the_console_and_asks_for_nothing(browser: Chromium, page: Path) -> None:
+def test_it_writes_nothing_to_the_console_and_loads_nothing(browser: Chromium, page: Path) -> None:
     browser.open(page)
     _quiet_and_alone(browser, page)
-    shown = browser.evaluate("document.body.innerText")
+    text = browser.evaluate("document.body.innerText")
     for figure in (
         "two-branches on loihi-sim",
         "95.0 %",
@@ -91,7 +101,7 @@ def test_it_says_nothing_to_the_console_and_asks_for_nothing(browser: Chromium, 
         "2 of 128 cores",
         "1 only on the chip",
     ):
-        assert figure in shown
+        assert figure in text
 
 
 @pytest.mark.parametrize("width", [320, 360, 768, 1280, 1920])
@@ -107,7 +117,7 @@ def test_it_is_never_wider_than_the_screen(browser: Chromium, page: Path, width:
 
 
 def test_no_table_is_cut_on_a_laptop(browser: Chromium, page: Path) -> None:
-    """The error budget was 87 pixels wider than its place, so that its last column could not be read."""
+    """A table that is cut must be scrolled to read its last column."""
     browser.open(page, width=1280)
     browser.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
     assert browser.evaluate(CUT) == []
@@ -122,14 +132,14 @@ def test_a_laptop_shows_all_answers_at_once(browser: Chromium, page: Path) -> No
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_all_text_stands_out_from_its_ground(browser: Chromium, page: Path, dark: bool) -> None:
+def test_all_text_stands_out_from_its_background(browser: Chromium, page: Path, dark: bool) -> None:
     browser.open(page, dark=dark)
-    ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert ground == ("rgb(18, 21, 24)" if dark else "rgb(255, 255, 255)")
+    background = browser.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert background == ("rgb(18, 21, 24)" if dark else "rgb(255, 255, 255)")
     assert browser.evaluate(FAINT) == []
 
 
-def test_paper_is_white_and_whole(browser: Chromium, page: Path) -> None:
+def test_on_paper_the_page_is_white_and_nothing_is_folded(browser: Chromium, page: Path) -> None:
     browser.open(page, dark=True, media="print")
     assert (
         browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
@@ -138,9 +148,9 @@ def test_paper_is_white_and_whole(browser: Chromium, page: Path) -> None:
     assert browser.evaluate(
         "document.querySelector('details table').checkVisibility({contentVisibilityAuto: true})"
     )
-    made = browser.pdf()
-    assert made.startswith(b"%PDF-")
-    assert made.count(b"/Type /Page\n") > 3
+    pdf = browser.pdf()
+    assert pdf.startswith(b"%PDF-")
+    assert pdf.count(b"/Type /Page\n") > 3
 
 
 @pytest.mark.slow
@@ -152,6 +162,7 @@ def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path
     browser.press(*ENTER)
     assert browser.evaluate("location.hash") == "#main"
     reached = []
+    # More often than there are elements to reach.
     for _ in range(200):
         browser.press(*TAB)
         reached.append(browser.evaluate("document.activeElement.outerHTML.slice(0, 40)"))
@@ -161,7 +172,8 @@ def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path
             )
             browser.press(*ENTER)
             assert browser.evaluate("document.activeElement.parentElement.open")
-        if reached[-1].startswith(("<body", '<a class="skip"')):  # round once
+        # The focus has gone round once.
+        if reached[-1].startswith(("<body", '<a class="skip"')):
             reached.pop()
             break
     links = browser.evaluate("document.querySelectorAll('nav a').length")
@@ -170,8 +182,8 @@ def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path
         ("<summary", "summary"),
         ('<div class="scroll" tabindex', ".scroll[tabindex]"),
     ):
-        there = browser.evaluate(f"document.querySelectorAll('{selector}').length")
-        assert sum(start in element for element in reached) == there > 0
+        on_page = browser.evaluate(f"document.querySelectorAll('{selector}').length")
+        assert sum(start in element for element in reached) == on_page > 0
 
 
 def test_pictures_and_tables_have_names(browser: Chromium, page: Path) -> None:
@@ -221,12 +233,12 @@ def test_hostile_names_stay_text(
     document["model"]["name"] = match["events_source"] = match["first_divergence"]["population"] = (
         name
     )
-    for table in (
+    for entries in (
         match["by_population"],
         document["quantization"],
         document["energy"]["by_population_pj"],
     ):
-        table[name] = table.pop("time_output")
+        entries[name] = entries.pop("time_output")
     assert excerpt.first is not None
     excerpt = replace(
         excerpt,
@@ -241,8 +253,9 @@ def test_hostile_names_stay_text(
     _quiet_and_alone(browser, page)
     assert browser.evaluate("window.hurt === undefined")
     assert browser.evaluate(TOO_WIDE) == []
-    shown = name.replace("\n", "\\n")[:50]
-    assert browser.evaluate("document.querySelector('h1').textContent").startswith(shown)
+    # A long name is cut in the title.
+    beginning = name.replace("\n", "\\n")[:50]
+    assert browser.evaluate("document.querySelector('h1').textContent").startswith(beginning)
 
 
 @pytest.mark.minutes
@@ -254,7 +267,7 @@ def test_hostile_names_stay_text(
     ],
     ids=["objects", "containers"],
 )
-def test_the_examples(
+def test_reports_of_the_shipped_examples_can_be_read(
     browser: Chromium, tmp_path: Path, model: str, events: str, predictions: str
 ) -> None:
     examples = ROOT / "examples"
@@ -269,7 +282,7 @@ def test_the_examples(
     assert page.stat().st_size < 2_000_000
     browser.open(page)
     _quiet_and_alone(browser, page)
-    shown = browser.evaluate("document.body.innerText")
+    text = browser.evaluate("document.body.innerText")
     for figure in (
         f"{model} on loihi-sim",
         "of 128 cores",
@@ -277,7 +290,7 @@ def test_the_examples(
         f"{predictions} recordings",
         "location_output",
     ):
-        assert figure in shown
+        assert figure in text
     for dark in (False, True):
         browser.open(page, width=360, dark=dark)
         assert browser.evaluate(TOO_WIDE) == []

@@ -1,4 +1,4 @@
-"""``--emit csv``: golden rows, and cells that a spreadsheet must not work out."""
+"""``--emit csv``: rows written out by hand for the small report, and cells that a spreadsheet must not run as formulas."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from locsnn_compile.verification.excerpt import Excerpt
 
 
 def _lines(files: dict[str, bytes], name: str) -> list[str]:
+    """Return the lines of a table, by its name."""
     return files[f"csv/{name}.csv"].decode().splitlines()
 
 
@@ -32,7 +33,9 @@ def test_figures_have_their_units(document: dict[str, Any]) -> None:
         assert line in lines
 
 
-def test_spikes_and_potential(document: dict[str, Any], excerpt: Excerpt) -> None:
+def test_spikes_and_potentials_are_those_of_the_excerpt(
+    document: dict[str, Any], excerpt: Excerpt
+) -> None:
     files = csv_files(document, excerpt)
     assert _lines(files, "spikes") == [
         "axis,source,step,row,reference,chip",
@@ -55,5 +58,6 @@ def test_spikes_and_potential(document: dict[str, Any], excerpt: Excerpt) -> Non
 @pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@sum", "\t=1"])
 def test_no_text_is_a_formula(document: dict[str, Any], excerpt: Excerpt, name: str) -> None:
     excerpt = replace(excerpt, inputs=(replace(excerpt.inputs[0], name=name),))
-    shown = name.replace("\t", "\\t") if name[0] == "\t" else f"'{name}"
-    assert _lines(csv_files(document, excerpt), "spikes")[1] == f"time,{shown},39,0,1,1"
+    # A tab is shown as an escape, which begins with a backslash; all others get an apostrophe in front.
+    cell = name.replace("\t", "\\t") if name[0] == "\t" else f"'{name}"
+    assert _lines(csv_files(document, excerpt), "spikes")[1] == f"time,{cell},39,0,1,1"

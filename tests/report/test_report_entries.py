@@ -1,4 +1,7 @@
-"""Entries of report.json: a document and its types say the same, and what has another shape is refused by name."""
+"""Entries, the types of report.json: writing and reading them are inverse, and documents of another shape are refused.
+
+``Part`` is an entry with every kind of field that entries may have; ``DOCUMENT`` is what it must look like in JSON.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,8 @@ class Part(Entry):
     choice: Size | Named | None
 
 
+# Fields that end in an underscore have keys that are words of Python; ``note`` and ``budget`` are absent, and
+# ``energy`` and ``times`` are written as null keys.
 PART = Part(
     name="a",
     size=Size(1, 2.0),
@@ -91,8 +96,9 @@ def test_the_fields_of_an_entry_are_keys_in_their_order():
         pytest.param("parts", {}, id="no-parts"),
     ],
 )
-def test_a_document_is_that_of_its_entry(key, value):
+def test_reading_a_document_and_writing_it_again_changes_nothing(key, value):
     document = DOCUMENT | {key: value}
+    # The key ``budget`` is absent only where ``note`` is.
     if key == "note":
         document["budget"] = None
     assert plain(typed(Part, document)) == document
@@ -135,7 +141,9 @@ def test_a_document_is_that_of_its_entry(key, value):
         ),
     ],
 )
-def test_another_shape_is_refused_by_name(changes: dict[str, Any], message: str):
+def test_a_document_of_another_shape_is_refused_with_the_path_of_the_value(
+    changes: dict[str, Any], message: str
+):
     with pytest.raises(InputError) as caught:
         typed(Part, DOCUMENT | changes)
     assert str(caught.value) == message.format(fix="Compile it again with this version.")

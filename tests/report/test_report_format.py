@@ -1,3 +1,5 @@
+"""Numbers of the report as text: three significant digits, units that suit them, and shares that never claim too much."""
+
 from __future__ import annotations
 
 import pytest
@@ -20,7 +22,7 @@ from locsnn_compile.report.format import (
 
 
 @pytest.mark.parametrize(
-    ("made", "text"),
+    ("formatted", "text"),
     [
         pytest.param(energy(0.0), "0 pJ", id="energy-nothing"),
         pytest.param(energy(0.0236), "0.0236 pJ", id="energy-below-the-first-unit"),
@@ -75,8 +77,8 @@ from locsnn_compile.report.format import (
         pytest.param(plain("µ touch 1"), "µ touch 1", id="printable"),
     ],
 )
-def test_texts_of_values(made: str, text: str) -> None:
-    assert made == text
+def test_a_value_has_this_text(formatted: str, text: str) -> None:
+    assert formatted == text
 
 
 @pytest.mark.parametrize(
@@ -89,7 +91,9 @@ def test_texts_of_values(made: str, text: str) -> None:
         pytest.param((1.0, 1.0, 1.0), ["1", "1", "1"], id="equal"),
     ],
 )
-def test_told_apart(values: tuple[float, ...], texts: list[str]) -> None:
+def test_different_numbers_get_enough_digits_to_look_different(
+    values: tuple[float, ...], texts: list[str]
+) -> None:
     assert told_apart(values) == texts
 
 
@@ -101,9 +105,8 @@ def test_a_share_is_never_rounded_to_its_ends(value: float) -> None:
 
 @given(st.floats(1e-3, 1e15))
 def test_three_digits_are_kept_and_one_unit_is_chosen(pj: float) -> None:
+    pj_per_unit = {"pJ": 1.0, "nJ": 1e3, "µJ": 1e6, "mJ": 1e9, "J": 1e12}
     number, unit = energy(pj).split()
-    shown = (
-        float(number.replace(",", ""))
-        * {"pJ": 1.0, "nJ": 1e3, "µJ": 1e6, "mJ": 1e9, "J": 1e12}[unit]
-    )
-    assert abs(shown - pj) <= 0.0051 * pj
+    shown_pj = float(number.replace(",", "")) * pj_per_unit[unit]
+    # Three digits are at least 100, so rounding changes at most half of a hundredth, and a little for floats.
+    assert abs(shown_pj - pj) <= 0.0051 * pj

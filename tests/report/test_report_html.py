@@ -1,3 +1,9 @@
+"""report.html: well-formed, self-contained, accessible, and with every string escaped.
+
+The pages are parsed with Python's HTML parser. ``test_blocks.py`` compares the markup of each kind of block, and
+``test_report_browser.py`` opens pages in a browser.
+"""
+
 from __future__ import annotations
 
 import itertools
@@ -14,10 +20,14 @@ from locsnn_compile.verification.excerpt import Excerpt
 from tests.support.small_report import figures
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "wbr"}
+"""Elements that have no end tag."""
 
 
 class Page(HTMLParser):
-    """Read a page: every start tag has its end, in order; attributes, ids and text are kept."""
+    """A page that was parsed: its tags with their attributes, and its text without styles.
+
+    Parsing fails unless every start tag has its end tag, in order.
+    """
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -45,6 +55,7 @@ class Page(HTMLParser):
             self.text += f" {data}".replace("\u00a0", " ")
 
     def named(self, tag: str) -> list[dict[str, str | None]]:
+        """Return the attributes of every element with this tag."""
         return [attributes for name, attributes in self.tags if name == tag]
 
 
@@ -75,7 +86,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
         assert figure in text
 
 
-def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
+def test_verdicts_come_first_then_sections_in_their_order(document: dict[str, Any]) -> None:
     text = Page(render_html(compose(figures(document)))).text
     order = [
         "Does it match?",
@@ -89,15 +100,14 @@ def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
         "the fullest first",
         "Time per recording",
         "Where the energy goes",
-    ]
-    order += [
         "Each stage alone, over",
         "Accuracy after each step",
         "Distance of potentials",
         "2 of 128 cores in use",
         "model sha256",
     ]
-    assert [text.index(name) for name in order] == sorted(text.index(name) for name in order)
+    places = [text.index(name) for name in order]
+    assert places == sorted(places)
 
 
 def test_lines_break_neither_before_a_unit_nor_within_an_option() -> None:
@@ -106,7 +116,7 @@ def test_lines_break_neither_before_a_unit_nor_within_an_option() -> None:
     )
 
 
-def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
+def test_the_page_loads_nothing(document: dict[str, Any]) -> None:
     html = render_html(compose(figures(document)))
     page = Page(html)
     assert {tag for tag, _ in page.tags} & {
@@ -154,7 +164,7 @@ HOSTILE = '</title><script>alert("1")</script>\'&\n`|\x1b[31m'
 
 
 def _hostile(value: Any) -> Any:
-    """Put the hostile string before every string, and in every key that is a name."""
+    """Return a part of a document with the hostile string in front of every string."""
     if isinstance(value, dict):
         return {key: _hostile(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -163,20 +173,19 @@ def _hostile(value: Any) -> Any:
 
 
 def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> None:
-    tags = sorted(
-        tag
-        for tag, _ in Page(render_html(compose(figures(document), excerpt))).tags
-        if tag != "wbr"
-    )
-    words = document["match"]["reference"], document["match"]["events_origin"]
-    read_by, right_is = document["match"]["readout"]["by"], document["over_time"]["right_is"]
-    matters = document["overflows"]["matters"]
+    def tags_of(page: Page) -> list[str]:
+        """Return the tags of a page, without the places at which long names may break."""
+        return sorted(tag for tag, _ in page.tags if tag != "wbr")
+
+    tags = tags_of(Page(render_html(compose(figures(document), excerpt))))
+    usual = document
     document = _hostile(document)
-    # What is one of a few words cannot be another text.
-    document["match"] |= {"reference": words[0], "events_origin": words[1]}
-    document["match"]["readout"]["by"] = read_by
-    document["over_time"]["right_is"] = right_is
-    document["overflows"]["matters"] = matters
+    # These values are one of a few words, and no other text is read.
+    for key in ("reference", "events_origin"):
+        document["match"][key] = usual["match"][key]
+    document["match"]["readout"]["by"] = usual["match"]["readout"]["by"]
+    document["over_time"]["right_is"] = usual["over_time"]["right_is"]
+    document["overflows"]["matters"] = usual["overflows"]["matters"]
     names = [f"{HOSTILE}{item.name}" for item in (*excerpt.inputs, *excerpt.populations)]
     excerpt = replace(
         excerpt,
@@ -185,17 +194,18 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         populations=(replace(excerpt.populations[0], name=names[1]),),
         potential=replace(excerpt.potential, population=names[1]),
     )
-    for table in (
+    # Keys that are names.
+    for entries in (
         document["match"]["by_population"],
         document["quantization"],
         document["energy"]["breakdown_pj"],
     ):
-        table[HOSTILE] = table.pop(next(iter(table)))
+        entries[HOSTILE] = entries.pop(next(iter(entries)))
     html = render_html(compose(figures(document), excerpt))
     page = Page(html)
     assert "<script" not in html
     assert "\x1b" not in html
-    assert sorted(tag for tag, _ in page.tags if tag != "wbr") == tags
+    assert tags_of(page) == tags
     assert '</title><script>alert("1")</script>\'&\\n`|\\x1b[31mtwo-branches on' in page.text
 
 
@@ -260,28 +270,29 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         pytest.param(("model", "sha256"), None, "model sha256 –", id="no-checksum"),  # noqa: RUF001
     ],
 )
-def test_what_may_be_missing(
+def test_a_page_says_what_is_missing(
     document: dict[str, Any], path: tuple[str, ...], value: Any, text: str
 ) -> None:
-    *outer, last = path
-    target = document
-    for key in outer:
-        target = target[key]
-    target[last] = value
-    assert text in " ".join(Page(render_html(compose(figures(document)))).text.split())
+    *outer_keys, last_key = path
+    entry = document
+    for key in outer_keys:
+        entry = entry[key]
+    entry[last_key] = value
+    page = Page(render_html(compose(figures(document))))
+    assert text in " ".join(page.text.split())
 
 
-def test_many_cores_are_folded(document: dict[str, Any]) -> None:
-    folded = [
-        attributes.get("class")
-        for attributes in Page(render_html(compose(figures(document)))).named("details")
-    ]
-    assert folded.count("long") == len(document["energy"]["profiles"])
+def test_tables_of_many_cores_are_folded_and_cut(document: dict[str, Any]) -> None:
+    page = Page(render_html(compose(figures(document))))
+    classes = [attributes.get("class") for attributes in page.named("details")]
+    # Only the tables of constants, one per profile, are folded in a small report.
+    assert classes.count("long") == len(document["energy"]["profiles"])
     row = document["resources"]["by_core"][0]
     document["resources"]["by_core"] = [{**row, "core": i} for i in range(128)]
     html = render_html(compose(figures(document)))
     assert "<summary>Core by core (128 rows)</summary>" in html
     assert len(html.encode()) < 200_000
+    # 5,000 cores on 40 chips of 8 by 4 tiles, with 4 cores on each tile.
     document["resources"]["mesh"]["chips"] = 40
     tiles = [[i // 128 * 8 + i % 32 // 4, i % 128 // 32] for i in range(5000)]
     document["resources"]["by_core"] = [
@@ -296,34 +307,30 @@ def test_many_cores_are_folded(document: dict[str, Any]) -> None:
 
 
 def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str, Any]) -> None:
-    nearer, larger = (
-        "neurons and steps nearer to the threshold than that",
-        "neurons and steps with a larger error than that",
-    )
+    nearer = "neurons and steps nearer to the threshold than that"
+    larger = "neurons and steps with a larger error than that"
     page = Page(render_html(compose(figures(document))))
-    # Once in the description of the drawing, once below it.
-    assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (
-        4,
-        4,
-        4 + 4 + 4,
-    )
-    drawn = [str(curve["points"]).split(" ") for curve in page.named("polyline")]
+    # For each of two populations, once in the description of the drawing and once below it.
+    assert page.text.count(nearer) == page.text.count(larger) == 4
+    # Four curves of margins, four of predictions over time, and four of energy and time over the steps.
+    assert len(page.named("polyline")) == 4 + 4 + 4
+    curves = [str(curve["points"]).split(" ") for curve in page.named("polyline")]
     # Shares on a logarithmic axis of five decades, upwards from the edges of the bins: 0.1 %, 2 %, 50 % and all.
-    first = drawn.index(["25,60", "50,33.98", "75,6.021", "100,0"])
-    second = drawn[first + 1]
-    assert [point.split(",")[0] for point in second] == ["0", "25", "50", "75"]
+    distances = curves.index(["25,60", "50,33.98", "75,6.021", "100,0"])
+    errors = curves[distances + 1]
+    assert [point.split(",")[0] for point in errors] == ["0", "25", "50", "75"]
     document["margins"]["by_population"]["time_output"]["error_histogram"] = [0, 0, 0, 0]
     page = Page(render_html(compose(figures(document))))
     assert (page.text.count(nearer), page.text.count(larger)) == (4, 2)
 
 
 def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:
-    one = document["margins"]["by_population"]["time_output"]
-    document["margins"]["by_population"] = {f"layer{i}": one for i in range(40)}
+    population = document["margins"]["by_population"]["time_output"]
+    document["margins"]["by_population"] = {f"layer{i}": population for i in range(40)}
     page = Page(render_html(compose(figures(document))))
-    assert (
-        len([drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]) == 8 + 3
-    )
+    plots = [drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]
+    # Margins of 8 populations, predictions over time, and energy and time over the steps.
+    assert len(plots) == 8 + 3
 
 
 def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
@@ -331,12 +338,12 @@ def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> Non
 
 
 @pytest.mark.parametrize(
-    ("strategy", "said"),
+    ("strategy", "words"),
     [("reset", "strategy reset"), ("delay-line, native", "strategies delay-line and native")],
     ids=["one", "two"],
 )
 def test_the_header_names_every_strategy(
-    document: dict[str, Any], strategy: str, said: str
+    document: dict[str, Any], strategy: str, words: str
 ) -> None:
     report = compose(figures(document | {"strategy": strategy}))
-    assert report.subtitle == f"8-bit weights, {said}, 20 recordings of touches.npz"
+    assert report.subtitle == f"8-bit weights, {words}, 20 recordings of touches.npz"

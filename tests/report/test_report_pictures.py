@@ -1,7 +1,12 @@
-"""Pictures: what is drawn where, by numbers that can be followed by hand."""
+"""The pictures of the report: rasters, potentials, margins, meshes and curves, with places that can be followed by hand.
+
+Most tests look at the content (a raster's strokes, a plot's points) before it becomes SVG; ``test_blocks.py`` has the
+markup.
+"""
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from typing import Any
@@ -31,14 +36,14 @@ from tests.support.small_report import figures
 
 
 def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None) -> Section:
-    """The section of a report with this key."""
+    """Return the section of a report with this key."""
     return next(
         section for section in compose(figures(document), excerpt).sections if section.key == key
     )
 
 
 def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
-    """The rasters of the section on spikes."""
+    """Return the rasters of the section on spikes: the population, then the input."""
     return [
         block
         for block in _section("spikes", document, excerpt).unfolded
@@ -47,81 +52,87 @@ def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
 
 
 def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -> None:
-    drawn, _ = _rasters(document, excerpt)
-    assert drawn.title == "time_output: 2 of 36 neurons"
-    assert (drawn.columns, drawn.rows, drawn.flag) == (4, 2, (2, 1))
-    assert drawn.flag_label == "neuron 3, step 41"
-    assert [(one.kind, one.label, one.points) for one in drawn.strokes] == [
+    population, _ = _rasters(document, excerpt)
+    assert population.title == "time_output: 2 of 36 neurons"
+    assert (population.columns, population.rows) == (4, 2)
+    # Step 41 is the third column, and neuron 3 the second row.
+    assert population.flag == (2, 1)
+    assert population.flag_label == "neuron 3, step 41"
+    assert [(strokes.kind, strokes.label, strokes.points) for strokes in population.strokes] == [
         ("equal", "3 on both sides", ((0, 0), (3, 0), (1, 1))),
         ("reference", "1 only in the float network", ((2, 1),)),
         ("chip", "1 only on the chip", ((3, 1),)),
     ]
-    assert drawn.x.places == [(0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42")]
+    assert population.x.places == [(0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42")]
 
 
 def test_a_network_in_its_own_integers_is_called_the_network(
     document: dict[str, Any], excerpt: Excerpt
 ) -> None:
     document["match"]["reference"] = "integers"
-    drawn = _rasters(document, excerpt)[0]
-    assert [one.label for one in drawn.strokes] == [
+    population, _ = _rasters(document, excerpt)
+    assert [strokes.label for strokes in population.strokes] == [
         "3 on both sides",
         "1 only in the network",
         "1 only on the chip",
     ]
-    assert drawn.description.endswith(
+    assert population.description.endswith(
         " spikes on both sides, 1 only in the network, 1 only on the chip."
     )
 
 
 def test_limits_that_a_core_does_not_have_are_left_out(document: dict[str, Any]) -> None:
+    """A limit of 0 has no row unless the program exceeds it."""
     document["resources"]["limits"] |= {
         "step": {"used": 0, "limit": 0},
         "places": {"used": 1, "limit": 0},
     }
-    rows = next(
-        block
-        for block in _section("resources", document, None).unfolded
-        if isinstance(block, Table)
-    ).rows
-    assert "places for compartments of a phase of a core" in {row[0] for row in rows}
-    assert not any("steps between targets" in str(row[0]) for row in rows)
+    table = next(
+        block for block in _section("resources", document).unfolded if isinstance(block, Table)
+    )
+    names = {str(row[0]) for row in table.rows}
+    assert "places for compartments of a phase of a core" in names
+    assert not any("steps between targets" in name for name in names)
 
 
 def test_sides_are_told_apart_without_colour(document: dict[str, Any], excerpt: Excerpt) -> None:
-    made = raster(_rasters(document, excerpt)[0])
-    paths = dict(re.findall(r'<path class="stroke (\w+)"[^>]* d="([^"]*)"/>', made))
+    markup = raster(_rasters(document, excerpt)[0])
+    paths = dict(re.findall(r'<path class="stroke (\w+)"[^>]* d="([^"]*)"/>', markup))
     # Rows are 8 units high: a shared spike is 6 long, one of the float network 4 from the top, one of the chip 4 below.
     assert paths == {"equal": "M0 1v6M3 1v6M1 9v6", "reference": "M2 8v4", "chip": "M3 12v4"}
 
 
 def test_lines_share_rows(document: dict[str, Any], excerpt: Excerpt) -> None:
-    _, drawn = _rasters(document, excerpt)
-    assert drawn.title == "Input of the time branch: 5 lines, 2 per row"
-    assert [one.label for one in drawn.strokes] == ["4 strokes, each one event or more"]
+    _, lines = _rasters(document, excerpt)
+    assert lines.title == "Input of the time branch: 5 lines, 2 per row"
+    assert [strokes.label for strokes in lines.strokes] == ["4 strokes, each one event or more"]
 
 
 def test_populations_read_by_potential_are_drawn_only_where_they_spike(
     document: dict[str, Any], excerpt: Excerpt
 ) -> None:
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
-    assert [one.title for one in _rasters(document, excerpt)][:1] == [
-        "time_output: 2 of 36 neurons"
-    ]
-    (item,) = excerpt.populations
-    silent = replace(item, reference=np.zeros_like(item.reference), chip=np.zeros_like(item.chip))
-    quiet = replace(excerpt, populations=(silent,))
-    assert len(_rasters(document, quiet)) == 1
-    assert str(_section("spikes", document, quiet).blocks[0]).endswith(
+    assert _rasters(document, excerpt)[0].title == "time_output: 2 of 36 neurons"
+    (population,) = excerpt.populations
+    silent = replace(
+        population,
+        reference=np.zeros_like(population.reference),
+        chip=np.zeros_like(population.chip),
+    )
+    silent_excerpt = replace(excerpt, populations=(silent,))
+    # Only the input is drawn.
+    assert len(_rasters(document, silent_excerpt)) == 1
+    assert str(_section("spikes", document, silent_excerpt).blocks[0]).endswith(
         "2 further populations are not drawn."
     )
+    # A population that is not read by potential is drawn even if it is silent.
     document["match"]["readout"]["populations"] = []
-    assert len(_rasters(document, quiet)) == 2
+    assert len(_rasters(document, silent_excerpt)) == 2
 
 
-def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) -> None:
-    first = _section("spikes", document, excerpt).blocks[0]
-    assert first == (
+def test_the_section_says_what_is_not_drawn(document: dict[str, Any], excerpt: Excerpt) -> None:
+    first_paragraph = _section("spikes", document, excerpt).blocks[0]
+    assert first_paragraph == (
         "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Large populations "
         "are drawn in part: the neurons with the most differences, then the busiest ones. 1 further population is not drawn."
     )
@@ -130,41 +141,44 @@ def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) ->
 def test_populations_read_by_potential_have_no_margins_drawn_and_no_row_in_the_error_budget(
     document: dict[str, Any],
 ) -> None:
-    def told(key: str, kind: type) -> list[Any]:
-        section = next(
-            section for section in compose(figures(document)).sections if section.key == key
-        )
-        return [block for block in section.unfolded if isinstance(block, kind)]
+    def blocks_of(key: str, kind: type) -> list[Any]:
+        """Return the blocks of a kind in a section."""
+        return [block for block in _section(key, document).unfolded if isinstance(block, kind)]
 
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
-    assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == [
+    assert [plot.title.split(":")[0] for plot in blocks_of("margins", Plot)] == [
         "time_output",
         "location_output",
     ]
     document["match"]["by_population"]["time_output"]["spike_agreement"] = None
-    assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == ["location_output"]
-    assert [row[0] for row in told("error-budget", Table)[1].rows] == ["location_output"]
+    assert [plot.title.split(":")[0] for plot in blocks_of("margins", Plot)] == ["location_output"]
+    _, by_population = blocks_of("error-budget", Table)
+    assert [row[0] for row in by_population.rows] == ["location_output"]
 
 
-def test_nothing_is_shown_of_nothing(document: dict[str, Any]) -> None:
-    assert not {"spikes", "potential"} & {
-        section.key for section in compose(figures(document)).sections
-    }
+def test_without_an_excerpt_no_recording_is_shown(document: dict[str, Any]) -> None:
+    keys = {section.key for section in compose(figures(document)).sections}
+    assert not {"spikes", "potential"} & keys
 
 
-def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerpt: Excerpt) -> None:
+def test_the_error_of_the_potential_is_drawn_until_spikes_differ(
+    document: dict[str, Any], excerpt: Excerpt
+) -> None:
     section = _section("potential", document, excerpt)
-    both, error = (block for block in section.unfolded if isinstance(block, Plot))
-    assert [curve.label for curve in both.curves] == [
+    potentials, error = (block for block in section.unfolded if isinstance(block, Plot))
+    assert [curve.label for curve in potentials.curves] == [
         "float potential",
         "chip potential",
         "threshold, 10",
     ]
-    assert both.x.place(both.marked) == pytest.approx(2 / 3)
-    at_threshold = both.curves[2].points[0][1]
-    assert [y > at_threshold for _, y in both.curves[0].points] == [False, True, True, False]
-    assert [y > at_threshold for _, y in both.curves[1].points] == [False, True, False, True]
-    # The error in percent of the threshold: 0, 0 and -5; what the chip does after that has another cause.
+    # Step 41 of 39 to 42.
+    assert potentials.x.place(potentials.marked) == pytest.approx(2 / 3)
+    float_curve, chip_curve, threshold_curve = potentials.curves
+    threshold = threshold_curve.points[0][1]
+    assert [y > threshold for _, y in float_curve.points] == [False, True, True, False]
+    assert [y > threshold for _, y in chip_curve.points] == [False, True, False, True]
+    # The error in percent of the threshold is 0, 0 and -5; later errors have another cause. The axis has 0.3 of room at
+    # each end.
     assert [y for _, y in error.placed(error.curves[0])] == pytest.approx(
         [5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6]
     )
@@ -181,7 +195,7 @@ def test_without_a_difference_a_neuron_is_an_example(
     document["match"]["first_divergence"] = None
     excerpt = replace(excerpt, first=None)
     assert _section("potential", document, excerpt).title == "Potential of a neuron"
-    assert [drawn.flag for drawn in _rasters(document, excerpt)] == [None, None]
+    assert [raster.flag for raster in _rasters(document, excerpt)] == [None, None]
     assert "the first one, as no spike of any recording differs." in render_html(
         compose(figures(document), excerpt)
     )
@@ -190,21 +204,23 @@ def test_without_a_difference_a_neuron_is_an_example(
 def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(
     document: dict[str, Any],
 ) -> None:
-    room, energy = (
+    fullness, energy = (
         block for block in _section("cores", document).unfolded if isinstance(block, Mesh)
     )
     # Slot 39 is core 3 of tile (1, 1): of 2 by 2 cores there the last. Three of 16 synapse formats are in use.
-    assert [(core.column, core.row, core.share, core.text) for core in room.cores] == [
+    assert [(core.column, core.row, core.share, core.text) for core in fullness.cores] == [
         (0, 0, 0.1875, "19"),
         (3, 3, 0.1875, "19"),
     ]
     assert (
-        room.title == "Fullest limit of each core of loihi-sim, in percent: 2 of 128 cores in use"
+        fullness.title
+        == "Fullest limit of each core of loihi-sim, in percent: 2 of 128 cores in use"
     )
-    assert room.description == (
+    assert fullness.description == (
         "core 0, time branch: 18.8 % of its synapse formats; core 1, location branch: 18.8 % of its synapse formats"
     )
-    assert mesh(room).count('class="tile"') == 32
+    tiles = 8 * 4
+    assert mesh(fullness).count('class="tile"') == tiles
     # 75 and 25 nJ: the first is full, the second as full as it is to the first.
     assert [(core.column, core.row, core.share, core.text) for core in energy.cores] == [
         (0, 0, 1.0, "75"),
@@ -213,47 +229,53 @@ def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(
 
 
 def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
-    found = document["resources"]
-    found["mesh"]["chips"] = 6
-    row = found["by_core"][0]
-    found["by_core"] = [{**row, "core": i, "slot": 128 * i, "tile": [8 * i, 0]} for i in range(6)]
+    """Of six chips with a core each, four are drawn. A chip has 128 cores on 8 columns of tiles."""
+    resources = document["resources"]
+    resources["mesh"]["chips"] = 6
+    core = resources["by_core"][0]
+    resources["by_core"] = [
+        {**core, "core": i, "slot": 128 * i, "tile": [8 * i, 0]} for i in range(6)
+    ]
     blocks = _section("cores", document).blocks
-    drawn = [block for block in blocks if isinstance(block, Mesh)]
-    assert [block.title for block in drawn[::2]] == [
+    meshes = [block for block in blocks if isinstance(block, Mesh)]
+    assert [mesh.title for mesh in meshes[::2]] == [
         f"Fullest limit of each core of chip {i} of loihi-sim, in percent: 1 of 128 cores in use"
         for i in range(4)
     ]
     assert blocks[-1] == "2 chips are not drawn; see core by core."
-    assert all(core.column == 0 for block in drawn for core in block.cores)
+    assert all(core.column == 0 for mesh in meshes for core in mesh.cores)
 
 
 def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: Excerpt) -> None:
+    """As many populations, neurons, lines and spikes as an excerpt may have: every neuron spikes in every step."""
+    size = 100_000
     steps = MARKS // NEURONS
-    full = np.ones((steps, NEURONS), dtype=np.uint8)
+    all_spikes = np.ones((steps, NEURONS), dtype=np.uint8)
     populations = tuple(
         SpikeRows(
             f"layer{i}",
             "time",
             "time",
-            size=100_000,
+            size=size,
             numbers=np.arange(NEURONS),
-            reference=full,
-            chip=1 - full,
+            reference=all_spikes,
+            chip=1 - all_spikes,
         )
         for i in range(POPULATIONS)
     )
-    rows = np.ones((MARKS // LINES, LINES), dtype=np.uint8)
-    rows = np.pad(rows, ((0, steps - len(rows)), (0, 0)))
+    events = np.ones((MARKS // LINES, LINES), dtype=np.uint8)
+    events = np.pad(events, ((0, steps - len(events)), (0, 0)))
+    lines_per_row = math.ceil(size / LINES)
     inputs = (
         SpikeRows(
             "input",
             "time",
             "time",
-            size=100_000,
-            numbers=np.arange(0, 100_000, 782),
-            reference=rows,
-            chip=rows,
-            together=782,
+            size=size,
+            numbers=np.arange(0, size, lines_per_row),
+            reference=events,
+            chip=events,
+            together=lines_per_row,
         ),
     )
     excerpt = replace(
@@ -263,19 +285,20 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     assert steps < STEPS
 
 
-def test_energy_of_a_step_over_the_steps(document: dict[str, Any]) -> None:
+def test_the_energy_of_a_step_is_drawn_over_the_steps(document: dict[str, Any]) -> None:
     blocks = _section("over-time", document).unfolded
-    (drawn,) = (
+    (plot,) = (
         block
         for block in blocks
         if isinstance(block, Plot) and block.title.startswith("Energy of a step")
     )
-    # 15 and 45 nJ over 4 steps each, 5 nJ over 2; bins that may be shorter are left out. The largest is 11.25 nJ a step.
-    assert [drawn.placed(curve) for curve in drawn.curves] == [
+    # 15 and 45 nJ over 4 steps each, 5 nJ over 2; the last bin may be shorter and is left out. The largest energy is
+    # 11.25 nJ per step.
+    assert [plot.placed(curve) for curve in plot.curves] == [
         [(pytest.approx(1 / 6), pytest.approx(1 / 3)), (pytest.approx(1 / 2), 1.0)],
         [(pytest.approx(1 / 4), pytest.approx(2.5 / 11.25))],
     ]
-    assert [text for _, text in drawn.y.places] == ["5.00 nJ", "10.0 nJ"]
+    assert [text for _, text in plot.y.places] == ["5.00 nJ", "10.0 nJ"]
 
 
 @pytest.mark.parametrize(
@@ -286,8 +309,10 @@ def test_energy_of_a_step_over_the_steps(document: dict[str, Any]) -> None:
         pytest.param(3, 3, [], id="empty"),
     ],
 )
-def test_round_numbers(low: float, high: float, numbers: list[float]) -> None:
-    assert round_numbers(low, high, 6) == pytest.approx(numbers)
+def test_about_six_round_numbers_lie_between_two_ends(
+    low: float, high: float, numbers: list[float]
+) -> None:
+    assert round_numbers(low, high, about=6) == pytest.approx(numbers)
 
 
 def test_one_step_has_one_tick() -> None:

@@ -1,6 +1,8 @@
-"""Markdown and terminal: golden text, and what hostile names and missing figures do to it.
+"""The report as Markdown and on the terminal, compared with golden files, and with hostile names and missing figures.
 
-To accept a change on purpose: ``LOCSNN_GOLDEN=write python -m pytest tests/report``, then read the difference.
+The golden files in ``golden/`` were read by hand: ``report/`` has a file per section, ``bare/`` the sections that differ
+where everything optional is missing. To accept a change on purpose, run
+``LOCSNN_GOLDEN=write python -m pytest tests/report``, then read the difference.
 """
 
 from __future__ import annotations
@@ -26,44 +28,43 @@ GOLDEN = Path(__file__).parent / "golden"
 
 
 def _terminal(document: dict[str, Any], width: int = 80, encoding: str = "utf-8") -> str:
-    """What the terminal shows of a report."""
+    """Return what a terminal of ``width`` characters shows of a report."""
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
     render_terminal(compose(figures(document)), Console(file=stream, width=width))
     return raw.getvalue().decode(encoding)
 
 
-def _check(made: str, name: str) -> None:
+def _check(text: str, name: str) -> None:
+    """Compare a text with a golden file, or write it."""
     if os.environ.get("LOCSNN_GOLDEN") == "write":
-        (GOLDEN / name).write_text(made, encoding="utf-8")
-    assert made == (GOLDEN / name).read_text(encoding="utf-8")
+        (GOLDEN / name).write_text(text, encoding="utf-8")
+    assert text == (GOLDEN / name).read_text(encoding="utf-8")
 
 
-def _check_sections(made: dict[str, str], folder: str) -> None:
-    """Compare each section with a file of its own, and the sections with the files that there are."""
-    kept = GOLDEN / folder
+def _check_sections(sections: dict[str, str], folder: str) -> None:
+    """Compare each section with a golden file of its own; no file may be left over."""
+    golden_folder = GOLDEN / folder
     if os.environ.get("LOCSNN_GOLDEN") == "write":
-        for path in kept.glob("*.md"):
+        for path in golden_folder.glob("*.md"):
             path.unlink()
-    for name, section in made.items():
+    for name, section in sections.items():
         _check(section, f"{folder}/{name}.md")
-    assert {path.stem for path in kept.glob("*.md")} == {*made}
+    assert {path.stem for path in golden_folder.glob("*.md")} == {*sections}
 
 
-def _sections(made: str) -> dict[str, str]:
-    """Return the sections of a report by their titles in file names, what stands above the first one as verdicts."""
-    top, *sections = made.split("\n## ")
-    named = {
-        section.splitlines()[0].lower().replace(" ", "-"): f"## {section}" for section in sections
-    }
-    return {
-        "verdicts": f"{top}\n",
-        **{name: f"{section.rstrip()}\n" for name, section in named.items()},
-    }
+def _sections(markdown: str) -> dict[str, str]:
+    """Cut a report into sections, by names for files; the part above the first heading is ``verdicts``."""
+    top, *parts = markdown.split("\n## ")
+    sections = {"verdicts": f"{top}\n"}
+    for part in parts:
+        title = part.splitlines()[0]
+        sections[title.lower().replace(" ", "-")] = f"## {part.rstrip()}\n"
+    return sections
 
 
 def _bare(document: dict[str, Any]) -> dict[str, Any]:
-    """Take away everything that a document may lack."""
+    """Take away everything that a document may lack, and return it."""
     document["accuracy"] = None
     document["ann_comparison"] = {}
     document["latency"] |= {"recording_ns": None, "real_time": None, "by_class": None, "links": []}
@@ -74,9 +75,9 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
         "by_class": None,
     }
     document["energy"] |= {"not_included": [], "not_included_bounds": []}
-    for found, unit in ((document["energy"], "pj"), (document["latency"], "ns")):
-        found[f"range_{unit}"] = [found[f"per_sample_{unit}"]] * 2
-        found["worst_recording"]["class"] = None
+    for entry, unit in ((document["energy"], "pj"), (document["latency"], "ns")):
+        entry[f"range_{unit}"] = [entry[f"per_sample_{unit}"]] * 2
+        entry["worst_recording"]["class"] = None
     del document["error_budget"]
     del document["margins"]
     document["over_time"] = {
@@ -104,33 +105,36 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
         "settings": None,
     }
     document["assumptions"] = ["The recordings are made up.", "How long a step lasts is not known."]
-    for found in match["by_population"].values():
-        found |= {"spike_agreement": 1.0, "spike_mismatches": 0}
+    for population in match["by_population"].values():
+        population |= {"spike_agreement": 1.0, "spike_mismatches": 0}
     return document
 
 
-def test_markdown_golden(document: dict[str, Any], excerpt: Excerpt) -> None:
+def test_markdown_is_that_of_the_golden_files(document: dict[str, Any], excerpt: Excerpt) -> None:
     _check_sections(_sections(render_markdown(compose(figures(document), excerpt))), "report")
 
 
-def test_markdown_with_nothing_optional_golden(document: dict[str, Any]) -> None:
-    """Only the sections that differ from those of a document that has everything."""
-    whole = _sections(render_markdown(compose(figures(document))))
-    made = _sections(render_markdown(compose(figures(_bare(document)))))
-    _check_sections(
-        {name: section for name, section in made.items() if section != whole.get(name)}, "bare"
-    )
+def test_markdown_with_nothing_optional_is_that_of_the_golden_files(
+    document: dict[str, Any],
+) -> None:
+    """Only the sections that differ from those of a document that has everything have files."""
+    complete = _sections(render_markdown(compose(figures(document))))
+    bare = _sections(render_markdown(compose(figures(_bare(document)))))
+    different = {name: section for name, section in bare.items() if section != complete.get(name)}
+    _check_sections(different, "bare")
 
 
-def test_terminal_golden(document: dict[str, Any]) -> None:
+def test_terminal_text_is_that_of_the_golden_file(document: dict[str, Any]) -> None:
     _check(_terminal(document), "terminal.txt")
 
 
-def test_terminal_with_nothing_optional_golden(document: dict[str, Any]) -> None:
+def test_terminal_text_with_nothing_optional_is_that_of_the_golden_file(
+    document: dict[str, Any],
+) -> None:
     _check(_terminal(_bare(document), width=100), "terminal-bare.txt")
 
 
-def test_terminal_without_unicode_golden(document: dict[str, Any]) -> None:
+def test_terminal_text_in_ascii_is_that_of_the_golden_file(document: dict[str, Any]) -> None:
     document["model"]["name"] = "größe"
     _check(_terminal(document, encoding="ascii"), "terminal-ascii.txt")
 
@@ -138,7 +142,9 @@ def test_terminal_without_unicode_golden(document: dict[str, Any]) -> None:
 @pytest.mark.parametrize("width", [10, 60, 80, 100, 200])
 def test_terminal_lines_fit_and_end_in_no_blanks(document: dict[str, Any], width: int) -> None:
     lines = _terminal(document, width=width).splitlines()
-    assert max(len(line) for line in lines) <= max(width, 48)
+    # A line is never narrower than twice its indent, that of the values next to labels of 22 characters.
+    narrowest = 48
+    assert max(len(line) for line in lines) <= max(width, narrowest)
     assert all(line == line.rstrip() for line in lines)
     assert "\x1b" not in "".join(lines)
 
@@ -151,17 +157,17 @@ def test_terminal_escapes_names(document: dict[str, Any]) -> None:
 def test_values_are_aligned_next_to_long_labels(document: dict[str, Any]) -> None:
     report = compose(figures(document))
     facts = (Fact("spikes on one side only", "4,859"), Fact("x" * 40, "1"), Fact("latency", "1 ms"))
-    made = io.StringIO()
+    stream = io.StringIO()
     render_terminal(
         replace(report, verdicts=(replace(report.verdicts[1], facts=facts),)),
-        Console(file=made, width=80),
+        Console(file=stream, width=80),
     )
     for line in (
         f"  {'spikes on one side only':24}4,859",
         f"  {'x' * 22}… 1",
         f"  {'latency':24}1 ms",
     ):
-        assert line in made.getvalue().splitlines()
+        assert line in stream.getvalue().splitlines()
 
 
 def test_numbered_populations_without_spikes_are_one_line(document: dict[str, Any]) -> None:
@@ -175,11 +181,12 @@ def test_numbered_populations_without_spikes_are_one_line(document: dict[str, An
         "populations": [f"out_{number}" for number in range(1, 13)],
     }
     lines = _terminal(document).splitlines()
-    at = next(i for i, line in enumerate(lines) if "out_*" in line)
-    assert lines[at : at + 2] == [
+    first = next(i for i, line in enumerate(lines) if "out_*" in line)
+    assert lines[first : first + 2] == [
         "  out_*             12 populations, read by potential",
         "  last              silent",
     ]
+    # A population with spikes in between has a line of its own.
     match["by_population"]["out_7"]["spike_agreement"] = 1.0
     assert [line.split()[0] for line in _terminal(document).splitlines() if "out_" in line] == [
         "out_*",
@@ -189,11 +196,12 @@ def test_numbered_populations_without_spikes_are_one_line(document: dict[str, An
 
 
 def test_terminal_counts_the_populations_that_are_left_out(document: dict[str, Any]) -> None:
+    """Of 11 populations with spikes and 4 without, 8 have lines."""
     match = document["match"]
-    half = match["by_population"]["time_output"]
-    match["by_population"] = {f"layer_{number}": dict(half) for number in range(1, 12)}
+    population = match["by_population"]["time_output"]
+    match["by_population"] = {f"layer_{number}": dict(population) for number in range(1, 12)}
     match["by_population"] |= {
-        f"out_{number}": {**half, "spike_agreement": None} for number in range(1, 5)
+        f"out_{number}": {**population, "spike_agreement": None} for number in range(1, 5)
     }
     assert (
         "  ...               and 7 more populations in the report"
@@ -207,24 +215,25 @@ def test_terminal_cuts_long_names(document: dict[str, Any]) -> None:
 
 
 def test_terminal_shows_some_of_many_populations(document: dict[str, Any]) -> None:
-    found = document["match"]["by_population"]
-    document["match"]["by_population"] = {f"layer{i}": found["time_output"] for i in range(40)}
-    shown = _terminal(document)
-    assert "layer7 " in shown
-    assert "layer8 " not in shown
-    assert "and 32 more populations in the report" in shown
+    population = document["match"]["by_population"]["time_output"]
+    document["match"]["by_population"] = {f"layer{i}": population for i in range(40)}
+    text = _terminal(document)
+    assert "layer7 " in text
+    assert "layer8 " not in text
+    assert "and 32 more populations in the report" in text
 
 
 def test_terminal_tells_populations_of_members_apart(document: dict[str, Any]) -> None:
-    found = document["match"]["by_population"]["time_output"]
+    population = document["match"]["by_population"]["time_output"]
     names = [
         f"{member}/{axis}_hidden"
         for member in ("objects-first", "objects-second")
         for axis in ("time", "location")
     ]
-    document["match"]["by_population"] = dict.fromkeys(names, found)
-    shown = _terminal(document).splitlines()
-    assert [line.split()[0] for line in shown if "_hidden" in line] == [
+    document["match"]["by_population"] = dict.fromkeys(names, population)
+    lines = _terminal(document).splitlines()
+    # Long names lose their beginning, as their ends differ.
+    assert [line.split()[0] for line in lines if "_hidden" in line] == [
         f"…{name[-16:]}" for name in names
     ]
 
@@ -239,31 +248,34 @@ def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> No
 
 
 def _coloured(document: dict[str, Any], width: int) -> list[str]:
-    """Return the words in bold, line breaks aside."""
+    """Return the words in bold or in bold colours, without line breaks."""
     stream = io.StringIO()
     render_terminal(
         compose(figures(document)),
         Console(file=stream, width=width, force_terminal=True, color_system="standard"),
     )
-    marked = re.findall(r"\x1b\[(?:1|1;3\d)m(.*?)\x1b\[0m", stream.getvalue(), re.DOTALL)
-    return " ".join(marked).split()
+    # The escape codes of terminals: 1 is bold, 30 to 37 are colours, 0 ends both.
+    bold = re.findall(r"\x1b\[(?:1|1;3\d)m(.*?)\x1b\[0m", stream.getvalue(), re.DOTALL)
+    return " ".join(bold).split()
 
 
 @pytest.mark.parametrize("width", [20, 30, 36, 40, 80])
 def test_colour_ends_with_the_answer_however_it_is_wrapped(
     document: dict[str, Any], width: int
 ) -> None:
-    assert _coloured(document, width) == _coloured(document, 200)
+    without_wrapping = _coloured(document, width=200)
+    assert _coloured(document, width) == without_wrapping
 
 
-def test_bars_stand_on_a_line_of_a_narrow_terminal(document: dict[str, Any]) -> None:
-    shown = _terminal(document, width=40).splitlines()
-    assert [line for line in shown if set(line.strip()) <= set("█░") and line.strip()] == []
-    assert max(len(line) for line in shown) <= 40
+def test_bars_stay_next_to_their_labels_on_a_narrow_terminal(document: dict[str, Any]) -> None:
+    lines = _terminal(document, width=40).splitlines()
+    only_bars = [line for line in lines if line.strip() and set(line.strip()) <= set("█░")]
+    assert only_bars == []
+    assert max(len(line) for line in lines) <= 40
 
 
 @pytest.mark.parametrize(
-    ("given", "escaped"),
+    ("name", "escaped"),
     [
         pytest.param("time_hidden", "time_hidden", id="underscore-in-a-word"),
         pytest.param("_x_", r"\_x\_", id="underscore-at-the-edge"),
@@ -274,13 +286,13 @@ def test_bars_stand_on_a_line_of_a_narrow_terminal(document: dict[str, Any]) -> 
         pytest.param("# $x$ \\", r"\# \$x\$ \\", id="heading-formula-backslash"),
     ],
 )
-def test_markdown_escapes(given: str, escaped: str) -> None:
-    assert text(given) == escaped
+def test_markdown_escapes_markup_in_names(name: str, escaped: str) -> None:
+    assert text(name) == escaped
 
 
 def test_markdown_tables_stay_whole_with_hostile_names(document: dict[str, Any]) -> None:
-    found = document["match"]["by_population"]
-    document["match"]["by_population"] = {"a | b\n| c |": found["time_output"]}
+    population = document["match"]["by_population"]["time_output"]
+    document["match"]["by_population"] = {"a | b\n| c |": population}
     assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(
         compose(figures(document))
     )

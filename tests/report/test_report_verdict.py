@@ -1,3 +1,8 @@
+"""The verdicts at the top of a report: questions, answers and facts for figures that are changed one by one.
+
+Every test changes a few keys of the small report, and compares answers and sentences with words written out by hand.
+"""
+
 from __future__ import annotations
 
 from typing import Any
@@ -11,16 +16,21 @@ from locsnn_compile.report.sections.verdict import against, costs, fits, matches
 from tests.support.small_report import costs_of, figures
 
 POPULATIONS = ["time_output", "location_output"]
+# Changes of the entry ``match`` of the report, which tests combine.
 SILENT = {
     "prediction_agreement": None,
     "tied_predictions": 20,
     "readout": {"populations": POPULATIONS, "by": "spikes", "silent": True},
 }
+"""All class scores tie in all 20 recordings, because no output neuron spikes."""
 LOUD = {"readout": {"populations": POPULATIONS, "by": "spikes", "silent": False}}
+"""Some output neuron spikes."""
 BY_POTENTIALS = {"readout": {"populations": POPULATIONS, "by": "potentials", "silent": True}}
-
+"""Classes are read from potentials, which are all equal."""
 READ = {"readout": {"populations": POPULATIONS, "by": "potentials", "silent": False}}
+"""Classes are read from potentials, which differ."""
 EQUAL = {"prediction_agreement": 1.0, "spike_mismatches": 0}
+"""Every prediction and every spike is equal."""
 
 
 @pytest.mark.parametrize(
@@ -86,7 +96,9 @@ EQUAL = {"prediction_agreement": 1.0, "spike_mismatches": 0}
         ),
     ],
 )
-def test_match(document: dict[str, Any], changes: dict[str, Any], status: str, answer: str) -> None:
+def test_the_answer_on_the_match_is_what_the_check_proved(
+    document: dict[str, Any], changes: dict[str, Any], status: str, answer: str
+) -> None:
     document["match"] |= changes
     verdict = matches(figures(document))
     assert (verdict.status, verdict.answer) == (status, answer)
@@ -152,10 +164,8 @@ def test_an_accuracy_at_chance_is_said_in_the_verdict(document: dict[str, Any]) 
         "them: the recordings may be numbered, timed or labelled in another way than those of the training."
     )
     document["chance"] |= {"right": 90, "p_value": 0.0, "told_apart": True}
-    assert (matches(figures(document)).status, matches(figures(document)).answer) == (
-        "yes",
-        "Yes, spike for spike",
-    )
+    verdict = matches(figures(document))
+    assert (verdict.status, verdict.answer) == ("yes", "Yes, spike for spike")
 
 
 def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
@@ -167,7 +177,7 @@ def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "comparison"),
     [
         (2e-13, "equal"),
         (0.0, "equal"),
@@ -176,16 +186,12 @@ def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
     ],
     ids=["float rounding", "nothing", "little", "unknown"],
 )
-def test_scores_that_only_floats_round_are_equal(
-    document: dict[str, Any], error: float | None, said: str
+def test_scores_that_differ_only_by_rounding_of_floats_are_equal(
+    document: dict[str, Any], error: float | None, comparison: str
 ) -> None:
     document["match"] |= EQUAL | READ | {"score_error": error}
-    assert (
-        next(
-            fact.value for fact in matches(figures(document)).facts if fact.label == "class scores"
-        )
-        == said
-    )
+    facts = {fact.label: fact.value for fact in matches(figures(document)).facts}
+    assert facts["class scores"] == comparison
 
 
 def test_a_network_in_its_own_integers_is_as_trained(document: dict[str, Any]) -> None:
@@ -211,25 +217,29 @@ def test_a_network_in_its_own_integers_is_as_trained(document: dict[str, Any]) -
         pytest.param((1, 0), "no", "cores, 1 of 0 (100 %)", id="what-it-cannot-do"),
     ],
 )
-def test_fit(document: dict[str, Any], cores: tuple[int, int], status: str, fullest: str) -> None:
-    document["resources"]["limits"]["cores"] = dict(zip(("used", "limit"), cores, strict=True))
+def test_a_program_fits_unless_it_exceeds_a_limit(
+    document: dict[str, Any], cores: tuple[int, int], status: str, fullest: str
+) -> None:
+    used, limit = cores
+    document["resources"]["limits"]["cores"] = {"used": used, "limit": limit}
     verdict = fits(figures(document))
     assert verdict.status == status
     assert verdict.facts[0].value == fullest
 
 
-OF_OPEN_CORE = {
+LIMITS_OF_OPEN_CORE = {
     "synapses": {"used": 12_942, "limit": 16_384},
     "join": {"used": 26, "limit": 28},
     "later": {"used": 2, "limit": 2},
     "groups": {"used": 1, "limit": 1},
 }
+"""Limits of an open core, of which a program fills only the first; ``join`` and ``later`` are widths."""
 
 
 def test_the_fullest_limit_of_an_open_core_is_something_that_a_program_fills(
     document: dict[str, Any],
 ) -> None:
-    document["resources"]["limits"] = OF_OPEN_CORE
+    document["resources"]["limits"] = LIMITS_OF_OPEN_CORE
     assert fits(figures(document)).facts[0].value == (
         "places for synapses, two in a word, 12,942 of 16,384 (79.0 %)"
     )
@@ -242,7 +252,7 @@ MEMORIES = {
 
 
 def test_an_open_core_names_its_fullest_memory_in_bits(document: dict[str, Any]) -> None:
-    document["resources"] |= {"limits": OF_OPEN_CORE, "memories": MEMORIES}
+    document["resources"] |= {"limits": LIMITS_OF_OPEN_CORE, "memories": MEMORIES}
     verdict = fits(figures(document))
     assert (verdict.status, verdict.figure) == ("yes", "79.0 %")
     assert verdict.figure_label == "of the fullest memory, synapses, two in a word"
@@ -256,8 +266,8 @@ def test_an_open_core_names_its_fullest_memory_in_bits(document: dict[str, Any])
 
 
 def test_one_open_core_has_no_table_of_cores(document: dict[str, Any]) -> None:
-    """A program in two phases was shown as core 0 and core 1 of a device that holds one core."""
-    document["resources"] |= {"limits": OF_OPEN_CORE, "memories": MEMORIES}
+    """A program in two phases has two cores, but the device holds one core, which runs both."""
+    document["resources"] |= {"limits": LIMITS_OF_OPEN_CORE, "memories": MEMORIES}
     report = compose(figures(document))
     captions = {
         block.caption
@@ -271,7 +281,7 @@ def test_one_open_core_has_no_table_of_cores(document: dict[str, Any]) -> None:
 
 
 def test_a_width_that_is_too_small_is_named(document: dict[str, Any]) -> None:
-    document["resources"]["limits"] = OF_OPEN_CORE | {"join": {"used": 29, "limit": 28}}
+    document["resources"]["limits"] = LIMITS_OF_OPEN_CORE | {"join": {"used": 29, "limit": 28}}
     assert fits(figures(document)).facts[0].value == "bits of joined voltages, 29 of 28 (103.6 %)"
 
 
@@ -293,12 +303,12 @@ def test_joined_compartments_are_assumed_of_a_chip_but_not_of_an_open_core(
     assert provenance(figures(document)).blocks[-1] == Bullets(
         "Keep in mind", (MODELLED, *OF_LOIHI)
     )
-    document["resources"]["limits"] = OF_OPEN_CORE
+    document["resources"]["limits"] = LIMITS_OF_OPEN_CORE
     assert provenance(figures(document)).blocks[-1] == Bullets("Keep in mind", (MODELLED_ENERGY,))
 
 
 def test_latency_of_an_open_core_is_no_model(document: dict[str, Any]) -> None:
-    document["resources"]["limits"] = OF_OPEN_CORE
+    document["resources"]["limits"] = LIMITS_OF_OPEN_CORE
     document["latency"] |= {"per_sample_ns": 1.5e6, "per_sample_cycles": 150_000, "clock_ghz": 0.1}
     document["latency"]["recording_ns"] = 3e9
     document["energy"] |= {"per_sample_pj": 9.11e6, "profile": "ihp-sg13g2"}
@@ -335,8 +345,10 @@ def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> No
         pytest.param(0.0, "no time at all", id="nothing"),
     ],
 )
-def test_pace(latency_ns: float, text: str) -> None:
-    assert pace(latency_ns, 5e9) == text
+def test_the_pace_compares_a_latency_with_five_seconds_recorded(
+    latency_ns: float, text: str
+) -> None:
+    assert pace(latency_ns, recording_ns=5e9) == text
 
 
 @pytest.mark.parametrize(
@@ -346,7 +358,9 @@ def test_pace(latency_ns: float, text: str) -> None:
         pytest.param(0.5, "2.00 times more than CNN-3D", id="more"),
     ],
 )
-def test_against(times: float, text: str) -> None:
+def test_operations_are_compared_with_those_of_a_conventional_network(
+    times: float, text: str
+) -> None:
     assert against("cnn-3d", times) == text
 
 
@@ -389,19 +403,19 @@ def test_the_energy_is_called_dynamic(document: dict[str, Any]) -> None:
 def test_no_time_is_claimed_where_no_operation_has_one(document: dict[str, Any]) -> None:
     document["latency"]["timed"] = False
     verdict = costs_of(document)
-    said = "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and an unknown time."
-    assert verdict.sentence == said
-    latency = next(fact.value for fact in verdict.facts if fact.label == "latency")
-    assert latency == "not known, as no operation has a time (profile davies2018)"
+    assert verdict.sentence == (
+        "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and an unknown time."
+    )
+    fact = next(fact.value for fact in verdict.facts if fact.label == "latency")
+    assert fact == "not known, as no operation has a time (profile davies2018)"
     sections = {section.key: section for section in compose(figures(document)).sections}
-    its = sections["latency"]
-    assert its.lead == (
+    latency = sections["latency"]
+    assert latency.lead == (
         "Not known, as profile davies2018 has no times of operations: only barriers and the buffer are timed."
     )
-    assert [block.caption for block in its.blocks if isinstance(block, Table)] == [
-        "Packets on the links of the mesh, mean per recording"
-    ]
-    assert len(its.blocks) == 1
+    (links,) = latency.blocks
+    assert isinstance(links, Table)
+    assert links.caption == "Packets on the links of the mesh, mean per recording"
     assert "Time of a step" not in str(sections["over-time"])
 
 
@@ -444,16 +458,15 @@ def test_first_divergence_says_which_side_fired(
 
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset", "another"])
 def test_the_assumption_is_named_where_it_is_made(document: dict[str, Any], strategy: str) -> None:
+    """Only strategy ``reset`` has no joined compartments, whose timing is an assumption."""
     document["strategy"] = strategy
-    assert ("are an assumption about the chip" in str(compose(figures(document)).sections[-1])) == (
-        strategy != "reset"
-    )
-
-
-ENDS = ("min", "mean", "max")
+    provenance_section = str(compose(figures(document)).sections[-1])
+    is_named = "are an assumption about the chip" in provenance_section
+    assert is_named == (strategy != "reset")
 
 
 def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
+    """Where every cost is 0, nothing is divided by 0."""
     energy = document["energy"]
     energy |= {"per_sample_pj": 0.0, "breakdown_pj": dict.fromkeys(energy["breakdown_pj"], 0.0)}
     nothing = dict.fromkeys(("min", "p50", "p99", "max"), 0.0)
@@ -473,10 +486,9 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
         "by_core": [],
         "critical_paths": [],
     }
-    for found, unit in ((energy, "pj"), (document["latency"], "ns")):
-        found["by_class"] = [
-            {"class": 0, "recordings": 1, **dict.fromkeys((f"{e}_{unit}" for e in ENDS), 0.0)}
-        ]
+    for entry, unit in ((energy, "pj"), (document["latency"], "ns")):
+        costs_of_class = {f"min_{unit}": 0.0, f"mean_{unit}": 0.0, f"max_{unit}": 0.0}
+        entry["by_class"] = [{"class": 0, "recordings": 1, **costs_of_class}]
     document["operations"]["published_method"] |= {"operations": 0.0}
     document["operations"]["per_sample"]["neuron_updates"] = 0.0
     document["operations"]["per_sample"]["synaptic_ops"] = 0.0
@@ -488,12 +500,13 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
     del document["ann_comparison"]["gru-mlp"]
     document["resources"]["by_core"] = []
     document["quantization"] = {}
-    made = str(compose(figures(document)))
+    report = str(compose(figures(document)))
     assert (
-        "nothing to compare: there were none (the trained network, by the published method)" in made
+        "nothing to compare: there were none (the trained network, by the published method)"
+        in report
     )
-    assert "nothing to compare: there were none (synaptic operations of the program)" in made
-    assert "No core is in use." in made
+    assert "nothing to compare: there were none (synaptic operations of the program)" in report
+    assert "No core is in use." in report
 
 
 def test_every_row_has_every_column(document: dict[str, Any]) -> None:
@@ -503,11 +516,12 @@ def test_every_row_has_every_column(document: dict[str, Any]) -> None:
         for block in section.unfolded
         if isinstance(block, Table)
     ]
+    # So that the loop below cannot pass for want of tables.
     assert len(tables) == 35
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
 
 
-def test_a_network_of_integers_is_called_one(document):
+def test_a_network_of_integers_is_called_so(document: dict[str, Any]) -> None:
     document["match"]["reference"] = "integers"
     sentence = matches(figures(document)).sentence
     assert sentence.startswith(

@@ -1,4 +1,8 @@
-"""Files do not depend on how the version of Python adds: since 3.12, sum() carries what floats lose."""
+"""The files that commands write do not depend on the version of Python.
+
+Since Python 3.12, ``sum`` of floats compensates for errors of rounding, so it may give other last digits than before.
+Both ways to add are written out here, and commands run with each of them in place of ``sum``.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def sum_of_python_3_11(values, /, start=0):
-    """Add one after the other."""
+    """Add values one after the other."""
     total = start
     for value in values:
         total = total + value
@@ -25,19 +29,22 @@ def sum_of_python_3_11(values, /, start=0):
 
 
 def sum_of_python_3_12(values, /, start=0):
-    """Add floats with what each addition has lost (Neumaier), as CPython does from 3.12 on, and all else plainly."""
-    total, lost = start, 0.0
+    """Add floats by Neumaier's algorithm, as CPython does from 3.12 on, and all other values plainly."""
+    total = start
+    compensation = 0.0
     for value in values:
         if type(total) is float and type(value) is float:
-            together = total + value
+            rounded = total + value
             if abs(total) >= abs(value):
-                lost += (total - together) + value
+                compensation += (total - rounded) + value
             else:
-                lost += (value - together) + total
-            total = together
+                compensation += (value - rounded) + total
+            total = rounded
         else:
             total = total + value
-    return total + lost if lost and math.isfinite(lost) else total
+    if compensation and math.isfinite(compensation):
+        return total + compensation
+    return total
 
 
 def test_the_two_sums_differ_and_are_those_of_python():
@@ -48,12 +55,12 @@ def test_the_two_sums_differ_and_are_those_of_python():
     assert sum_of_python_3_12([[1], [2]], []) == [1, 2]
 
 
-LOIHI = ROOT / "examples/models/objects-hybrid-loihi.pt"
+MODEL = ROOT / "examples/models/objects-hybrid-loihi.pt"
 EMITTED = ("--emit", "sanafe", "trace", "csv", "viewer")
 COMMANDS = {
-    "compile": ["compile", LOIHI, "--events", "touches.npz", "-o", "out", *EMITTED],
+    "compile": ["compile", MODEL, "--events", "touches.npz", "-o", "out", *EMITTED],
     "compile for cells": [
-        "compile", LOIHI, "--events", "touches.npz", "-o", "out",
+        "compile", MODEL, "--events", "touches.npz", "-o", "out",
         "--target", "locsnn-130nm", "--strategy", "dendrite", "--emit", "rtl",
     ],
     "run": ["run", "build", "--events", "touches.npz", "--stop", "proven"],
@@ -62,11 +69,11 @@ COMMANDS = {
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The working directory, with two of the recordings that ship and a build."""
+    """The working directory, with two of the shipped recordings in touches.npz and a program in build."""
     monkeypatch.chdir(tmp_path)
     with np.load(ROOT / "examples/recordings/touches.npz") as stored:
         np.savez("touches.npz", spikes=stored["spikes"][:2], step_seconds=stored["step_seconds"])
-    compiled = lc.compile(lc.load(LOIHI), events="touches.npz", diagnosis=False)
+    compiled = lc.compile(lc.load(MODEL), events="touches.npz", diagnosis=False)
     compiled.program.save("build")
     return tmp_path
 
@@ -77,9 +84,9 @@ def test_files_and_output_are_the_same_whichever_way_python_adds(
     command, folder, monkeypatch, capsys
 ):
     results = []
-    for way in (sum_of_python_3_11, sum_of_python_3_12):
+    for sum_of_python in (sum_of_python_3_11, sum_of_python_3_12):
         with monkeypatch.context() as patched:
-            patched.setattr(builtins, "sum", way)
+            patched.setattr(builtins, "sum", sum_of_python)
             assert main([*map(str, command)]) == 0
         files = {
             path.relative_to(folder).as_posix(): path.read_bytes()

@@ -1,4 +1,8 @@
-"""viewer.html: what it holds is what both sides did, and in a browser a person can walk through it; it loads nothing."""
+"""viewer.html: its data are what both sides did, and in a browser a person can walk through the differences.
+
+The data are compared with the reference and the simulator, which play the same recordings again. Tests with a browser
+open the page in Chromium, press keys, and read what it shows; they are skipped where there is no Chromium.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,7 @@ from tests.support.networks import hybrid, recordings
 
 NETWORK = hybrid(scale=30.0, channels=8, steps=20, hidden=5)
 PLAYED = recordings(NETWORK, samples=12, rate=0.6)
+"""Two recordings more than a page has."""
 LABELS = np.arange(12) % 2
 
 
@@ -34,7 +39,7 @@ def compiled():
 
 
 def page_of(compiled, spikes=PLAYED, labels=LABELS):
-    """The viewer of what was compiled, as HTML, for some recordings."""
+    """Return the viewer's page of a compiled model on some recordings."""
     observed = Observed(compiled.levels, spikes, labels)
     return render_viewer(observed, compiled.figures, compiled.match.first_divergence)
 
@@ -45,7 +50,7 @@ def page(compiled):
 
 
 def values_of(page):
-    """The values in a viewer's page, with recordings in the order of their numbers."""
+    """Return the data in a viewer's page, with recordings in the order of their numbers."""
     values = json.loads(
         re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1]
     )
@@ -54,59 +59,65 @@ def values_of(page):
 
 
 def array(text, kind):
+    """Return the numbers in a base64 text; ``kind`` is numpy's name of their type."""
     return np.frombuffer(base64.b64decode(text), dtype=f"<{kind}")
 
 
 def test_spikes_are_those_of_both_sides(compiled, page):
     values = values_of(page)
-    assert [row["number"] for row in values["recordings"]] == list(range(10))
-    for row in values["recordings"]:
-        one = PLAYED[[row["number"]]]
-        reference, chip = evaluate(NETWORK, one), hw.simulate(compiled.program, one)
-        assert row["label"] == LABELS[row["number"]]
+    assert [recording["number"] for recording in values["recordings"]] == list(range(10))
+    for recording in values["recordings"]:
+        spikes = PLAYED[[recording["number"]]]
+        reference = evaluate(NETWORK, spikes)
+        chip = hw.simulate(compiled.program, spikes)
+        assert recording["label"] == LABELS[recording["number"]]
         for population in values["populations"]:
             name = population["name"]
-            for text, side in zip(
-                row["spikes"][name], (reference.spikes[name], chip.spikes[name]), strict=True
-            ):
-                assert np.array_equal(array(text, "u4"), np.flatnonzero(side[0]))
+            reference_text, chip_text = recording["spikes"][name]
+            # Numbers are step * size + neuron, as numpy counts in arrays (steps, neurons).
+            assert np.array_equal(
+                array(reference_text, "u4"), np.flatnonzero(reference.spikes[name][0])
+            )
+            assert np.array_equal(array(chip_text, "u4"), np.flatnonzero(chip.spikes[name][0]))
 
 
 def test_potentials_are_those_of_both_sides(compiled, page):
+    number = 3
     values = values_of(page)
-    row = values["recordings"][3]
-    reference = evaluate(NETWORK, PLAYED[[3]], potentials=True).potential
-    chip = hw.simulate(compiled.program, PLAYED[[3]], probe=("potential",)).potential
+    recording = values["recordings"][number]
+    reference = evaluate(NETWORK, PLAYED[[number]], potentials=True).potential
+    chip = hw.simulate(compiled.program, PLAYED[[number]], probe=("potential",)).potential
     for population in values["populations"]:
-        name, held = population["name"], row["potentials"][population["name"]]
-        found = held["low"] + held["grade"] * array(held["values"], "u2").reshape(
-            2, -1, population["steps"]
-        )
+        name = population["name"]
+        stored = recording["potentials"][name]
+        grades = array(stored["values"], "u2").reshape(2, -1, population["steps"])
+        reference_shown, chip_shown = stored["low"] + stored["grade"] * grades
         assert population["kept"] == list(range(population["size"]))
         scale = compiled.levels.quantized.population(name).scale
-        for side, wanted in zip(found, (reference[name][0], chip[name][0] / scale), strict=True):
-            assert np.abs(side - wanted.T).max() <= held["grade"]
+        assert np.abs(reference_shown - reference[name][0].T).max() <= stored["grade"]
+        assert np.abs(chip_shown - (chip[name][0] / scale).T).max() <= stored["grade"]
 
 
 def test_activity_adds_up_to_the_counts(compiled, page):
-    row = values_of(page)["recordings"][0]
+    recording = values_of(page)["recordings"][0]
     counts = hw.simulate(compiled.program, PLAYED[[0]]).counts_by_phase
-    for phase, texts in row["activity"].items():
+    for phase, texts in recording["activity"].items():
         operations, spikes, _ = (int(array(text, "u4").sum()) for text in texts)
         assert (operations, spikes) == (counts[phase].synaptic_ops, counts[phase].spikes)
 
 
-def test_what_there_is_no_room_for_is_left_out(compiled, monkeypatch):
-    usual = len(page_of(compiled))
+def test_a_page_with_less_room_keeps_the_first_difference(compiled, monkeypatch):
+    usual_length = len(page_of(compiled))
+    # Room for some of the recordings and some potentials.
     monkeypatch.setattr(viewer, "MOST_TEXT", 14_000)
     values = values_of(page_of(compiled).decode())
-    assert len(page_of(compiled)) < usual
+    assert len(page_of(compiled)) < usual_length
     first = compiled.match.first_divergence
     assert first is not None
-    assert first.recording in {row["number"] for row in values["recordings"]}
-    (kept,) = (one["kept"] for one in values["populations"] if one["name"] == first.population)
-    assert first.neuron in kept
-    assert sum(len(one["kept"]) < one["size"] for one in values["populations"]) > 0
+    assert first.recording in {recording["number"] for recording in values["recordings"]}
+    populations = {population["name"]: population for population in values["populations"]}
+    assert first.neuron in populations[first.population]["kept"]
+    assert any(len(population["kept"]) < population["size"] for population in populations.values())
 
 
 def test_equal_input_gives_equal_bytes(compiled, page):
@@ -150,7 +161,7 @@ def chromium():
 
 @pytest.fixture
 def opened(chromium, page, tmp_path):
-    """Return what opens the page in the browser."""
+    """A function that opens the page in the browser and returns the browser."""
     (tmp_path / "viewer.html").write_text(page, "utf-8")
 
     def show(**options):
@@ -161,107 +172,110 @@ def opened(chromium, page, tmp_path):
 
 
 def text(browser, name):
-    """The text that the page shows in an element."""
+    """Return the text that the page shows in the element with this id."""
     return browser.evaluate(f"document.getElementById({name!r}).textContent")
 
 
 def value(browser, name):
-    """The value of an input element of the page."""
+    """Return the value of the input element with this id."""
     return browser.evaluate(f"document.getElementById({name!r}).value")
 
 
-LISTEN = "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: KEY, bubbles: true}))"
+def set_value(browser, name, number):
+    """Set the input element with this id, as a person does."""
+    browser.evaluate(f"document.getElementById({name!r}).value = {number}")
+    browser.evaluate(f"document.getElementById({name!r}).dispatchEvent(new Event('input'))")
 
 
-def press(browser, letter):
+def recording_shown(browser):
+    """Return the recording that is chosen, as ``number, label``."""
+    return browser.evaluate("document.getElementById('recording').selectedOptions[0].textContent")
+
+
+KEY_PRESS = "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: KEY, bubbles: true}))"
+
+
+def press(browser, key):
     """Press a key on the page."""
-    browser.evaluate(LISTEN.replace("KEY", repr(letter)))
+    browser.evaluate(KEY_PRESS.replace("KEY", repr(key)))
 
 
 def test_it_opens_at_the_first_difference(opened, compiled):
-    browser, first = opened(), compiled.match.first_divergence
-    where = f"{first.population}, neuron {first.neuron}, step {first.step}: only the "
-    assert text(browser, "status").startswith(where)
-    number = browser.evaluate("document.getElementById('recording').selectedOptions[0].textContent")
-    assert number == f"{first.recording}, label {LABELS[first.recording]}"
+    browser = opened()
+    first = compiled.match.first_divergence
+    spike = f"{first.population}, neuron {first.neuron}, step {first.step}: only the "
+    assert text(browser, "status").startswith(spike)
+    assert recording_shown(browser) == f"{first.recording}, label {LABELS[first.recording]}"
 
 
-def test_potentials_are_shown_as_exactly_as_they_are_held(opened, compiled, page):
-    """A digit more would put a potential on the wrong side of its threshold."""
-    first, values = compiled.match.first_divergence, values_of(page)
-    row = next(one for one in values["recordings"] if one["number"] == first.recording)
-    grade = row["potentials"][first.population]["grade"]
-    shown = re.findall(r"(?:network|chip) (-?[\d.]+)[,;]", text(opened(), "status"))
-    wanted = (first.reference_potential, first.chip_potential)
-    unit = 10.0 ** -np.floor(-np.log10(grade))
-    assert [
-        abs(float(one) - exact) <= grade / 2 + unit / 2
-        for one, exact in zip(shown, wanted, strict=True)
-    ] == [True] * 2
-    assert all(len(one.partition(".")[2]) <= -np.log10(unit) for one in shown)
+def test_potentials_are_shown_as_exactly_as_they_are_stored(opened, compiled, page):
+    """Further digits are not stored; they could show a potential on the wrong side of its threshold."""
+    first = compiled.match.first_divergence
+    recording = next(
+        recording
+        for recording in values_of(page)["recordings"]
+        if recording["number"] == first.recording
+    )
+    grade = recording["potentials"][first.population]["grade"]
+    last_digit = 10.0 ** -np.floor(-np.log10(grade))
+    texts = re.findall(r"(?:network|chip) (-?[\d.]+)[,;]", text(opened(), "status"))
+    exact_potentials = (first.reference_potential, first.chip_potential)
+    for shown, exact in zip(texts, exact_potentials, strict=True):
+        assert abs(float(shown) - exact) <= grade / 2 + last_digit / 2
+        decimals = shown.partition(".")[2]
+        assert len(decimals) <= -np.log10(last_digit)
 
 
 def test_a_person_walks_through_the_differences(opened, compiled):
     browser = opened()
-    begin = text(browser, "status")
+    first_status = text(browser, "status")
     press(browser, "n")
-    after = text(browser, "status")
-    assert after != begin
-    assert "only the " in after
+    next_status = text(browser, "status")
+    assert next_status != first_status
+    assert "only the " in next_status
     press(browser, "p")
-    assert text(browser, "status") == begin
+    assert text(browser, "status") == first_status
     press(browser, "]")
     press(browser, "f")
-    reference, chip = (
-        side.spikes for side in (evaluate(NETWORK, PLAYED), hw.simulate(compiled.program, PLAYED))
+    number = int(recording_shown(browser).split(",")[0])
+    reference = evaluate(NETWORK, PLAYED).spikes
+    chip = hw.simulate(compiled.program, PLAYED).spikes
+    differences = sum(
+        int((reference[population.name][number] != chip[population.name][number]).sum())
+        for population in NETWORK.populations
     )
-    shown = int(
-        browser.evaluate(
-            "document.getElementById('recording').selectedOptions[0].textContent"
-        ).split(",")[0]
-    )
-    differs = sum(
-        int((reference[p.name][shown] != chip[p.name][shown]).sum()) for p in NETWORK.populations
-    )
-    assert f" {differs} spikes are on one side only." in text(browser, "summary").replace(
-        "One spike is", "1 spikes are"
-    )
+    summary = text(browser, "summary").replace("One spike is", "1 spikes are")
+    assert f" {differences} spikes are on one side only." in summary
 
 
 def test_keys_move_the_step_and_the_neuron(opened):
     browser = opened()
-    browser.evaluate("document.getElementById('step').value = 3")
-    browser.evaluate("document.getElementById('step').dispatchEvent(new Event('input'))")
+    set_value(browser, "step", 3)
     press(browser, "ArrowRight")
     assert (value(browser, "step"), text(browser, "step-shown")) == ("4", "4 of 19")
     press(browser, "ArrowLeft")
     assert value(browser, "step") == "3"
     press(browser, "0")
-    before = int(value(browser, "neuron"))
-    press(browser, "j" if before == 0 else "k")
-    assert abs(int(value(browser, "neuron")) - before) == 1
+    neuron = int(value(browser, "neuron"))
+    press(browser, "j" if neuron == 0 else "k")
+    assert abs(int(value(browser, "neuron")) - neuron) == 1
+    # More often than there are neurons: the last one stays.
     for _ in range(9):
         press(browser, "j")
     last = int(browser.evaluate("document.getElementById('neuron').max"))
     assert int(value(browser, "neuron")) == last
 
 
-def test_it_plays_the_mesh(opened, compiled):
+def test_it_shows_the_mesh_at_a_step_and_plays_on(opened, compiled):
+    step = 7
     browser = opened()
-    browser.evaluate("document.getElementById('population').value = 0")
-    browser.evaluate("document.getElementById('population').dispatchEvent(new Event('input'))")
-    browser.evaluate("document.getElementById('step').value = 7")
-    browser.evaluate("document.getElementById('step').dispatchEvent(new Event('input'))")
-    number = int(
-        browser.evaluate(
-            "document.getElementById('recording').selectedOptions[0].textContent"
-        ).split(",")[0]
-    )
-    activity = hw.simulate(compiled.program, PLAYED[[number]], probe=("activity",)).activity[
-        "time"
-    ][0]
+    set_value(browser, "population", 0)
+    set_value(browser, "step", step)
+    number = int(recording_shown(browser).split(",")[0])
+    result = hw.simulate(compiled.program, PLAYED[[number]], probe=("activity",))
+    operations = result.activity["time"][0].count("synaptic_ops")
     shown = browser.evaluate("document.querySelector('.core.here b').textContent")
-    assert int(shown.replace(",", "")) == activity.count("synaptic_ops")[7].max()
+    assert int(shown.replace(",", "")) == operations[step].max()
     press(browser, " ")
     assert text(browser, "play") == "Pause"
     press(browser, " ")
@@ -270,22 +284,22 @@ def test_it_plays_the_mesh(opened, compiled):
 
 def test_an_input_has_no_potential(opened):
     browser = opened()
-    browser.evaluate("document.getElementById('population').value = 4")
-    browser.evaluate("document.getElementById('population').dispatchEvent(new Event('input'))")
+    # The inputs follow the populations, of which there are four.
+    set_value(browser, "population", 4)
     assert text(browser, "not-kept") == "An input line has no potential."
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [400, 1280])
-def test_every_screen(opened, width, dark):
+def test_the_page_fits_every_screen(opened, width, dark):
     """No error, no request, nothing wider than the screen, and something drawn in both plots."""
     browser = opened(width=width, dark=dark)
     assert browser.evaluate("document.documentElement.scrollWidth") <= width
-    drawn = "[...document.querySelectorAll('canvas')].map(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(v => v))"
-    assert browser.evaluate(drawn) == [True, True]
-    told = [event["method"] for event in browser.events]
-    assert "Runtime.exceptionThrown" not in told
-    assert not [event for event in browser.events if event["method"] == "Log.entryAdded"]
+    has_pixels = "[...document.querySelectorAll('canvas')].map(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(v => v))"
+    assert browser.evaluate(has_pixels) == [True, True]
+    methods = [event["method"] for event in browser.events]
+    assert "Runtime.exceptionThrown" not in methods
+    assert "Log.entryAdded" not in methods
     requests = [
         event["params"]["request"]["url"]
         for event in browser.events
