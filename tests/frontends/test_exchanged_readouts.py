@@ -25,22 +25,22 @@ EVEN = tuple(2 * np.rint(20 * weights).astype(int) for weights in WEIGHTS)
 """The same as even mantissas, which lava-dl needs."""
 HELD = "program.yaml holds it, and --emit network shows it."
 """The advice of most refusals."""
-INPUTS = tuple(lc.InputView(name, "time", 10) for name in ("touch", "again"))
+INPUTS = tuple(lc.InputView(name, "time", 10) for name in ("touch", "read_back"))
 
 
-def floats(size, **given):
+def floats(size, **options):
     """Float neurons without a current; by default they lose a fifth per step."""
-    return lc.Cuba.of(size, **{"decay_u": 1.0, "decay_v": 0.2, "threshold": 1.0} | given)
+    return lc.Cuba.of(size, **{"decay_u": 1.0, "decay_v": 0.2, "threshold": 1.0} | options)
 
 
-def integers(size, **given):
+def integers(size, **options):
     """Neurons in the chip's integers, without a current; by default they lose 400 of 4096 parts per step."""
-    return lc.ChipCuba.of(size, **{"decay_u": 4096, "decay_v": 400, "threshold": 60} | given)
+    return lc.ChipCuba.of(size, **{"decay_u": 4096, "decay_v": 400, "threshold": 60} | options)
 
 
-def silent(size, **given):
+def silent(size, **options):
     """Neurons that never spike, by a threshold that nothing reaches."""
-    return floats(size, threshold=1e6, **given)
+    return floats(size, threshold=1e6, **options)
 
 
 def network(second, first=None, skip=False, inputs=INPUTS[:1], **readout):
@@ -75,10 +75,10 @@ def network(second, first=None, skip=False, inputs=INPUTS[:1], **readout):
     )
 
 
-def emitted(kind, made, tmp_path):
+def emitted(kind, original, tmp_path):
     """Quantise a network, write it as a ``kind`` of file, and return the network that is read from the file."""
     path = tmp_path / f"model.{kind}"
-    path.write_bytes(exchange_file(kind, quantize(made, CHIP)))
+    path.write_bytes(exchange_file(kind, quantize(original, CHIP)))
     return lc.load(path)
 
 
@@ -115,27 +115,27 @@ HOLDS = {
 @pytest.mark.parametrize("name", HOLDS)
 def test_what_a_format_holds_reads_back_as_it_was(name, tmp_path):
     """The channels, the kind of readout and the class scores are those of the original network."""
-    kind, made = HOLDS[name]
-    again = emitted(kind, made, tmp_path)
-    assert again.channels == made.channels
-    assert bool(again.readout.from_step) == bool(made.readout.from_step)
-    assert again.readout.weights == (1.0,)
+    kind, original = HOLDS[name]
+    read_back = emitted(kind, original, tmp_path)
+    assert read_back.channels == original.channels
+    assert bool(read_back.readout.from_step) == bool(original.readout.from_step)
+    assert read_back.readout.weights == (1.0,)
     # A reader delays the shorter of two paths, and so the whole second layer by one step.
     steps_late = 1 if "past a layer" in name else 0
-    before = evaluate(made, GIVEN[:, : STEPS - steps_late])
-    after = evaluate(again, GIVEN)
+    before = evaluate(original, GIVEN[:, : STEPS - steps_late])
+    after = evaluate(read_back, GIVEN)
     assert np.ptp(before.scores) > 0
     tolerances = {"rtol": 1e-9, "atol": 1e-9}
-    if made.populations[1].on_grid and kind == "nir":
+    if original.populations[1].on_grid and kind == "nir":
         # Integers become floats, which are not truncated after a decay: within 40 units of 64.
         tolerances = {"rtol": 0.05, "atol": 40 * 64}
     np.testing.assert_allclose(after.scores, before.scores, **tolerances)
     np.testing.assert_array_equal(after.prediction, before.prediction)
 
 
-def read(*populations, **given):
+def read(*populations, **options):
     """Return fields of a readout of these populations."""
-    return {"populations": populations, "weights": (1.0,) * len(populations)} | given
+    return {"populations": populations, "weights": (1.0,) * len(populations)} | options
 
 
 UNLEAKY = "a state that never decays has no time constant"
@@ -219,10 +219,10 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "made", "line"), REFUSED)
-def test_what_a_format_cannot_hold_is_refused(kind, made, line):
+@pytest.mark.parametrize(("kind", "original", "line"), REFUSED)
+def test_what_a_format_cannot_hold_is_refused(kind, original, line):
     with pytest.raises(lc.InputError) as caught:
-        exchange_file(kind, quantize(made, CHIP))
+        exchange_file(kind, quantize(original, CHIP))
     assert str(caught.value) == f"--emit {line}"
 
 
@@ -239,25 +239,25 @@ def test_what_a_format_cannot_hold_is_refused(kind, made, line):
     ids=["nir, spikes and potentials", "net, two layers"],
 )
 def test_several_populations_that_a_format_cannot_read_out(kind, readout, line):
-    made = network(integers(4, threshold=90_000))
-    one = replace(made.populations[0], size=4, neuron=integers(4))
+    original = network(integers(4, threshold=90_000))
+    one = replace(original.populations[0], size=4, neuron=integers(4))
     parts = (
-        replace(made.projections[0], mantissa=EVEN[2]),
-        replace(made.projections[1], mantissa=EVEN[1][:, :4]),
+        replace(original.projections[0], mantissa=EVEN[2]),
+        replace(original.projections[1], mantissa=EVEN[1][:, :4]),
     )
-    made = replace(made, populations=(one, made.populations[1]), projections=parts)
-    made = replace(made, readout=lc.Readout(("one", "two"), (1.0, 1.0), **readout))
+    original = replace(original, populations=(one, original.populations[1]), projections=parts)
+    original = replace(original, readout=lc.Readout(("one", "two"), (1.0, 1.0), **readout))
     with pytest.raises(lc.InputError) as caught:
-        exchange_file(kind, quantize(made, CHIP))
+        exchange_file(kind, quantize(original, CHIP))
     assert str(caught.value) == f"--emit {line}"
 
 
 @pytest.mark.parametrize("kind", ["nir", "net"])
 def test_a_class_for_ties_is_refused(kind):
-    made = network(integers(4))
-    made = replace(made, readout=replace(made.readout, tie_class=1))
+    original = network(integers(4))
+    original = replace(original, readout=replace(original.readout, tie_class=1))
     with pytest.raises(lc.InputError) as caught:
-        exchange_file(kind, quantize(made, CHIP))
+        exchange_file(kind, quantize(original, CHIP))
     assert str(caught.value) == (
         f"--emit {kind}, readout: the format cannot name a class for ties (class 1). {HELD}"
     )
@@ -265,10 +265,10 @@ def test_a_class_for_ties_is_refused(kind):
 
 def test_weights_below_a_mantissa_are_written_as_the_chip_adds_them(tmp_path):
     """With an exponent below 0, the chip loses low bits of a mantissa, so the file must not have them either."""
-    made = network(integers(4))
-    odd = replace(made.projections[0], mantissa=EVEN[0] + 1, exponent=-1, signs="apart")
-    made = replace(made, projections=(odd, made.projections[1]))
-    again = emitted("nir", made, tmp_path)
-    weights = np.asarray(again.projections[0].weights) * 1.0
+    original = network(integers(4))
+    odd = replace(original.projections[0], mantissa=EVEN[0] + 1, exponent=-1, signs="apart")
+    original = replace(original, projections=(odd, original.projections[1]))
+    read_back = emitted("nir", original, tmp_path)
+    weights = np.asarray(read_back.projections[0].weights) * 1.0
     # A charge is 64 floor(mantissa 2^exponent).
     np.testing.assert_allclose(weights, 64 * np.floor((EVEN[0] + 1) / 2))

@@ -134,10 +134,10 @@ def test_populations_of_different_floors_are_on_different_cores(reset, tmp_path)
     assert vmin_of_population["if1"] != vmin_of_population["if2"]
     cores = levels.program.cores
     assert sorted(core.vmin for core in cores) == sorted(
-        v for held in vmin_of_population.values() for v in held
+        v for limits in vmin_of_population.values() for v in limits
     )
-    for name, held in vmin_of_population.items():
-        (vmin,) = held
+    for name, limits in vmin_of_population.items():
+        (vmin,) = limits
         # A core's voltage ends at 1 - 2^k: 1 - vmin is a power of two.
         assert 1 - vmin == 1 << (1 - vmin).bit_length() - 1
         scale = levels.quantized.population(name).scale
@@ -156,17 +156,17 @@ def test_thresholds_that_differ_share_one_floor(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("floor", "expected", "held"),
+    ("floor", "expected", "limit"),
     [("one-threshold", "-1", f"{-(2**18 - 1) / 2**18:.7g}"), ("at-rest", "0", "0")],
 )
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 def test_the_report_states_the_floor_and_explains_every_difference(
-    reset, floor, expected, held, tmp_path
+    reset, floor, expected, limit, tmp_path
 ):
     name = f"iaf-{reset}-{floor}"
     compiled = lc.compile(network_of(name, tmp_path), events=events_of(name))
     message = (
-        f"Potentials of '1' and '3' stop falling at {expected} from where they start (--floor), on the chip at {held}: "
+        f"Potentials of '1' and '3' stop falling at {expected} from where they start (--floor), on the chip at {limit}: "
         "a core's voltage ends below at 1 - 2^k. What stops there is counted among the clips."
     )
     assert message in compiled.report["assumptions"]

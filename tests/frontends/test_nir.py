@@ -48,7 +48,7 @@ def flattened(graph):
 def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
     graph, shape = GRAPHS[name]
     events = random_spikes(shape)
-    wanted = run(flattened(graph), events, DT)
+    by_equations = run(flattened(graph), events, DT)
     network = load_graph(graph, tmp_path)
     ours = evaluate(network, events.reshape(1, len(events), -1)).spikes
     assert [p.name for p in network.populations if p.name != "nir/bias"] == POPULATIONS.get(
@@ -60,7 +60,7 @@ def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
         depth = DEPTH.get(population.name, 1)
         if name == "nested" and population.name == "lif":
             depth = 2  # behind the inner graph
-        expected = wanted[population.name].reshape(len(events), -1)
+        expected = by_equations[population.name].reshape(len(events), -1)
         assert expected.sum() > 10
         np.testing.assert_array_equal(
             ours[population.name][0, depth:], expected[:-depth], err_msg=population.name
@@ -168,13 +168,13 @@ def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_pat
         ("read", node),
     )
     events = random_spikes((10,))
-    wanted = run(graph, events, DT)["read"]
+    by_equations = run(graph, events, DT)["read"]
     compiled = lc.compile(load_graph(graph, tmp_path), events=events[None], diagnosis=False)
     result = hw.simulate(compiled.program, events, probe=("spikes", "v"))
     ours = result.v["read"] / compiled.levels.quantized.population("read").scale
     assert result.spikes["read"].sum() == 0
     # The hidden spikes are the chip's own. Where they equal the framework's, potentials differ by rounding only.
-    assert np.corrcoef(ours[2:].ravel(), wanted[:-2].ravel())[0, 1] > 0.99
+    assert np.corrcoef(ours[2:].ravel(), by_equations[:-2].ravel())[0, 1] > 0.99
     # No potential passes the threshold, so the register needs no headroom above it. With headroom, the score errors of LI
     # and CubaLI would be 0.006 and 0.044.
     assert compiled.report["match"]["score_error"] < 0.005
@@ -223,7 +223,7 @@ def test_the_error_of_both_discretisations_against_the_equation(
 ):
     errors = {}
     for how in ("euler", "exact"):
-        ours, wanted = impulse(kind, tau * DT, tau_syn and tau_syn * DT, how, tmp_path)
-        errors[how] = float(np.abs(ours - wanted).max() / wanted.max())
+        ours, by_equations = impulse(kind, tau * DT, tau_syn and tau_syn * DT, how, tmp_path)
+        errors[how] = float(np.abs(ours - by_equations).max() / by_equations.max())
     assert errors["exact"] < 1e-12
     assert 0.3 * bound < errors["euler"] < bound

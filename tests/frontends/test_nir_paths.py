@@ -116,7 +116,7 @@ CHIPS = {
     "a loop and a shorter path": {**LOOP, "input c": 0},
     "two that feed each other": {"input a": 0, "input b": 0, "a b": 0, "b a": 2, "a c": 0},
 }
-HELD = [[], [3], [1], [3, 2], [1, 2], [1], [4, 2], [1, 2], [2]]
+EXPECTED_DELAYS = [[], [3], [1], [3, 2], [1, 2], [1], [4, 2], [1, 2], [2]]
 """The delays of the Delay nodes with which each of these networks is written as NIR, in steps."""
 
 
@@ -166,8 +166,12 @@ def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "held"), list(zip(CHIPS, HELD, strict=True)), ids=CHIPS)
-def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name, held, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "expected_delays"), list(zip(CHIPS, EXPECTED_DELAYS, strict=True)), ids=CHIPS
+)
+def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(
+    name, expected_delays, tmp_path
+):
     quantized = by_hand(CHIPS[name])
     events = random_spikes((6,))
     graph = written(quantized, tmp_path / "model.nir")
@@ -176,12 +180,12 @@ def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name
         for _, node in sorted(graph.nodes.items())
         if isinstance(node, nir.Delay)
     ]
-    assert np.rint(delays).tolist() == held
-    again = lc.load(tmp_path / "model.nir")
+    assert np.rint(delays).tolist() == expected_delays
+    read_back = lc.load(tmp_path / "model.nir")
     # The first three assumptions are those on the step, the reset and the discretisation.
-    assert again.assumptions[3:] == ()
+    assert read_back.assumptions[3:] == ()
     before = evaluate(quantized.on_grid(), events[None]).spikes
-    after = evaluate(again, events[None]).spikes
+    after = evaluate(read_back, events[None]).spikes
     steps = len(events)
     for population in quantized.network.populations:
         ours = before[population.name][0]

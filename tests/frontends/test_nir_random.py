@@ -61,18 +61,18 @@ def ways(draw, count):
     a loop leads to a population through which all spikes into the loop pass, and has at least the delay with which the
     loop is as fast as in a framework.
     """
-    found = {}
+    connections = {}
     for target in range(1, count + 1):
         for source in draw(st.sets(st.integers(0, target - 1), min_size=1, max_size=3)):
-            found[source, target] = draw(st.sampled_from([0, 0, 0, 1, 3]))
-    graph = nx.DiGraph(list(found))
+            connections[source, target] = draw(st.sampled_from([0, 0, 0, 1, 3]))
+    graph = nx.DiGraph(list(connections))
     depth = {n: k for k, layer in enumerate(nx.topological_generations(graph)) for n in layer}
     dominator_of = nx.immediate_dominators(graph, 0)
     for source in draw(st.sets(st.integers(1, count), max_size=2)):
         entries = [n for n in dominator_of if n and n in dominators(dominator_of, source)]
         target = draw(st.sampled_from(sorted(entries)))
-        found[source, target] = depth[source] - depth[target] + draw(st.integers(0, 2))
-    return found, depth
+        connections[source, target] = depth[source] - depth[target] + draw(st.integers(0, 2))
+    return connections, depth
 
 
 def dominators(dominator_of, name):
@@ -88,7 +88,7 @@ def graphs(draw, may_have_biases=True):
     """Draw a graph, the shape of its input, depths of populations, and a reset."""
     rng, count = np.random.default_rng(draw(st.integers(0, 2**32 - 1))), draw(st.integers(1, 5))
     reset = draw(st.sampled_from([*NEURONS]))
-    found, depth = draw(ways(count))
+    connections, depth = draw(ways(count))
     names = ["input", *draw(st.permutations("abcde"))[:count]]
     pictured = draw(st.booleans())
     sizes = [72 if pictured else 8, *(draw(st.integers(2, 7)) for _ in range(count))]
@@ -102,11 +102,11 @@ def graphs(draw, may_have_biases=True):
             sizes[1] = 16
         nodes[name] = kinds[draw(st.sampled_from([*kinds]))](rng, *shape)
         if before:
-            found = {pair: late for pair, late in found.items() if pair != (0, 1)}
+            connections = {pair: delay for pair, delay in connections.items() if pair != (0, 1)}
             chain = ["input", *(f"{name}_{node}" for node, _ in before), name]
-            nodes |= {f"{name}_{node}": made for node, made in before}
+            nodes |= {f"{name}_{node}": image_node for node, image_node in before}
             edges += itertools.pairwise(chain)
-    for (source, target), late in found.items():
+    for (source, target), delay in connections.items():
         name = f"{names[source]}_{names[target]}"
         scale = 0.2 if source >= target else 0.5
         weight = linear(rng, sizes[target], sizes[source], scale)
@@ -118,8 +118,8 @@ def graphs(draw, may_have_biases=True):
             nodes[f"{name}_flat"].start_dim, nodes[f"{name}_flat"].end_dim = 0, -1
             chain.append(f"{name}_flat")
         behind = draw(st.booleans())
-        if late and not behind:
-            nodes[f"{name}_delay"] = nir.Delay(np.full(sizes[source], late * DT))
+        if delay and not behind:
+            nodes[f"{name}_delay"] = nir.Delay(np.full(sizes[source], delay * DT))
             chain.append(f"{name}_delay")
         biased = may_have_biases and source < target and draw(st.booleans())
         nodes[name] = (
@@ -129,9 +129,9 @@ def graphs(draw, may_have_biases=True):
         if draw(st.booleans()):
             nodes[f"{name}_scale"] = nir.Scale(rng.uniform(0.5, 1.5, sizes[target]))
             chain.append(f"{name}_scale")
-        if late and behind:
+        if delay and behind:
             later = rng.integers(0, 3, sizes[target])
-            nodes[f"{name}_delay"] = nir.Delay((late + later) * DT)
+            nodes[f"{name}_delay"] = nir.Delay((delay + later) * DT)
             chain.append(f"{name}_delay")
         edges += itertools.pairwise([*chain, names[target]])
     shape = (2, 6, 6) if pictured else (8,)
@@ -151,12 +151,12 @@ def graphs(draw, may_have_biases=True):
 def test_random_graphs_spike_as_the_equations_say(data, how):
     graph, shape, depths, reset = data.draw(graphs(may_have_biases=how != "exact"))
     spikes = (np.random.default_rng(3).random((STEPS, *shape)) < 0.2).astype(np.uint8)
-    wanted = run(graph, spikes, DT, how=how, reset=reset)
+    by_equations = run(graph, spikes, DT, how=how, reset=reset)
     with tempfile.TemporaryDirectory() as folder:
         nir.write(Path(folder) / "graph.nir", graph)
         network = lc.load(Path(folder) / "graph.nir", dt=DT, discretisation=how, reset=reset)
     assert network.assumptions == ()
-    found = evaluate(network, spikes.reshape(1, STEPS, -1)).spikes
+    ours = evaluate(network, spikes.reshape(1, STEPS, -1)).spikes
     for name, depth in depths.items():
-        expected = wanted[name].reshape(STEPS, -1)[:-depth]
-        np.testing.assert_array_equal(found[name][0, depth:], expected, err_msg=name)
+        expected = by_equations[name].reshape(STEPS, -1)[:-depth]
+        np.testing.assert_array_equal(ours[name][0, depth:], expected, err_msg=name)

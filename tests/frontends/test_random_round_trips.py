@@ -94,13 +94,13 @@ def graphs(draw, depth=1):
         chain = [name for name in inside if name != "back"]
         links += itertools.pairwise(chain)
         if nested:
-            whole = {
+            inner_nodes = {
                 "in": nir.Input(np.array([size])),
                 **inside,
                 "out": nir.Output(np.array([outs])),
             }
             nodes[f"sub{number}"] = nir.NIRGraph(
-                whole, [("in", chain[0]), *links, ("n", "out")], type_check=False
+                inner_nodes, [("in", chain[0]), *links, ("n", "out")], type_check=False
             )
             edges, before = [*edges, (before, f"sub{number}")], f"sub{number}"
         else:
@@ -121,9 +121,9 @@ def graphs(draw, depth=1):
 def nets(draw):
     """Draw one to three layers of a ``.net`` file."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    ins, made = draw(st.integers(1, 6)), []
+    ins, layers_of_file = draw(st.integers(1, 6)), []
     if draw(st.booleans()):
-        made.append({"type": "input", "shape": np.array([ins])})
+        layers_of_file.append({"type": "input", "shape": np.array([ins])})
     for _ in range(draw(st.integers(1, 3))):
         outs = draw(st.integers(1, 5))
         each = outs if draw(st.booleans()) else 1
@@ -141,21 +141,21 @@ def nets(draw):
             layer["delay"] = rng.uniform(0, 70, outs).astype(np.float32)
         if draw(st.booleans()):
             layer |= {"type": "dense_rec", "weight_rec": even(rng, outs, outs)}
-        made, ins = [*made, layer], outs
-    return made
+        layers_of_file, ins = [*layers_of_file, layer], outs
+    return layers_of_file
 
 
 def assert_same_network(before, after):
     """Compare the neurons and the weights of two networks, number by number."""
     assert [p.name for p in before.populations] == [p.name for p in after.populations]
-    for one, other in zip(before.populations, after.populations, strict=True):
-        for key, value in vars(one.neuron).items():
-            np.testing.assert_array_equal(getattr(other.neuron, key), value)
-    for one, other in zip(before.projections, after.projections, strict=True):
-        assert (one.source, one.target) == (other.source, other.target)
-        np.testing.assert_array_equal(one.delay, other.delay)
-        held = [p.mantissa if hasattr(p, "mantissa") else p.weights for p in (one, other)]
-        np.testing.assert_array_equal(*map(values_of, held))
+    for first, second in zip(before.populations, after.populations, strict=True):
+        for key, value in vars(first.neuron).items():
+            np.testing.assert_array_equal(getattr(second.neuron, key), value)
+    for first, second in zip(before.projections, after.projections, strict=True):
+        assert (first.source, first.target) == (second.source, second.target)
+        np.testing.assert_array_equal(first.delay, second.delay)
+        matrices = [p.mantissa if hasattr(p, "mantissa") else p.weights for p in (first, second)]
+        np.testing.assert_array_equal(*map(values_of, matrices))
 
 
 @pytest.mark.slow
@@ -173,11 +173,11 @@ def test_a_nir_graph_that_is_read_and_written_is_the_same(graph, reset):
         metadata = nir.read(after, type_check=False).metadata
     for k, p in enumerate(quantized.projections):
         dense_form = p.mantissa if isinstance(p.mantissa, np.ndarray) else p.mantissa.toarray()
-        rows, columns, held = (
+        rows, columns, mantissas = (
             metadata[f"quantized.projection{k}.{key}"] for key in ("rows", "columns", "mantissa")
         )
-        np.testing.assert_array_equal(dense_form[rows, columns], held)
-        assert np.count_nonzero(dense_form) == np.count_nonzero(held)
+        np.testing.assert_array_equal(dense_form[rows, columns], mantissas)
+        assert np.count_nonzero(dense_form) == np.count_nonzero(mantissas)
     for q in quantized.populations:
         if isinstance(q.neuron, ChipSrm):
             taps = metadata[f"quantized.{q.population.name}.refractory.mantissa"]
@@ -191,10 +191,10 @@ def test_a_nir_graph_that_is_read_and_written_is_the_same(graph, reset):
 @pytest.mark.slow
 @given(nets())
 @RARELY
-def test_a_lava_dl_file_that_is_read_and_written_is_the_same(made):
+def test_a_lava_dl_file_that_is_read_and_written_is_the_same(layers_of_file):
     with tempfile.TemporaryDirectory() as folder:
         before, after = (Path(folder) / f"{name}.net" for name in ("before", "after"))
-        write_net(before, made, {"Ts": 1.0, "tSample": 80})
+        write_net(before, layers_of_file, {"Ts": 1.0, "tSample": 80})
         network = lc.load(before)
         after.write_bytes(exchange_file("net", quantize(network, CHIP)))
         assert_equal_datasets(datasets_of(before, "layer"), datasets_of(after, "layer"))
