@@ -173,6 +173,7 @@ class Replay:
         # A row without events, and room for the readings after it.
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._columns = np.zeros((1, layout.columns), dtype=np.int64)
+        # Compile the loop for these types of arguments; their values do not matter.
         self._push = entry(_push, 0, self._silence, self._phase, self._columns, 0)
         self.reset()
 

@@ -71,6 +71,7 @@ _NO_END = 1 << 62
 # Typed constants: numba would compile a loop anew for each Python literal that it is called with.
 _NO_STEP = np.int64(0)
 _SKIP = np.bool_(True)
+"""Let the engine skip updates that cannot change anything."""
 
 
 class Live:
@@ -90,28 +91,31 @@ class Live:
         self._steps = _NO_END if steps is None else steps
         self._end = self._steps
         columns_read = len(potentials.columns)
+        # The engine records the potentials of these columns here, tile after tile.
         potential = np.zeros((1, TILE, columns_read), dtype=np.int64)
         self._room = _room(layout, potential)
         first_state = state.first_state(layout, TILE)
         self._state = packed.pack(first_state)
         memory = state.Memory(first_state, state.workspace(layout, TILE), paths_of(layout))
+        # Where the engine records the potential of each column; -1 for columns that are not recorded.
         place = np.full(layout.columns, -1, dtype=np.int64)
         place[potentials.columns] = np.arange(columns_read)
-        kept_registers = state.Kept(
-            columns_read > 0,
-            state.NO_REGISTER,
-            state.NO_REGISTER,
-            state.KeptRegister(place, 0, potential),
+        recorded_registers = state.Kept(
+            watched=columns_read > 0,
+            u=state.NO_REGISTER,
+            v=state.NO_REGISTER,
+            potential=state.KeptRegister(place, start=0, rows=potential),
         )
         self._phase = _Phase(
-            self._room,
-            potentials,
-            layout.packed_tables,
-            packed.pack(memory),
-            packed.pack(kept_registers),
-            starts_late,
+            room=self._room,
+            potentials=potentials,
+            tables=layout.packed_tables,
+            memory=packed.pack(memory),
+            kept=packed.pack(recorded_registers),
+            starts_late=starts_late,
         )
         self._packed_phase = packed.pack(self._phase)
+        # Compile the loop for these types of arguments; their values do not matter.
         self._run = entry(
             _run,
             0,
@@ -154,6 +158,7 @@ class Live:
         """
         phase = self._phase
         room = phase.room
+        # The arguments only give their types.
         return address(
             run_tile,
             Tile(_NO_STEP, _NO_STEP, _SKIP),

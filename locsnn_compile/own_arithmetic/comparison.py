@@ -138,6 +138,7 @@ def sum_of_batches(
 
 
 def _batches(recordings: Recordings) -> Iterator[Batch]:
+    """Yield the recordings in batches, which bound the memory."""
     for rows in batches(len(recordings)):
         yield Batch(rows.start, recordings.spikes[rows])
 

@@ -69,6 +69,7 @@ def compose_page(report: SharedFigures, page: FamilyPage, host: HostFigures | No
             unknowns(report, page.not_known),
         ),
         notices=(*notices(report), *page.notices),
+        # A section without content, such as one on host layers that the network does not have, is None.
         sections=tuple(section for section in sections if section),
         footer="Per recording means the mean over the recordings of the check.",
         assumptions=report.assumptions,
