@@ -196,11 +196,11 @@ def _check_range(group: Compartments, name: str, domain: Domain, fix: str) -> No
         raise InputError(
             where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one each."
         )
-    bad = np.flatnonzero(~domain.holds(values))
-    if len(bad):
-        measured = f"{values[bad[0]]} against {domain.low}..{domain.high}"
+    wrong = np.flatnonzero(~domain.holds(values))
+    if len(wrong):
+        measured = f"{values[wrong[0]]} against {domain.low}..{domain.high}"
         raise TargetError(
-            where, f"{name} of compartment {bad[0]} is out of range", measured=measured, fix=fix
+            where, f"{name} of compartment {wrong[0]} is out of range", measured=measured, fix=fix
         )
 
 
@@ -264,13 +264,13 @@ def _check_weights(synapses: Synapses, chip: Chip, where: str) -> None:
             measured=measured,
             fix=fix,
         )
-    bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
-    if len(bad):
+    off_grid = np.flatnonzero(grid.off_grid(synapses.mantissa))
+    if len(off_grid):
         kind = f"{grid.weight_bits}-bit {grid.sign_mode} weights"
         fix = "Round the weights onto the grid first."
-        what = f"weight {synapses.mantissa[bad[0]]} is not on the grid of {kind}"
-        of = counted(len(synapses.mantissa), "weight")
-        measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {of} off"
+        what = f"weight {synapses.mantissa[off_grid[0]]} is not on the grid of {kind}"
+        all_weights = counted(len(synapses.mantissa), "weight")
+        measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(off_grid)} of {all_weights} off"
         raise TargetError(where, what, measured=measured, fix=fix)
     exponents = loihi.EXPONENTS
     if not exponents.holds(synapses.exponent):
@@ -291,10 +291,13 @@ def _check_delays(synapses: Synapses, chip: Chip, where: str) -> None:
     delays = synapses.delay
     domain = loihi.domains(chip.registers)["delay"]
     longest_delay = domain.high
-    off = delays[~domain.holds(delays)]
-    if len(off):
-        worst = int(off[np.abs(off).argmax()])
-        measured = f"{worst} against 0..{longest_delay} steps; {len(off)} of {counted(len(delays), 'delay')} outside"
+    outside = delays[~domain.holds(delays)]
+    if len(outside):
+        worst = int(outside[np.abs(outside).argmax()])
+        all_delays = counted(len(delays), "delay")
+        measured = (
+            f"{worst} against 0..{longest_delay} steps; {len(outside)} of {all_delays} outside"
+        )
         # Every synapse takes one step more than its delay. So k relays, which make k + 1 synapses, reach a total
         # delay of (k + 1) * (longest_delay + 1) - 1.
         relays = counted(worst // (longest_delay + 1), "compartment")
