@@ -20,27 +20,31 @@ module commands #(
 ) (
     input  logic         clk,
     input  logic         reset,
+    // Bytes of frames: type, sequence number, payload.
     input  logic         frame_valid,
     output logic         frame_ready,
     input  logic [7:0]   frame_data,
     input  logic         frame_last,
+    // To the load port of the core, which is always ready.
     output logic         load_valid,
     output logic [2:0]   load_memory,
     output logic [23:0]  load_address,
     output logic [127:0] load_data,
+    // To the stream port of the core.
     output logic         word_valid,
     input  logic         word_ready,
-    output logic [1:0]   word_kind,
+    output logic [1:0]   word_kind,    // 0 event, 1 tick, 2 end, 3 stop
     output logic [15:0]  word_channel,
     input  logic         answered,     // the answer of a recording is on its way to the host
+    // What to reply to the frame of this number.
     output logic         reply_valid,
     input  logic         reply_ready,
-    output logic         reply_hello,
-    output logic [7:0]   reply_error,  // 0: none
+    output logic         reply_hello,  // the frame was a hello
+    output logic [7:0]   reply_error,  // the problem; 0: none
     output logic [7:0]   reply_number,
-    output logic         report,
+    output logic         report,       // the host wants spikes
     output logic         loaded,       // a program is there, and was started
-    output logic         running       // a recording is under way, or its answer is
+    output logic         running       // words of a recording came, and its answer has not left yet
 );
     // Types of frames, and problems, are those of docs/reference/hardware/serial-line-and-axi.md; problems 1 to 5 are those of
     // frame_receiver.sv.
@@ -53,8 +57,8 @@ module commands #(
     localparam logic [2:0] TYPE = 0, NUMBER = 1, PAYLOAD = 2, WORD = 3, SKIP = 4, CUT = 5, DROP = 6, SETTLE = 7;
 
     logic [2:0]   state;
-    logic         replying;
-    logic [7:0]   kind;
+    logic         replying;   // a reply waits to be taken; all else stands still
+    logic [7:0]   kind;       // the type of the frame
     logic [7:0]   refusal;    // the problem that the reply will name; 0: none
     // A payload is a row of items: the destination of a load (5 bytes), a word of a load, a word of the stream, or a switch.
     logic         over;       // the item is the last one of its frame
@@ -65,6 +69,7 @@ module commands #(
     logic         open;       // words of a recording came, but not its end
     logic         awaited;    // the end of a recording came, but its answer did not
 
+    // The item with the byte that is taken now; how many bytes it has; whether this is its last one.
     wire [127:0] item = {index == 0 ? 120'b0 : number[119:0], frame_data};
     wire [4:0]   item_size = kind == LOAD ? (destination_known ? size : 5'd5) : kind == WORDS ? 5'd3 : 5'd1;
     wire         whole = index + 1 == item_size;

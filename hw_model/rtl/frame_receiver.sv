@@ -12,15 +12,18 @@ module frame_receiver #(
     input  logic       byte_valid,
     input  logic [7:0] byte_data,
     input  logic       byte_broken,     // a byte had no stop bit
+    // Bytes of correct frames: type, sequence number, payload.
     output logic       frame_valid,
     input  logic       frame_ready,
     output logic [7:0] frame_data,
     output logic       frame_last,
+    // An error of a frame, for one cycle: problems 1 to 5, named below.
     output logic       error_valid,
     output logic [7:0] error,
     output logic [7:0] expected     // the sequence number that must come next
 );
     localparam logic [7:0] FLAG = 8'h7e, ESCAPE = 8'h7d, HELLO = 1;
+    // A byte without its stop bit; a wrong CRC; fewer than four bytes; more than there is room for; a wrong sequence number.
     localparam logic [7:0] LINE = 1, CHECKSUM = 2, SHORT = 3, OVERRUN = 4, SEQUENCE = 5;
 
     logic        escaped;

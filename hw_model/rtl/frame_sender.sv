@@ -12,6 +12,7 @@ module frame_sender (
     output logic [7:0] byte_data
 );
     localparam logic [7:0] FLAG = 8'h7e, ESCAPE = 8'h7d;
+    // IDLE: the first flag waits for a frame; BODY: its bytes; CRC_HIGH, CRC_LOW: those of the CRC; CLOSE: the last flag.
     localparam logic [2:0] IDLE = 0, BODY = 1, CRC_HIGH = 2, CRC_LOW = 3, CLOSE = 4;
 
     logic [2:0]  state;

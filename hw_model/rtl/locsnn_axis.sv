@@ -102,7 +102,7 @@ module locsnn_axis #(
         /* verilator lint_on PINCONNECTEMPTY */
     );
 
-    // Answers, a count per beat.
+    // Answers, a count per beat, the first one highest in `answer`.
     wire  [23:0]  lost;
     logic [3:0]   index;
     wire  [2:0]   number = wrong ? NO_WORD : error;

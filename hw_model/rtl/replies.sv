@@ -39,6 +39,7 @@ module replies #(
 );
     localparam logic [7:0] VERSION = 3;  // of the protocol; hw_model/rtl/board.py expects it
     localparam logic [7:0] HELLO = 8'h81, DONE = 8'h82, ANSWER = 8'h83, SPIKES = 8'h84, ERROR = 8'h85;
+    // What is being sent: nothing, an error of the line, a reply to a command, spikes, the answer of a recording.
     localparam logic [2:0] IDLE = 0, LINE = 1, REPLY = 2, SPIKE = 3, FINAL = 4;
     localparam integer     LONGEST_BYTES = 40;  // of an answer: its type, its number (0) and 38 bytes; a hello has 40 as well
     localparam logic [3:0] MORE_SPIKES = 15;  // at most 16 spikes are in a frame, so that others may speak in between
@@ -47,7 +48,7 @@ module replies #(
     logic [2:0] state;
     logic       pending;  // an error of the line, until it is answered
     logic [7:0] line_error;
-    logic [5:0] index, last;
+    logic [5:0] index, last;  // of the byte that is sent, and of the last one of the frame
     logic [3:0] spikes_sent;
 
     // A register for the clock. It is a cycle old, but in time: a byte is taken in every other cycle at most, and the first two

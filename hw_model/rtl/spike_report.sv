@@ -20,7 +20,7 @@ module spike_report #(
     output logic        crowded  // half of the queue is taken: steps should wait
 );
     localparam logic [$clog2(DEPTH):0] HALF = ($clog2(DEPTH) + 1)'(DEPTH / 2);
-    logic [23:0]          index;
+    logic [23:0]          index;  // compartments that were updated so far in the recording
     wire                  full;
     wire [$clog2(DEPTH):0] level;
     wire                  spike = running && update && fired;

@@ -28,7 +28,7 @@ module uart_tx #(
             end
         end else if (left != 0) left <= left - 1;
         else begin
-            frame <= {1'b1, frame[9:1]};
+            frame <= {1'b1, frame[9:1]};  // a line that is idle is 1
             bits <= bits - 1;
             left <= WHOLE;
         end

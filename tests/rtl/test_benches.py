@@ -36,7 +36,16 @@ from tests.support.benches import (
     differ,
     windows,
 )
-from tests.support.desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
+from tests.support.desk import (
+    LAST,
+    PRESS,
+    STOP,
+    Desk,
+    over_a_line,
+    received_bytes,
+    received_frames,
+    transcript,
+)
 from tests.support.hybrids import graph_in_phase, program_of_graphs
 from tests.support.marks import first_quick, sampled
 from tests.support.planted_faults import Fault
@@ -192,15 +201,15 @@ def line_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     broken_byte = 256 + ord("a")
     with closing(shared_desk().port(texts, bit=8, patience=400)) as port:
         port.write([broken_byte])
-        yield said(port)
+        yield received_frames(port)
         port.write([PRESS, broken_byte])
-        yield said(port)
+        yield received_frames(port)
 
 
 def serial_bytes(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     """Yield the bytes that a receiver hears at several rates: equal, 4 % apart, as fast as can be, and much too slow."""
     for bit, host_bit in ((100, 100), (100, 104), (100, 96), (8, 8), (100, 130)):
-        yield rates(folder, texts, bit, host_bit)
+        yield received_bytes(folder, texts, bit, host_bit)
 
 
 def session_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:

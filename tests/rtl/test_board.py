@@ -26,9 +26,9 @@ from tests.support.desk import (
     WORD,
     Desk,
     damaged,
+    exchange,
     over_a_line,
-    said,
-    say,
+    received_frames,
     stream_words,
 )
 from tests.support.marks import first_quick
@@ -62,7 +62,7 @@ def loaded(desk):
 
 def greet(port) -> None:
     """Start a session anew, so that the next frame has the number 1."""
-    assert say(port, HELLO, 0)[-1][:2] == (WELCOME, 0)
+    assert exchange(port, HELLO, 0)[-1][:2] == (WELCOME, 0)
 
 
 def test_a_board_reports_its_sizes(desk):
@@ -126,9 +126,9 @@ def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded,
     problem, spoil = SPOILED[name]
     greet(port)
     spoil(port)
-    assert said(port) == [(ERROR, 1, bytes((problem,)))]
+    assert received_frames(port) == [(ERROR, 1, bytes((problem,)))]
     # The number that the error names is still expected, and nothing of the spoiled frame is left.
-    assert say(port, WORDS, 1, stream_words(desk.words))[0] == (DONE, 1, b"")
+    assert exchange(port, WORDS, 1, stream_words(desk.words))[0] == (DONE, 1, b"")
     board = Board(port)
     assert not board.cut_off
     assert board.play(desk.core, desk.spikes[0]) == plain
@@ -150,8 +150,8 @@ def test_a_frame_that_is_refused_is_answered(loaded, name):
     port, _ = loaded
     problem, kind, payload = REFUSED[name]
     greet(port)
-    assert say(port, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
-    assert say(port, REPORT, 2, b"\0") == [(DONE, 2, b"")]
+    assert exchange(port, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
+    assert exchange(port, REPORT, 2, b"\0") == [(DONE, 2, b"")]
 
 
 @pytest.fixture(scope="module")
@@ -168,24 +168,24 @@ def test_a_load_that_is_refused_is_answered(empty, name):
     outside = ("an address outside its memory", "a word that runs over the end")
     problem = NO_PLACE if name in outside else FORM
     greet(empty)
-    assert say(empty, LOAD, 1, REFUSED_LOADS[name]) == [(ERROR, 1, bytes((problem,)))]
-    assert say(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
+    assert exchange(empty, LOAD, 1, REFUSED_LOADS[name]) == [(ERROR, 1, bytes((problem,)))]
+    assert exchange(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
 
 
 @pytest.mark.slow
 def test_a_hello_has_no_payload(loaded):
     port, _ = loaded
     greet(port)
-    assert say(port, HELLO, 1, b"a") == [(ERROR, 1, bytes((FORM,)))]
+    assert exchange(port, HELLO, 1, b"a") == [(ERROR, 1, bytes((FORM,)))]
 
 
 def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, loaded):
     port, plain = loaded
     words = desk.words
     greet(port)
-    assert say(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
-    assert say(port, LOAD, 2, b"\x01\0\0\0\x04abcd") == [(ERROR, 2, bytes((BUSY,)))]
-    done, answer = say(port, WORDS, 3, stream_words(words[5:]))
+    assert exchange(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
+    assert exchange(port, LOAD, 2, b"\x01\0\0\0\x04abcd") == [(ERROR, 2, bytes((BUSY,)))]
+    done, answer = exchange(port, WORDS, 3, stream_words(words[5:]))
     assert done == (DONE, 3, b"")
     _, _, payload = answer
     assert payload[:3] == bytes((plain.error, 0, plain.winner))  # the class has two bytes
@@ -196,9 +196,9 @@ def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     port, plain = loaded
     words = desk.words
     greet(port)
-    say(port, REPORT, 1, b"\1")
-    say(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
-    assert [kind for kind, _, _ in say(port, HELLO, 0) if kind != SPIKES] == [ERROR, WELCOME]
+    exchange(port, REPORT, 1, b"\1")
+    exchange(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
+    assert [kind for kind, _, _ in exchange(port, HELLO, 0) if kind != SPIKES] == [ERROR, WELCOME]
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
 
 
@@ -213,7 +213,7 @@ def test_a_board_that_hears_events_on_arrival(desk):
     board.report(True)
     first = board.play(later.core, later.spikes[0])
     greet(port)
-    say(port, WORDS, 1, stream_words(later.words[: len(later.words) // 2]))
+    exchange(port, WORDS, 1, stream_words(later.words[: len(later.words) // 2]))
     board = Board(port)
     again = board.play(later.core, later.spikes[0])
     port.close()
@@ -227,7 +227,7 @@ def test_a_board_that_hears_events_on_arrival(desk):
 def test_the_host_says_that_a_recording_was_cut_off(loaded):
     port, _ = loaded
     greet(port)
-    say(port, WORDS, 1, WORD)
+    exchange(port, WORDS, 1, WORD)
     assert Board(port).cut_off
     assert not Board(port).cut_off
 
@@ -236,7 +236,7 @@ def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     port, _ = loaded
     greet(port)
     port.write(framed(WORDS, 1, stream_words(desk.words)) + framed(HELLO, 7, b""))
-    assert [(kind, number) for kind, number, _ in said(port)] == [
+    assert [(kind, number) for kind, number, _ in received_frames(port)] == [
         (DONE, 1),
         (ANSWERED, 0),
         (WELCOME, 7),
@@ -257,7 +257,7 @@ def test_an_error_of_the_stream_is_answered(desk, loaded, name):
     port, plain = loaded
     number, words = STREAM_ERRORS[name]
     greet(port)
-    done, answer = say(port, WORDS, 1, stream_words(words(desk.core)))
+    done, answer = exchange(port, WORDS, 1, stream_words(words(desk.core)))
     kind, _, payload = answer
     assert done == (DONE, 1, b"")
     assert (kind, payload[0]) == (ANSWERED, number)
@@ -266,7 +266,7 @@ def test_an_error_of_the_stream_is_answered(desk, loaded, name):
 
 def says_loaded(port) -> bool:
     """Greet the board; return whether it reports a program, in the second byte of its welcome."""
-    ((_, _, payload),) = say(port, HELLO, 0)
+    ((_, _, payload),) = exchange(port, HELLO, 0)
     return payload[1] == 1
 
 
@@ -274,15 +274,15 @@ def says_loaded(port) -> bool:
 def test_words_before_a_program_are_refused(desk):
     port = desk.port()
     assert not says_loaded(port)
-    assert say(port, WORDS, 1, WORD) == [(ERROR, 1, bytes((NO_PROGRAM,)))]
+    assert exchange(port, WORDS, 1, WORD) == [(ERROR, 1, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
     assert says_loaded(port)
     # After part of a load the board has no program, nor after a reset.
-    assert say(port, LOAD, 1, b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
-    assert say(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
+    assert exchange(port, LOAD, 1, b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
+    assert exchange(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
     port.write([PRESS])
-    assert say(port, WORDS, 0, WORD) == [(ERROR, 0, bytes((NO_PROGRAM,)))]
+    assert exchange(port, WORDS, 0, WORD) == [(ERROR, 0, bytes((NO_PROGRAM,)))]
     port.close()
 
 

@@ -17,7 +17,7 @@ from hw_model.rtl.board import Board
 from hw_model.rtl.frames import ERROR, HELLO, WELCOME
 from hw_model.rtl.ports import SimulatedBoard
 from hw_model.rtl.simulators import sources
-from tests.support.desk import PATIENCE, Desk, rates, said, say
+from tests.support.desk import PATIENCE, Desk, exchange, received_bytes, received_frames
 from tests.support.marks import first_quick
 
 RTL = Path(hw.__file__).parent / "rtl"
@@ -36,14 +36,14 @@ verilator = pytest.mark.skipif(
     first_quick([(100, 104), (8, 8), (100, 100), (100, 98), (100, 102), (100, 96), (217, 213)], 2),
 )
 def test_every_byte_passes_at_a_rate_within_the_tolerance(tmp_path, bit, host_bit):
-    assert rates(tmp_path, sources(), bit, host_bit) == [str(byte) for byte in range(256)]
+    assert received_bytes(tmp_path, sources(), bit, host_bit) == [str(byte) for byte in range(256)]
 
 
 @pytest.mark.slow
 @icarus
 @pytest.mark.parametrize("host_bit", [80, 125])
 def test_a_wrong_rate_breaks_bytes(tmp_path, host_bit):
-    assert "broken" in rates(tmp_path, sources(), 100, host_bit)
+    assert "broken" in received_bytes(tmp_path, sources(), 100, host_bit)
 
 
 @pytest.fixture
@@ -59,8 +59,8 @@ def test_a_greeting_over_the_line(desk):
     # A missing stop bit is reported at once, and the next frame is understood.
     byte_without_stop_bit = 256 + ord("a")
     port.write([byte_without_stop_bit])
-    replies = said(port)
-    welcome = say(port, HELLO, 3)
+    replies = received_frames(port)
+    welcome = exchange(port, HELLO, 3)
     port.close()
     assert board.sizes == desk.sizes
     assert replies == [(ERROR, 1, b"\1")]

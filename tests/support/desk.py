@@ -73,16 +73,16 @@ class Desk:
         return answers, (folder / "spikes").read_text().split()
 
 
-def said(port) -> list[tuple[int, int, bytes]]:
+def received_frames(port) -> list[tuple[int, int, bytes]]:
     """Return every frame that the board sends until it is silent."""
     reader = FrameReader(port.read)
     return list(iter(reader.next, None))
 
 
-def say(port, kind: int, number: int, payload: bytes = b"") -> list[tuple[int, int, bytes]]:
+def exchange(port, kind: int, number: int, payload: bytes = b"") -> list[tuple[int, int, bytes]]:
     """Send a frame to the board, and return every frame that it sends until it is silent."""
     port.write(framed(kind, number, payload))
-    return said(port)
+    return received_frames(port)
 
 
 def stream_words(words) -> bytes:
@@ -209,7 +209,7 @@ def over_a_line(desk: Desk, texts: Mapping[str, str] | None = None) -> Answer:
         return board.play(desk.core, desk.spikes[0])
 
 
-def rates(folder: Path, texts: Mapping[str, str], bit: int, host_bit: int) -> list[str]:
+def received_bytes(folder: Path, texts: Mapping[str, str], bit: int, host_bit: int) -> list[str]:
     """Send every byte over ``uart_rates.sv``; return what its receiver prints.
 
     A bit takes ``bit`` clock cycles at the receiver and ``host_bit`` at the sender.
