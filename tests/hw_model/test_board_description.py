@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import yaml
@@ -51,13 +52,22 @@ def test_the_dividers_of_an_ecp5_equal_those_worked_out_by_hand(
     assert pll.output_mhz == Fraction(core_mhz)
 
 
+class Ice40Case(NamedTuple):
+    """A PLL of an iCE40: its clocks, the dividers by hand (divr, divf, divq), and the range of its filter."""
+
+    input_mhz: float
+    core_mhz: float
+    dividers: tuple[int, int, int]
+    filter_range: int
+
+
 # By hand. 12 MHz * 64 = 768 MHz, / 2^5 = 24 MHz, filter 1 up to 17 MHz. 48 MHz / 4 * 55 = 660 MHz, / 2^5 = 20.625 MHz.
 # 100 MHz * 8 = 800 MHz, / 2^5 = 25 MHz, and 800 MHz is the only multiple of 25 by a power of two from 533 to 1066 MHz; undivided
 # or not, it is the same frequency, and the first reference divider is taken: filter 5 up to 101 MHz.
 ICE40 = {
-    "iCEBreaker": (12.0, 24.0, (0, 63, 5), 1),
-    "48 MHz": (48.0, 20.625, (3, 54, 5), 1),
-    "100 MHz": (100.0, 25.0, (0, 7, 5), 5),
+    "iCEBreaker": Ice40Case(12.0, 24.0, (0, 63, 5), 1),
+    "48 MHz": Ice40Case(48.0, 20.625, (3, 54, 5), 1),
+    "100 MHz": Ice40Case(100.0, 25.0, (0, 7, 5), 5),
 }
 
 

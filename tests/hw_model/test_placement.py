@@ -19,6 +19,10 @@ from tests.support.register_units import FORGETS_AT_ONCE
 
 CHIP = hw.chip("loihi-sim")
 
+# Sizes of the synapse memory of loihi-sim, from the description of the chip.
+RUN = 64
+HEADER_BITS = 10
+WORD_BITS = 64
 # Limits so small that programs take several cores, and just large enough for the largest neuron.
 chips = st.builds(
     lambda **limits: replace(CHIP, limits=replace(CHIP.limits, **limits)),
@@ -57,8 +61,8 @@ def test_every_synapse_is_delivered_once_within_every_limit(chip, seed):
 def words(core, chip):
     """Return the words of synapse memory of a core.
 
-    An axon's list is divided into runs of at most 64 synapses of one format. A run has a header of 10 bits, and is
-    rounded up to words of 64 bits.
+    An axon's list is divided into runs of at most :data:`RUN` synapses of one format. A run has a header, and is rounded
+    up to whole words.
     """
     total = 0
     axons = core.axons
@@ -67,8 +71,10 @@ def words(core, chip):
         for form, count in zip(
             *np.unique(axons.format_index[row], return_counts=True), strict=True
         ):
-            bits = axons.formats[form].bits_per_synapse
-            total += sum(-(-(10 + min(64, count - at) * bits) // 64) for at in range(0, count, 64))
+            for first in range(0, count, RUN):
+                synapses = min(RUN, count - first)
+                bits = HEADER_BITS + synapses * axons.formats[form].bits_per_synapse
+                total += -(-bits // WORD_BITS)  # rounded up
     return total
 
 
