@@ -1,4 +1,8 @@
-"""Networks that are trained to start at the first touch: torch, the float reference and the chip, and their files."""
+"""Networks whose recordings start at the first touch (``align_events``).
+
+The scores of torch, of the float reference and of the chip must agree, the setting must survive in the file, and
+settings that make no sense are refused.
+"""
 
 from __future__ import annotations
 
@@ -23,19 +27,22 @@ from locsnn_compile.models.networks import build_network
 from locsnn_compile.reference.evaluate import evaluate
 
 LAYOUT = InputLayout(neutouch(1), steps=30, step_seconds=0.02)
+CHANNELS = LAYOUT.channels  # 78: 39 taxels with two polarities
 WALK = ("own", tuple(range(39, 0, -1)))
 MODELS = ["tactile-snn", "hybrid", "hybrid-lif", "window-snn", "hybrid-window"]
 
 
 def late_touches() -> np.ndarray:
+    """Five recordings (samples, steps, channels) that start in different steps; the last one is silent."""
     rng = np.random.default_rng(0)
-    played = (rng.random((5, 30, 78)) < 0.15).astype(np.uint8)
-    for recording, start in zip(played, (0, 4, 11, 29, 30), strict=True):
+    recordings = (rng.random((5, LAYOUT.steps, CHANNELS)) < 0.15).astype(np.uint8)
+    for recording, start in zip(recordings, (0, 4, 11, 29, LAYOUT.steps), strict=True):
         recording[:start] = 0
-    return played
+    return recordings
 
 
 def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
+    """An untrained network that starts at the first step with two events; windows have random weights as well."""
     order, taxels = WALK if model != "tactile-snn" else (None, None)
     description = NetworkDescription(
         model,
@@ -51,11 +58,12 @@ def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
     if description.structure.window_branch:
         rng = np.random.default_rng(1)
         shapes = description.weight_shapes
-        own = {
+        # Weights of windows start at 0, with which all scores would be equal.
+        window_weights = {
             name: rng.normal(size=shapes[name]).astype(np.float32)
             for name in description.window_names
         }
-        network.load_weights(network.weights() | own)
+        network.load_weights(network.weights() | window_weights)
     return description, network
 
 
@@ -63,29 +71,29 @@ def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
 @pytest.mark.parametrize("model", MODELS)
 def test_torch_the_reference_and_the_chip_start_alike(model: str, tmp_path: Path) -> None:
     description, network = network_of(model)
-    played = late_touches()
+    recordings = late_touches()
     Checkpoint(description, network.weights()).save(tmp_path / "a.pt")
-    found = read_checkpoint(tmp_path / "a.pt")
-    assert found.description == description
+    assert read_checkpoint(tmp_path / "a.pt").description == description
     loaded = lc.load(tmp_path / "a.pt")
     assert {view.align_events for view in loaded.views} == {2}
     with torch.no_grad():
-        wanted = network.double().counts(torch.from_numpy(played).double()).numpy()
-    scores = evaluate(loaded, played).scores
-    assert np.allclose(scores, wanted, atol=1e-4)
-    assert (wanted[:4] != wanted[4]).any()  # the last recording is empty
+        torch_scores = network.double().counts(torch.from_numpy(recordings).double()).numpy()
+    # Files hold float32 weights, so scores in float64 differ a little.
+    assert np.allclose(evaluate(loaded, recordings).scores, torch_scores, atol=1e-4)
+    assert (torch_scores[:4] != torch_scores[4]).any()  # the last recording is silent
     compiled = lc.compile(loaded)
-    on_grid = evaluate(compiled.levels.quantized.on_grid(), played)
-    assert np.array_equal(hw.simulate(compiled.program, played).scores, on_grid.scores)
-    plain = build_network(replace(description, align_events=None))
-    plain.load_weights(network.weights())
+    on_grid = evaluate(compiled.levels.quantized.on_grid(), recordings)
+    assert np.array_equal(hw.simulate(compiled.program, recordings).scores, on_grid.scores)
+    # Without the setting, scores differ, except in a time branch, where events keep their steps.
+    unaligned = build_network(replace(description, align_events=None))
+    unaligned.load_weights(network.weights())
     with torch.no_grad():
-        other = plain.double().counts(torch.from_numpy(played).double()).numpy()
-    assert model == "tactile-snn" or not np.allclose(other, wanted)
+        unaligned_scores = unaligned.double().counts(torch.from_numpy(recordings).double()).numpy()
+    assert model == "tactile-snn" or not np.allclose(unaligned_scores, torch_scores)
 
 
 @pytest.mark.slow
-def test_the_command_trains_it_and_goes_on_from_it(
+def test_the_command_trains_an_aligned_network_and_starts_from_it_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_recordings(tmp_path / "touches.npz", synthetic_touches(9, steps=40, classes=3, seed=1))
@@ -96,20 +104,8 @@ def test_the_command_trains_it_and_goes_on_from_it(
     assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
     assert read_checkpoint(second).description.align_events == 2
     (tmp_path / "other.yaml").write_text("align_events: 3\n")
-    assert (
-        main(
-            [
-                *train_with,
-                "--from",
-                str(first),
-                "--config",
-                str(tmp_path / "other.yaml"),
-                "-o",
-                str(second),
-            ]
-        )
-        == 2
-    )
+    contradicting = ["--from", str(first), "--config", str(tmp_path / "other.yaml")]
+    assert main([*train_with, *contradicting, "-o", str(second)]) == 2
     assert capsys.readouterr().err == (
         "training option 'align_events': the network to start from has another value (got 3 against 2). "
         "Leave the option out.\n"
@@ -133,7 +129,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("make", "message"), REFUSED.values(), ids=REFUSED)
-def test_starts_that_cannot_be(make: object, message: str) -> None:
+def test_impossible_settings_of_the_start_are_refused(make: object, message: str) -> None:
     assert callable(make)
     with pytest.raises(InputError) as caught:
         make()

@@ -1,4 +1,4 @@
-"""Checkpoints: what is written comes back, and only what fits is written."""
+"""Checkpoints of small networks: what is written is read back equal, and weights that do not fit are not written."""
 
 from __future__ import annotations
 
@@ -15,32 +15,36 @@ from locsnn_compile.models.networks import build_network
 from tests.support.small_checkpoint import DESCRIPTION, recordings, save
 
 
-def test_what_is_written_comes_back(tmp_path: Path) -> None:
-    found = read_checkpoint(save(tmp_path / "small.pt"))
+def test_a_checkpoint_is_read_back_equal(tmp_path: Path) -> None:
+    checkpoint = read_checkpoint(save(tmp_path / "small.pt"))
     weights = build_network(DESCRIPTION, seed=1).weights()
-    assert found.description == DESCRIPTION
-    assert list(found.weights) == [
+    assert checkpoint.description == DESCRIPTION
+    # In evaluation order.
+    assert list(checkpoint.weights) == [
         "time_hidden",
         "time_output",
         "location_hidden",
         "location_output",
     ]
-    assert all(np.array_equal(found.weights[name], weights[name]) for name in weights)
-    assert found.training == {"seed": 1, "dataset": "none"}
-    assert found.recordings is not None
-    assert np.array_equal(found.recordings.spikes, recordings().spikes)
-    assert found.recordings.labels is not None
-    assert found.recordings.labels.tolist() == [0, 1]
-    assert (found.recordings.step_seconds, found.recordings.source) == (0.02, "small.pt")
+    assert all(np.array_equal(checkpoint.weights[name], weights[name]) for name in weights)
+    assert checkpoint.training == {"seed": 1, "dataset": "none"}
+    assert checkpoint.recordings is not None
+    assert np.array_equal(checkpoint.recordings.spikes, recordings().spikes)
+    assert checkpoint.recordings.labels is not None
+    assert checkpoint.recordings.labels.tolist() == [0, 1]
+    assert (checkpoint.recordings.step_seconds, checkpoint.recordings.source) == (0.02, "small.pt")
 
 
-def test_a_step_that_nobody_said_comes_back_as_not_known(tmp_path: Path) -> None:
+def test_an_unknown_width_of_steps_stays_unknown(tmp_path: Path) -> None:
     description = replace(DESCRIPTION, input=replace(DESCRIPTION.input, step_seconds=None))
     weights = build_network(description).weights()
     Checkpoint(description, weights, recordings=recordings()).save(tmp_path / "w.pt")
-    found = read_checkpoint(tmp_path / "w.pt")
-    assert found.recordings is not None
-    assert (found.description.input.step_seconds, found.recordings.step_seconds) == (None, None)
+    checkpoint = read_checkpoint(tmp_path / "w.pt")
+    assert checkpoint.recordings is not None
+    assert (checkpoint.description.input.step_seconds, checkpoint.recordings.step_seconds) == (
+        None,
+        None,
+    )
 
 
 @pytest.mark.parametrize(
@@ -48,7 +52,7 @@ def test_a_step_that_nobody_said_comes_back_as_not_known(tmp_path: Path) -> None
     [
         pytest.param({"test_recordings": 144}, "carried", id="of the test part"),
         pytest.param({"test_recordings": None}, "trained on", id="there was no test part"),
-        pytest.param({}, "carried", id="nobody says"),
+        pytest.param({}, "carried", id="not stated"),
     ],
 )
 def test_recordings_say_whether_the_network_was_trained_on_them(
@@ -58,17 +62,17 @@ def test_recordings_say_whether_the_network_was_trained_on_them(
     Checkpoint(DESCRIPTION, weights, recordings=recordings(), training=training).save(
         tmp_path / "w.pt"
     )
-    found = read_checkpoint(tmp_path / "w.pt").recordings
-    assert found is not None
-    assert (found.origin, found.subset([1]).origin) == (origin, origin)
+    carried = read_checkpoint(tmp_path / "w.pt").recordings
+    assert carried is not None
+    assert (carried.origin, carried.subset([1]).origin) == (origin, origin)
 
 
-def test_arrays_are_read_only(tmp_path: Path) -> None:
-    found = read_checkpoint(save(tmp_path / "small.pt"))
-    assert not any(weights.flags.writeable for weights in found.weights.values())
+def test_weights_are_read_only(tmp_path: Path) -> None:
+    checkpoint = read_checkpoint(save(tmp_path / "small.pt"))
+    assert not any(weights.flags.writeable for weights in checkpoint.weights.values())
 
 
-def test_weights_alone(tmp_path: Path) -> None:
+def test_a_checkpoint_may_carry_no_recordings(tmp_path: Path) -> None:
     Checkpoint(DESCRIPTION, build_network(DESCRIPTION).weights()).save(tmp_path / "w.pt")
     assert read_checkpoint(tmp_path / "w.pt").recordings is None
 
@@ -91,7 +95,7 @@ def test_saving_refuses_weights_that_do_not_fit(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_saving_into_no_folder(tmp_path: Path) -> None:
+def test_saving_into_a_folder_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         Checkpoint(DESCRIPTION, build_network(DESCRIPTION).weights()).save(
             tmp_path / "none" / "x.pt"

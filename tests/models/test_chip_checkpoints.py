@@ -1,4 +1,8 @@
-"""Checkpoints of networks trained on the chip's integers: what they hold, and what is refused."""
+"""Checkpoints of networks trained on a chip's integers: they are read back equal, and every fault is named.
+
+Such a file holds mantissas in place of float weights, and an entry ``chip`` with the registers, decays, thresholds and
+synapses of each population. The neurons that it stands for are compared with neurons that are built by hand.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +42,12 @@ POPULATION = {"exponent": 1, "weight_bits": 4, "scale": 41984.1, "unit": 0.0125}
 
 
 def chip_of(own_fields: dict[str, Any], strategy: str = "dendrite") -> ChipNumbers:
-    """Numbers of every population with these self-synapses, each (mantissa, exponent, delay) in ``own``."""
-    held = own_fields | {"own": tuple(map(tuple, own_fields["own"]))}
-    population = ChipPopulation(threshold=6560, decay=390, **held, **POPULATION)
+    """Numbers of a chip; ``own_fields`` are what differs by strategy.
+
+    ``own`` in it are the synapses of a neuron to itself, each (mantissa, exponent, delay).
+    """
+    fields = own_fields | {"own": tuple(map(tuple, own_fields["own"]))}
+    population = ChipPopulation(threshold=6560, decay=390, **fields, **POPULATION)
     return ChipNumbers(
         "loihi-sim",
         strategy,
@@ -50,6 +57,7 @@ def chip_of(own_fields: dict[str, Any], strategy: str = "dendrite") -> ChipNumbe
 
 
 def with_dendrite(size: int) -> ChipSrm:
+    """The published neuron with a refractory dendrite, built by hand."""
     return ChipSrm.with_taps(
         size, decay=390, threshold=6560, refractory_decay=2589, mantissa=-205, exponent=6
     )
@@ -65,25 +73,29 @@ def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
     return path
 
 
-def test_round_trip(tmp_path: Path) -> None:
-    found = read_checkpoint(save(tmp_path / "small.pt"))
-    assert found.chip is not None
-    assert chip_entry(found.chip) == chip_entry(CHIP)
+def test_mantissas_and_chip_are_read_back_equal(tmp_path: Path) -> None:
+    checkpoint = read_checkpoint(save(tmp_path / "small.pt"))
+    assert checkpoint.chip is not None
+    assert chip_entry(checkpoint.chip) == chip_entry(CHIP)
     network = build_network(DESCRIPTION, chip=CHIP)
     for name, mantissas in network.mantissas().items():
-        assert np.array_equal(found.weights[name], mantissas)
-        assert not found.weights[name].flags.writeable
-    network.load_weights(found.float_weights)
+        assert np.array_equal(checkpoint.weights[name], mantissas)
+        assert not checkpoint.weights[name].flags.writeable
+    # Float weights round to the same mantissas, in single and in double precision.
+    network.load_weights(checkpoint.float_weights)
     assert all(
-        np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights
+        np.array_equal(network.mantissas()[name], checkpoint.weights[name])
+        for name in checkpoint.weights
     )
     network.double()
     assert all(
-        np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights
+        np.array_equal(network.mantissas()[name], checkpoint.weights[name])
+        for name in checkpoint.weights
     )
 
 
 def with_taps(size: int) -> ChipSrm:
+    """A neuron with 13 different synapses to itself, built by hand."""
     taps = np.arange(13)
     return ChipSrm.with_taps(
         size, decay=390, threshold=6560, delay=2 * taps, mantissa=taps - 100, exponent=taps - 5
@@ -91,6 +103,7 @@ def with_taps(size: int) -> ChipSrm:
 
 
 def with_reset(size: int) -> ChipCuba:
+    """A neuron with the chip's own reset, built by hand."""
     return ChipCuba.of(size, decay_u=390, decay_v=390, threshold=6560, refractory=5)
 
 
@@ -118,10 +131,10 @@ def with_reset(size: int) -> ChipCuba:
         ),
     ],
 )
-def test_neurons_of_every_strategy_survive(
+def test_neurons_of_every_strategy_are_read_back(
     tmp_path: Path, make: Callable[[int], ChipNeuron], strategy: str, own_fields: dict[str, Any]
 ) -> None:
-    """The file holds one neuron's integers, under the keys that it always had; all of the population come back."""
+    """The file has the integers of one neuron of a population, under fixed keys; reading gives the whole population."""
     path = save(tmp_path / "small.pt", chip_of(own_fields, strategy))
     entry = torch.load(path, weights_only=True)["chip"]
     assert entry["strategy"] == strategy
@@ -131,16 +144,17 @@ def test_neurons_of_every_strategy_survive(
         **own_fields,
         **POPULATION,
     }
-    found = read_checkpoint(path).chip
-    assert found is not None
+    chip = read_checkpoint(path).chip
+    assert chip is not None
     for name, shape in DESCRIPTION.weight_shapes.items():
-        wanted, neuron = make(shape[0]), found.populations[name].neurons(strategy, shape[0])
-        assert type(neuron) is type(wanted)
-        np.testing.assert_equal(vars_of(neuron), vars_of(wanted))
+        by_hand = make(shape[0])
+        neuron = chip.populations[name].neurons(strategy, shape[0])
+        assert type(neuron) is type(by_hand)
+        np.testing.assert_equal(vars_of(neuron), vars_of(by_hand))
 
 
 def vars_of(neuron: Any) -> dict[str, Any]:
-    """Every array of a neuron, those of its refractory part too."""
+    """Every array of a neuron by name, including those of its refractory part."""
     return {
         name: vars(value) if hasattr(value, "__dict__") else value
         for name, value in vars(neuron).items()
@@ -148,7 +162,7 @@ def vars_of(neuron: Any) -> dict[str, Any]:
 
 
 def put(*keys: Any, value: Any) -> Callable[[dict[Any, Any]], None]:
-    """Return what sets an entry of a dict, found by these keys one inside the other."""
+    """Return a function that sets an entry of a nested dict; ``keys`` lead to it from outside to inside."""
 
     def change(values: dict[Any, Any]) -> None:
         for key in keys[:-1]:
@@ -250,7 +264,7 @@ PLACE = "chip.populations.time_hidden"
         ),
     ],
 )
-def test_what_is_refused(
+def test_a_fault_in_the_file_is_named(
     tmp_path: Path, change: Callable[[dict[Any, Any]], None], message: str
 ) -> None:
     path = save(tmp_path / "small.pt")
@@ -259,7 +273,7 @@ def test_what_is_refused(
     torch.save(values, path)
     with pytest.raises(InputError) as caught:
         read_checkpoint(path)
-    if message.endswith(": "):
+    if message.endswith(": "):  # the list of keys that follows is left out
         assert str(caught.value).startswith(f"checkpoint 'small.pt'{message}")
     else:
         assert str(caught.value) == f"checkpoint 'small.pt'{message}"

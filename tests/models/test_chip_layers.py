@@ -1,4 +1,9 @@
-"""Layers on the chip's integers against the chip itself, and their gradient against finite filters."""
+"""Layers that are trained on the chip's integers, against the chip's simulator and a gradient written out.
+
+Spikes, potentials and events (wraps and clips of registers) of a layer must be those of a program that is built by hand
+and played by the reference engine. The gradient must be that of the surrogate through the filters of the neuron, summed
+over every path by hand.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +30,7 @@ EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 
 @dataclass(frozen=True)
 class Synapse:
-    """Of a neuron to itself."""
+    """A synapse of a neuron to itself."""
 
     mantissa: int
     exponent: int
@@ -34,7 +39,7 @@ class Synapse:
 
 @dataclass(frozen=True)
 class Numbers:
-    """A population in plain integers, whatever its strategy."""
+    """The integers of a population, for any strategy; fields as in :class:`ChipPopulation`."""
 
     threshold: int
     decay: int
@@ -47,6 +52,7 @@ class Numbers:
     unit: float
 
     def population(self) -> ChipPopulation:
+        """The same as the type under test."""
         own = tuple((synapse.mantissa, synapse.exponent, synapse.delay) for synapse in self.own)
         return ChipPopulation(**{**vars(self), "own": own})
 
@@ -96,7 +102,7 @@ def layer_of(
 def program_of(
     numbers: Numbers, strategy: str, mantissas: np.ndarray, registers: RegisterWidths
 ) -> hw.ChipProgram:
-    """The same population written by hand for the chip: an independent way to its integers."""
+    """The same population built by hand from compartments: the independent answer."""
     n, inputs = mantissas.shape
     builder = hw.ProgramBuilder(
         replace(CHIP, registers=replace(CHIP.registers, **asdict(registers)))
@@ -112,12 +118,12 @@ def program_of(
         soma = builder.add_compartments("out", n, **soma_filters)
         target = builder.add_compartments("out/dendrite", n, **filters, threshold=0, joined_to=soma)
     for sign, mode in ((1, "excitatory"), (-1, "inhibitory")):
-        part = np.where(np.sign(mantissas) == sign, mantissas, 0)
-        if part.any():
+        of_sign = np.where(np.sign(mantissas) == sign, mantissas, 0)
+        if of_sign.any():
             builder.connect(
                 touch,
                 target,
-                part,
+                of_sign,
                 exponent=numbers.exponent,
                 weight_bits=numbers.weight_bits,
                 sign_mode=mode,
@@ -144,7 +150,7 @@ def program_of(
 
 
 def draw_numbers(rng: np.random.Generator, strategy: str) -> Numbers:
-    """Numbers anywhere on the chip, large ones often: registers wrap and clip."""
+    """Random numbers within the limits of the chip, often large ones, so that registers wrap and clip."""
     count = {"dendrite": 1, "delay-line": int(rng.integers(1, 8)), "reset": 0}[strategy]
     own = tuple(
         Synapse(int(rng.integers(-255, 256)), int(rng.integers(-8, 8)), int(rng.integers(0, 63)))
@@ -169,12 +175,12 @@ def draw_numbers(rng: np.random.Generator, strategy: str) -> Numbers:
 @pytest.mark.parametrize("strategy", TRAINABLE)
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
-def test_layers_are_the_chip(strategy: str, seed: int) -> None:
+def test_a_layer_spikes_like_the_chip(strategy: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     numbers = draw_numbers(rng, strategy)
     n, inputs, steps = rng.integers(1, 6), rng.integers(1, 40), rng.integers(1, 90)
     largest = numbers.largest
-    # Half of them on the registers of the chips that ship.
+    # Half of the examples have the registers of the chips that ship.
     widths = (21, 23, 23) if seed % 2 else rng.choice([9, 13, 16, 20, 29], 3).tolist()
     registers = RegisterWidths(*widths)
     layer = layer_of(
@@ -186,8 +192,8 @@ def test_layers_are_the_chip(strategy: str, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_charge_of_own_spikes_that_wraps() -> None:
-    """In the registers of the chips that ship no synapse is as heavy; in narrower ones it is."""
+def test_the_charge_of_own_spikes_wraps_like_the_chips() -> None:
+    """In the registers of the chips that ship, no single synapse makes a charge wrap; in narrower ones, it does."""
     numbers = replace(NUMBERS, threshold=100, own=(Synapse(-156, 7),))
     weights = np.array([[0.5], [1.0], [3.0]])
     layer = layer_of(numbers, "dendrite", weights, registers=RegisterWidths(charge_bits=20))
@@ -200,24 +206,25 @@ def test_a_charge_of_own_spikes_that_wraps() -> None:
 def check_against_the_chip(
     layer: ChipLayer, numbers: Numbers, strategy: str, x: np.ndarray
 ) -> None:
-    """Spikes, potentials and events are those of the program that is written by hand."""
-    found = layer(torch.from_numpy(x).float()).detach().numpy()
+    """Spikes, potentials and events are those of the program that is built by hand."""
+    spikes = layer(torch.from_numpy(x).float()).detach().numpy()
     potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
-    wanted = hw.simulate(
+    simulated = hw.simulate(
         program_of(numbers, strategy, layer.mantissas(), layer.chip.registers),
         x,
         engine="reference",
         probe=("spikes", "potential"),
     )
-    assert np.array_equal(found, wanted.spikes["out"])
-    assert np.array_equal(potential, wanted.potential["out"])
-    # Both plays above counted.
-    events = [sum(group[event] for group in wanted.events.values()) for event in EVENTS]
+    assert np.array_equal(spikes, simulated.spikes["out"])
+    assert np.array_equal(potential, simulated.potential["out"])
+    # The layer has taken its steps twice above, and counted the events of both.
+    events = [sum(group[event] for group in simulated.events.values()) for event in EVENTS]
     assert layer.events.tolist() == [2 * count for count in events]
 
 
 @pytest.mark.slow
-def test_the_draw_wraps_clips_and_fires() -> None:
+def test_the_random_numbers_make_registers_wrap_and_clip_and_neurons_fire() -> None:
+    """Otherwise the comparison above would not test them."""
     for strategy in TRAINABLE:
         events, spikes = np.zeros(3, dtype=np.int64), 0.0
         for seed in range(40):
@@ -233,17 +240,17 @@ def test_the_draw_wraps_clips_and_fires() -> None:
 
 
 @pytest.mark.parametrize("bits", WEIGHT_BITS)
-def test_mantissas_are_the_grids(bits: int) -> None:
+def test_mantissas_are_rounded_to_the_grid_of_their_format(bits: int) -> None:
     numbers = replace(NUMBERS, weight_bits=bits)
     weights = np.random.default_rng(bits).normal(0, 1.5, size=(20, 30)).astype(np.float32)
     grid = weight_grid(bits, "excitatory")
-    wanted = np.sign(weights) * grid.round(np.abs(weights / np.float32(numbers.unit)))
-    assert np.array_equal(layer_of(numbers, "dendrite", weights).mantissas(), wanted)
+    expected = np.sign(weights) * grid.round(np.abs(weights / np.float32(numbers.unit)))
+    assert np.array_equal(layer_of(numbers, "dendrite", weights).mantissas(), expected)
 
 
 @pytest.mark.parametrize("strategy", TRAINABLE)
-def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
-    """Every path written out: a weight acts through each input spike on all later potentials before a reset."""
+def test_the_gradient_is_that_of_the_surrogate_through_the_filters(strategy: str) -> None:
+    """Summed over every path by hand: a weight acts through each input spike on all later potentials before a reset."""
     rng = np.random.default_rng(4)
     neuron = NeuronParameters(tau_rho=0.7, scale_rho=1.3)
     numbers = replace(NUMBERS, refractory=3 if strategy == "reset" else 1)
@@ -262,8 +269,8 @@ def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
     slope = (
         neuron.scale_rho / width * np.exp(-np.abs(potential / numbers.scale - neuron.theta) / width)
     )
-    keep = (4096 - numbers.decay) / 4096
-    charge = 64 * 2**numbers.exponent / numbers.scale
+    keep = (4096 - numbers.decay) / 4096  # decays are in 4096ths
+    charge = 64 * 2**numbers.exponent / numbers.scale  # of a mantissa of 1, as a potential
     sent = np.zeros((steps, 3))
     for s, i in np.ndindex(steps, 3):
         u, v = charge, 0.0
@@ -278,11 +285,12 @@ def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
     by_weight = sent.T @ x.detach().numpy()[0] / numbers.unit
     assert layer.weight.grad is not None
     assert x.grad is not None
+    # Equal but for the order of the sums in float64.
     np.testing.assert_allclose(layer.weight.grad.numpy(), by_weight, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(x.grad.numpy()[0], sent @ mantissas, rtol=1e-9, atol=1e-12)
 
 
-def test_weights_beyond_the_range_are_held_at_it() -> None:
+def test_weights_beyond_the_range_of_the_format_are_set_to_its_ends() -> None:
     populations = dict.fromkeys(DESCRIPTION.weight_shapes, NUMBERS.population())
     network = build_network(
         DESCRIPTION, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations)
@@ -296,7 +304,7 @@ def test_weights_beyond_the_range_are_held_at_it() -> None:
         assert network.mantissas()[name][0, :3].tolist() == [255, -255, 40]
 
 
-def test_biases_of_windows_may_leave_the_range_that_weights_are_held_in() -> None:
+def test_biases_of_windows_may_leave_the_range_of_weights() -> None:
     description = replace(DESCRIPTION, architecture="window-snn", neuron=None)
     populations = dict.fromkeys(description.window_names, NUMBERS.population())
     network = build_network(

@@ -1,4 +1,8 @@
-"""Synapses with delays onto the time branch: in torch, in the compiler's reference, on the chip, and in files."""
+"""Synapses with delays from the recording onto the time branch.
+
+Torch, the compiler's float reference and the chip must spike the same; files keep the delays; and impossible delays are
+refused.
+"""
 
 from __future__ import annotations
 
@@ -26,27 +30,31 @@ from locsnn_compile.models.networks import build_network, delayed
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.describe import fixed_by
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
 
 LAYOUT = InputLayout(neutouch(1), steps=60, step_seconds=0.02)
 DELAYS = (0, 7, 30)
-RECORDINGS = synthetic_touches(6, steps=60, classes=3, seed=4)
+HIDDEN = 5
+CLASSES = 3
+RECORDINGS = synthetic_touches(6, steps=60, classes=CLASSES, seed=4)
 
 
-def description(**own: object) -> NetworkDescription:
-    """A network along time whose inputs have delays, with some fields replaced."""
+def description(**changed_fields: object) -> NetworkDescription:
+    """A network over time whose inputs have delays, with some fields changed."""
     values = {
         "architecture": "tactile-snn",
         "input": LAYOUT,
-        "classes": 3,
-        "hidden": 5,
+        "classes": CLASSES,
+        "hidden": HIDDEN,
         "delays": DELAYS,
-    } | own
+    } | changed_fields
     return NetworkDescription(**values)  # type: ignore[arg-type]
 
 
 def hybrid() -> NetworkDescription:
+    """The same with a location branch."""
     return description(
         architecture="hybrid", location_order="loop", location_taxels=tuple(range(1, 40))
     )
@@ -59,12 +67,14 @@ def hybrid() -> NetworkDescription:
 )
 @settings(max_examples=40, deadline=None)
 def test_every_delay_moves_all_channels(steps: int, delays: set[int], seed: int) -> None:
-    x = torch.rand(2, steps, 3, generator=torch.Generator().manual_seed(seed))
-    found = delayed(x, sorted(delays))
+    samples, channels = 2, 3
+    x = torch.rand(samples, steps, channels, generator=torch.Generator().manual_seed(seed))
+    result = delayed(x, sorted(delays))
     for k, delay in enumerate(sorted(delays)):
+        copy = result[:, :, channels * k : channels * (k + 1)]
         for t in range(steps):
-            wanted = x[:, t - delay] if t >= delay else torch.zeros(2, 3)
-            assert torch.equal(found[:, t, 3 * k : 3 * k + 3], wanted)
+            expected = x[:, t - delay] if t >= delay else torch.zeros(samples, channels)
+            assert torch.equal(copy[:, t], expected)
 
 
 def test_without_delays_nothing_is_copied() -> None:
@@ -72,7 +82,7 @@ def test_without_delays_nothing_is_copied() -> None:
     assert delayed(x, (0,)) is x
 
 
-def test_the_reference_hears_each_delay(tmp_path: Path) -> None:
+def test_the_reference_spikes_like_torch_with_a_projection_for_each_delay(tmp_path: Path) -> None:
     network = build_network(hybrid(), seed=3, initial_scale=10.0).double()
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     loaded = lc.load(tmp_path / "net.pt")
@@ -80,27 +90,31 @@ def test_the_reference_hears_each_delay(tmp_path: Path) -> None:
         ("touch", delay) for delay in DELAYS
     ]
     with torch.no_grad():
-        wanted = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
-    found = evaluate(loaded, RECORDINGS.spikes)
-    for name, spikes in wanted.items():
-        assert np.array_equal(found.spikes[name], spikes.numpy())
-    assert wanted["time_output"].sum() > 0
+        torch_spikes = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
+    reference = evaluate(loaded, RECORDINGS.spikes)
+    for name, spikes in torch_spikes.items():
+        assert np.array_equal(reference.spikes[name], spikes.numpy())
+    assert torch_spikes["time_output"].sum() > 0
+    # An event is added once per delay and hidden neuron, a hidden spike once per output.
     events = int(RECORDINGS.spikes.sum())
-    hidden = int(found.spikes["time_hidden"].sum())
-    assert network_additions(loaded, found.spikes)["time"] == events * len(DELAYS) * 5 + hidden * 3
+    hidden_spikes = int(reference.spikes["time_hidden"].sum())
+    additions = events * len(DELAYS) * HIDDEN + hidden_spikes * CLASSES
+    assert network_additions(loaded, reference.spikes)["time"] == additions
 
 
 def test_a_checkpoint_keeps_delays(tmp_path: Path) -> None:
     network = build_network(description(), seed=1)
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
-    found = read_checkpoint(tmp_path / "net.pt")
-    assert found.description.delays == DELAYS
-    assert found.weights["time_hidden"].shape == (5, 3 * 78)
+    checkpoint = read_checkpoint(tmp_path / "net.pt")
+    assert checkpoint.description.delays == DELAYS
+    assert checkpoint.weights["time_hidden"].shape == (HIDDEN, len(DELAYS) * LAYOUT.channels)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("strategy", TRAINABLE)
-def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path: Path) -> None:
+def test_a_network_trained_on_the_chip_spikes_like_its_program(
+    strategy: str, tmp_path: Path
+) -> None:
     config = TrainingConfig(
         hidden=5, delays="0 7 30", epochs=1, target="loihi-sim", strategy=strategy, validation_fraction=0.0,
         event_dropout=0.0, channel_dropout=0.0, initial_scale=10.0,
@@ -110,9 +124,9 @@ def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path
     compiled = lc.compile(lc.load(tmp_path / "net.pt"), events=RECORDINGS, diagnosis=False)
     played = hw.simulate(compiled.program, RECORDINGS.spikes)
     with torch.no_grad():
-        own = result.network(torch.from_numpy(RECORDINGS.spikes.copy()).float())
-    assert own["time_hidden"].sum() > 0
-    for name, spikes in own.items():
+        torch_spikes = result.network(torch.from_numpy(RECORDINGS.spikes.copy()).float())
+    assert torch_spikes["time_hidden"].sum() > 0
+    for name, spikes in torch_spikes.items():
         assert np.array_equal(played.spikes[name], spikes.numpy())
 
 
@@ -125,7 +139,7 @@ def test_a_float_network_compiles(tmp_path: Path) -> None:
     assert report["match"]["spike_agreement"] > 0.8
 
 
-def test_the_command_trains_with_delays_and_goes_on(
+def test_the_command_trains_with_delays_and_starts_from_such_a_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -169,13 +183,13 @@ def test_the_command_trains_with_delays_and_goes_on(
         ),
     ],
 )
-def test_delays_that_cannot_be(values: dict[str, object], message: str) -> None:
+def test_impossible_delays_are_refused(values: dict[str, object], message: str) -> None:
     with pytest.raises(InputError) as caught:
         description(**values)
     assert str(caught.value) == message
 
 
-def test_delays_that_are_no_numbers() -> None:
+def test_delays_that_are_not_numbers_are_refused() -> None:
     with pytest.raises(InputError) as caught:
         train(RECORDINGS, TrainingConfig(delays="0 a"))
     assert str(caught.value) == (
@@ -183,8 +197,6 @@ def test_delays_that_are_no_numbers() -> None:
     )
 
 
-def test_another_network_to_start_from_fixes_them(tmp_path: Path) -> None:
-    from locsnn_compile.training.describe import fixed_by
-
+def test_the_network_to_start_from_determines_the_delays() -> None:
     assert fixed_by(description())["delays"] == "0 7 30"
     assert fixed_by(replace(description(), delays=(0,)))["delays"] == "0"

@@ -1,4 +1,8 @@
-"""The network of three branches: torch, the float reference and both engines, its file, and how it learns."""
+"""``hybrid-window``, the network with a time, a location and a window branch.
+
+Torch, the float reference and both engines of the simulator must add the scores of the three branches to the same sums.
+Files, sessions on streams, early stops and training must treat all three.
+"""
 
 from __future__ import annotations
 
@@ -28,15 +32,14 @@ from locsnn_compile.training.train import train
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import OverTime, over_time
 
-ORDER = tuple(range(39, 0, -1))
+ORDER = tuple(range(39, 0, -1))  # the taxels backwards
+CHANNELS = 78  # 39 taxels with two polarities
 
 
 def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
     """A network of time, location and window neurons; windows have 4 steps, every 2 steps."""
-    layout, windows = (
-        InputLayout(neutouch(1), steps, step_seconds=0.02),
-        WindowParameters(steps=4, stride=2, levels=(1, 3)),
-    )
+    layout = InputLayout(neutouch(1), steps, step_seconds=0.02)
+    windows = WindowParameters(steps=4, stride=2, levels=(1, 3))
     return NetworkDescription(
         "hybrid-window",
         layout,
@@ -51,7 +54,9 @@ def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
 
 def touches(samples: int, steps: int = 40, share: float = 0.2) -> np.ndarray:
     """Random recordings of a fingertip with a share of events."""
-    return (np.random.default_rng(samples).random((samples, steps, 78)) < share).astype(np.uint8)
+    return (np.random.default_rng(samples).random((samples, steps, CHANNELS)) < share).astype(
+        np.uint8
+    )
 
 
 def random_network(description: NetworkDescription) -> TouchNetwork:
@@ -66,7 +71,7 @@ def random_network(description: NetworkDescription) -> TouchNetwork:
     return network
 
 
-def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> None:
+def test_torch_the_reference_and_both_engines_add_the_branches_alike(tmp_path: Path) -> None:
     description = described()
     network, x = random_network(description), touches(5)
     Checkpoint(description, network.weights()).save(tmp_path / "h.pt")
@@ -76,67 +81,67 @@ def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> No
     assert outputs[:3] == ("time_output", "location_output", "window_output_1")
     assert loaded.readout.potentials_from == (None, None, *(2,) * (len(outputs) - 2))
     with torch.no_grad():
-        parts = network.double().scores(network(torch.from_numpy(x).double()))
-    assert list(parts) == ["time", "location", "window"]
-    assert all(float(part.abs().sum()) > 0 for part in parts.values())  # every branch has a say
-    wanted = sum(part.numpy() for part in parts.values())
-    assert np.allclose(evaluate(loaded, x).scores, wanted, atol=1e-4)
+        branches = network.double().scores(network(torch.from_numpy(x).double()))
+    assert list(branches) == ["time", "location", "window"]
+    assert all(float(scores.abs().sum()) > 0 for scores in branches.values())
+    total = sum(scores.numpy() for scores in branches.values())
+    assert np.allclose(evaluate(loaded, x).scores, total, atol=1e-4)
     compiled = lc.compile(
         loaded,
         strategy="dendrite",
         events=Recordings(x, labels=None, step_seconds=0.02, source="touches"),
     )
-    fast, plain = (
-        hw.simulate(compiled.program, x),
-        hw.simulate(compiled.program, x, engine="reference"),
-    )
+    fast = hw.simulate(compiled.program, x)
+    reference = hw.simulate(compiled.program, x, engine="reference")
     on_grid = evaluate(compiled.levels.quantized.on_grid(), x)
-    assert np.array_equal(fast.scores, plain.scores)
+    assert np.array_equal(fast.scores, reference.scores)
     assert np.array_equal(fast.scores, on_grid.scores)
     weights = dict(zip(outputs, compiled.program.readout.weights, strict=True))  # type: ignore[union-attr]
     assert all(weight.is_integer() for weight in weights.values())
-    # A spike of the chip counts what the weight of its branch says: the sum is in units of the window's registers.
-    assert (
-        np.abs(np.asarray(fast.scores) / weights["time_output"] - wanted).max()
-        < 0.1 * np.abs(wanted).max()
-    )
+    # The chip adds in units of the registers of windows; the weight of a spike converts them. Quantised weights make
+    # a small difference.
+    chip_total = np.asarray(fast.scores) / weights["time_output"]
+    assert np.abs(chip_total - total).max() < 0.1 * np.abs(total).max()
 
 
-def test_a_session_follows_it_and_stops_it_early() -> None:
+def test_sessions_and_early_stops_agree_with_whole_simulations() -> None:
     description = described()
     checkpoint = Checkpoint(description, random_network(description).weights(), None, {}, "")
     x = touches(4)
-    x[:, 12:] = 0  # a touch that ends early
+    x[:, 12:] = 0  # touches that end early, so that a stop before the end is possible
     compiled = lc.compile(
         checkpoint,
         strategy="reset",
         events=Recordings(x, np.zeros(4, np.int64), step_seconds=0.02, source="touches"),
     )
-    whole = hw.simulate(compiled.program, x)
-    for one, scores in zip(x, np.asarray(whole.scores), strict=True):
-        assert np.array_equal(hw.Session(compiled.program).push(one).scores[-1], scores)
+    simulated = hw.simulate(compiled.program, x)
+    predictions = np.asarray(simulated.prediction)
+    for recording, scores in zip(x, np.asarray(simulated.scores), strict=True):
+        assert np.array_equal(hw.Session(compiled.program).push(recording).scores[-1], scores)
     stops = hw.stop_when_proven(compiled.program, x)
-    assert np.array_equal(stops.prediction, np.asarray(whole.prediction))
-    followed = over_time(Observed(compiled.levels, x, np.asarray(whole.prediction)))
-    assert isinstance(followed, OverTime)
-    assert followed.right["together"][-1] == 1.0
+    assert np.array_equal(stops.prediction, predictions)
+    # With the predictions at the end as labels, all are right at the end.
+    accuracies = over_time(Observed(compiled.levels, x, predictions))
+    assert isinstance(accuracies, OverTime)
+    assert accuracies.right["together"][-1] == 1.0
 
 
-def test_a_branch_alone_predicts_something_else() -> None:
-    description = described()
-    network, x = random_network(description), torch.from_numpy(touches(40)).float()
-    parts = network.scores(network(x))
+def test_each_branch_alone_predicts_other_classes_than_all_together() -> None:
+    """So the tests above would notice a branch that is left out."""
+    network = random_network(described())
+    x = torch.from_numpy(touches(40)).float()
+    branches = network.scores(network(x))
     together = network.counts(x).argmax(dim=1)
-    assert all((part.argmax(dim=1) != together).any() for part in parts.values())
+    assert all((scores.argmax(dim=1) != together).any() for scores in branches.values())
 
 
 def test_lambda_weighs_the_location_branch_only() -> None:
     time, location, window = (torch.full((1, 2), value) for value in (1.0, 10.0, 100.0))
-    found = weighted_counts({"time": time, "location": location, "window": window}, 0.5)
-    assert found.tolist() == [[106.0, 106.0]]
+    total = weighted_counts({"time": time, "location": location, "window": window}, 0.5)
+    assert total.tolist() == [[1.0 + 0.5 * 10.0 + 100.0] * 2]
 
 
-def test_its_file_keeps_its_windows(tmp_path: Path) -> None:
+def test_a_checkpoint_keeps_the_windows(tmp_path: Path) -> None:
     description = described()
     weights = random_network(description).weights()
     Checkpoint(description, weights).save(tmp_path / "h.pt")
@@ -160,7 +165,9 @@ def test_its_file_keeps_its_windows(tmp_path: Path) -> None:
     ],
     ids=["no levels", "no stride"],
 )
-def test_windows_that_are_none(tmp_path: Path, window: dict[str, object], message: str) -> None:
+def test_faulty_windows_in_a_file_are_named(
+    tmp_path: Path, window: dict[str, object], message: str
+) -> None:
     description = described()
     Checkpoint(description, random_network(description).weights()).save(tmp_path / "h.pt")
     values = torch.load(tmp_path / "h.pt", weights_only=True)
@@ -170,7 +177,7 @@ def test_windows_that_are_none(tmp_path: Path, window: dict[str, object], messag
     assert str(caught.value) == message
 
 
-def test_windows_only_go_with_a_branch_of_them() -> None:
+def test_a_network_without_a_window_branch_takes_no_windows() -> None:
     layout = InputLayout(neutouch(1), steps=40, step_seconds=0.02)
     with pytest.raises(InputError) as caught:
         NetworkDescription(
@@ -189,22 +196,22 @@ def test_windows_only_go_with_a_branch_of_them() -> None:
 
 
 def test_all_three_branches_learn() -> None:
-    made = synthetic_touches(24, steps=40, classes=3, seed=3)
+    recordings = synthetic_touches(24, steps=40, classes=3, seed=3)
     config = config_from_mapping(
         {"model": "hybrid-window", "epochs": 4, "validation_fraction": 0.0, "hidden": 6}
     )
-    found = train(made, config)
+    result = train(recordings, config)
     start = build_network(
-        found.network.description, seed=0, initial_scale=config.initial_scale
+        result.network.description, seed=0, initial_scale=config.initial_scale
     ).weights()
     assert all(
         not np.array_equal(start[name], weights)
-        for name, weights in found.network.weights().items()
+        for name, weights in result.network.weights().items()
     )
-    assert found.history[-1].loss < found.history[0].loss
+    assert result.history[-1].loss < result.history[0].loss
 
 
-def test_going_on_from_it_and_training_on_integers(tmp_path: Path) -> None:
+def test_the_command_starts_from_such_a_network_and_trains_it_on_integers(tmp_path: Path) -> None:
     write_recordings(tmp_path / "touches.npz", synthetic_touches(9, steps=40, classes=3, seed=1))
     (tmp_path / "own.yaml").write_text(
         "model: hybrid-window\nwindow_steps: 8\nwindow_levels: 2 4\ntau_sr: 5.0\nhidden: 4\n"
@@ -213,12 +220,11 @@ def test_going_on_from_it_and_training_on_integers(tmp_path: Path) -> None:
     first, second = tmp_path / "first.pt", tmp_path / "second.pt"
     assert main([*train_with, "--config", str(tmp_path / "own.yaml"), "-o", str(first)]) == 0
     assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
-    found = read_checkpoint(second).description
-    assert found.window == WindowParameters(steps=8, stride=3, levels=(2, 4))
-    assert found.srm("time").tau_sr == 5.0
-    assert (
-        main([*train_with, "--from", str(first), "--target", "loihi-sim", "-o", str(second)]) == 0
-    )
+    description = read_checkpoint(second).description
+    assert description.window == WindowParameters(steps=8, stride=3, levels=(2, 4))
+    assert description.srm("time").tau_sr == 5.0
+    on_chip = ["--from", str(first), "--target", "loihi-sim"]
+    assert main([*train_with, *on_chip, "-o", str(second)]) == 0
     chip = read_checkpoint(second).chip
     assert chip is not None
-    assert list(chip.populations) == list(found.weight_shapes)
+    assert list(chip.populations) == list(description.weight_shapes)

@@ -1,4 +1,4 @@
-"""Leaky integrate-and-fire layers against the recursion written out, and its gradient against torch's own."""
+"""Leaky integrate-and-fire layers against sums without a recursion, and their gradient against torch's autograd."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SEEDS = st.integers(0, 2**31)
 
 
 def brute_scan(drive: np.ndarray, neuron: LifParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Sum what has arrived since the last own spike, each part with its own power of the decay: no recursion."""
+    """Return (spikes, u) without a recursion: u sums the drives since the last spike, each times a power of the decay."""
     spikes, u = np.zeros_like(drive), np.zeros_like(drive)
     batch, steps, size = drive.shape
     for b, i in np.ndindex(batch, size):
@@ -29,7 +29,8 @@ def brute_scan(drive: np.ndarray, neuron: LifParameters) -> tuple[np.ndarray, np
                 drive[b, s, i] * neuron.decay ** (t - 1 - s) for s in range(max(last, 0), t)
             )
             if u[b, t, i] > neuron.threshold:
-                spikes[b, t, i], last = 1, t
+                spikes[b, t, i] = 1
+                last = t
     return spikes, u
 
 
@@ -41,7 +42,7 @@ def test_scan_equals_brute_force(decay: float, threshold: float, seed: int) -> N
     spikes, u = scan_spikes(drive, neuron)
     expected_spikes, expected_u = brute_scan(drive, neuron)
     assert np.array_equal(spikes, expected_spikes)
-    np.testing.assert_allclose(u, expected_u, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(u, expected_u, rtol=1e-9, atol=1e-9)  # other powers of the decay
 
 
 def test_scan_fires_above_the_threshold_only() -> None:
@@ -58,7 +59,7 @@ def test_scan_keeps_single_precision_and_its_argument() -> None:
 
 
 class Rectangle(torch.autograd.Function):
-    """A spike whose derivative is a rectangle, as its authors write it."""
+    """A spike whose derivative is a rectangle, as Wu et al. 2018 define it."""
 
     @staticmethod
     def forward(ctx: object, u: torch.Tensor, threshold: float, window: float) -> torch.Tensor:
@@ -74,15 +75,16 @@ class Rectangle(torch.autograd.Function):
 
 
 def by_autograd(drive: torch.Tensor, neuron: LifParameters) -> torch.Tensor:
-    """Return the spikes, step by step in torch, so that torch itself finds the gradient of the recursion."""
-    u = o = torch.zeros_like(drive[:, 0])
-    found = []
+    """Return the spikes, computed step by step in torch, so that autograd finds the gradient of the recursion."""
+    u = torch.zeros_like(drive[:, 0])
+    o = torch.zeros_like(u)
+    spikes = []
     for t in range(drive.shape[1]):
         arrived = drive[:, t - 1] if t else torch.zeros_like(u)
         u = neuron.decay * u * (1 - o) + arrived
         o = Rectangle.apply(u, neuron.threshold, neuron.window)  # type: ignore[no-untyped-call]
-        found.append(o)
-    return torch.stack(found, dim=1)
+        spikes.append(o)
+    return torch.stack(spikes, dim=1)
 
 
 @pytest.mark.slow
@@ -105,6 +107,7 @@ def test_gradient_is_that_of_the_recursion(
     assert ours.grad is not None
     assert theirs.grad is not None
     assert bool((theirs.grad[:, -1] == 0).all())
+    # Equal but for rounding in float64.
     np.testing.assert_allclose(ours.grad.numpy(), theirs.grad.numpy(), rtol=1e-9, atol=1e-12)
 
 
@@ -114,33 +117,38 @@ def test_gradient_is_that_of_the_recursion(
 def test_adding_active_inputs_equals_a_matrix_product(
     inputs: int, size: int, share: float, seed: int
 ) -> None:
-    rng, neuron = np.random.default_rng(seed), LifParameters()
-    x = torch.from_numpy(
-        (rng.random((2, inputs, 9)) < share) * rng.integers(1, 3, size=(2, inputs, 9)).astype(float)
-    )
-    weight, sent = (
-        torch.from_numpy(rng.normal(size=(size, inputs))),
-        torch.from_numpy(rng.normal(size=(2, 9, size))),
-    )
-    found = []
-    for of_spikes in (True, False):
-        # As they come in a network: both are views whose entries do not lie side by side.
-        heard, by_input = x.clone().requires_grad_(), weight.clone().requires_grad_()
-        rows, columns = heard.transpose(1, 2), by_input.T
-        fired = (
-            spike_of_spikes(rows, columns, neuron) if of_spikes else spike(rows @ columns, neuron)
-        )
-        (fired * sent).sum().backward()
-        found.append((fired, heard.grad, by_input.grad))
-    for ours, expected in zip(*found, strict=True):
-        assert ours is not None
-        assert expected is not None
+    samples, steps = 2, 9
+    rng = np.random.default_rng(seed)
+    neuron = LifParameters()
+    is_active = rng.random((samples, inputs, steps)) < share
+    counts = rng.integers(1, 3, size=(samples, inputs, steps)).astype(float)
+    x = torch.from_numpy(is_active * counts)
+    weight = torch.from_numpy(rng.normal(size=(size, inputs)))
+    # The loss is a random linear function of the spikes.
+    loss_weights = torch.from_numpy(rng.normal(size=(samples, steps, size)))
+
+    def spikes_and_gradients(adds_active: bool) -> tuple[torch.Tensor, ...]:
+        # As in a network, input and weights are views whose entries do not lie side by side.
+        own_x, own_weight = x.clone().requires_grad_(), weight.clone().requires_grad_()
+        rows, columns = own_x.transpose(1, 2), own_weight.T
+        if adds_active:
+            spikes = spike_of_spikes(rows, columns, neuron)
+        else:
+            spikes = spike(rows @ columns, neuron)
+        (spikes * loss_weights).sum().backward()
+        assert own_x.grad is not None
+        assert own_weight.grad is not None
+        return spikes, own_x.grad, own_weight.grad
+
+    ours, expected = spikes_and_gradients(True), spikes_and_gradients(False)
+    # Equal but for the order of the sums in float64.
+    for our_values, expected_values in zip(ours, expected, strict=True):
         np.testing.assert_allclose(
-            ours.detach().numpy(), expected.detach().numpy(), rtol=1e-9, atol=1e-11
+            our_values.detach().numpy(), expected_values.detach().numpy(), rtol=1e-9, atol=1e-11
         )
 
 
-def test_a_large_layer_adds_active_inputs() -> None:
+def test_a_layer_large_enough_to_add_active_inputs_spikes_like_the_product() -> None:
     layer = drawn(LifLayer(300, 64, LifParameters()), 3, 2.0).double()
     x = torch.from_numpy((np.random.default_rng(5).random((2, 12, 300)) < 0.1).astype(np.float64))
     spikes = layer(x)
@@ -184,7 +192,7 @@ def test_initial_weights_fill_their_bound() -> None:
         ),
     ],
 )
-def test_parameters_that_do_not_hold(values: dict[str, float], message: str) -> None:
+def test_constants_out_of_range_are_refused(values: dict[str, float], message: str) -> None:
     with pytest.raises(InputError) as caught:
         LifParameters(**values)
     assert str(caught.value) == message

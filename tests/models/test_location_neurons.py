@@ -1,4 +1,8 @@
-"""Location neurons with a threshold, time constants and delays of their own: in torch, in the reference, on the chip."""
+"""Location neurons with a threshold, time constants and delays of their own, unlike those of the time branch.
+
+The spikes of torch are compared with sums of kernels by hand, the float reference and the chip with torch. Files keep
+the constants, options set them, and impossible ones are refused.
+"""
 
 from __future__ import annotations
 
@@ -33,19 +37,21 @@ from locsnn_compile.training.describe import describe, fixed_by
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
 
-LAYOUT = InputLayout(neutouch(1), steps=60, step_seconds=0.02)
-RECORDINGS = synthetic_touches(6, steps=60, classes=3, seed=4)
+STEPS = 60
+LAYOUT = InputLayout(neutouch(1), steps=STEPS, step_seconds=0.02)
+CHANNELS = LAYOUT.channels  # 78: 39 taxels with two polarities, the locations of the branch
+RECORDINGS = synthetic_touches(6, steps=STEPS, classes=3, seed=4)
 OWN = NeuronParameters(theta=4.0, tau_sr=3.0, tau_ref=2.0)
 DELAYS = (0, 5, 33)
 
 
-def description(**own: object) -> NetworkDescription:
-    """A hybrid whose location branch has constants and delays of its own, with some fields replaced."""
+def description(**changed_fields: object) -> NetworkDescription:
+    """A hybrid whose location branch has constants and delays of its own, with some fields changed."""
     values = {
         "architecture": "hybrid", "input": LAYOUT, "classes": 3, "hidden": 5, "location_order": "loop",
         "location_taxels": tuple(range(1, 40)), "location_neuron": OWN, "location_delays": DELAYS,
     }  # fmt: skip
-    return NetworkDescription(**values | own)  # type: ignore[arg-type]
+    return NetworkDescription(**values | changed_fields)  # type: ignore[arg-type]
 
 
 LIF = description(
@@ -54,62 +60,70 @@ LIF = description(
 
 
 def alpha(k: np.ndarray, tau: float) -> np.ndarray:
+    """The kernel of a spike k locations ago."""
     return k / tau * np.exp(1 - k / tau)
 
 
 def hidden_by_hand(weights: np.ndarray, spikes: np.ndarray) -> np.ndarray:
     """Return the spikes (locations, hidden) of ``location_hidden``, as sums of kernels over delayed events."""
-    events = np.zeros((78, 0))
-    for delay in DELAYS:  # the loop walks channels as they are numbered
-        events = np.hstack([events, np.vstack([np.zeros((delay, 60)), spikes.T[: 78 - delay]])])
-    k = np.arange(78.0)
+    # The order "loop" visits channels as they are numbered, so locations are channels. Each delay adds a
+    # copy of the events (locations, steps), moved by so many locations.
+    copies = [
+        np.vstack([np.zeros((delay, STEPS)), spikes.T[: CHANNELS - delay]]) for delay in DELAYS
+    ]
+    events = np.hstack(copies)
+    k = np.arange(float(CHANNELS))
+    of_event = alpha(k, OWN.tau_sr)
+    of_own_spike = OWN.scale_ref * OWN.theta * alpha(k, OWN.tau_ref)
     psp = np.array(
-        [sum(alpha(k, OWN.tau_sr)[i - j] * events[j] for j in range(i + 1)) for i in range(78)]
+        [sum(of_event[i - j] * events[j] for j in range(i + 1)) for i in range(CHANNELS)]
     )
-    u, found = psp @ weights.T, np.zeros((78, len(weights)))
-    for i in range(78):
-        found[i] = u[i] >= OWN.theta
-        u[i:] -= OWN.scale_ref * OWN.theta * alpha(k, OWN.tau_ref)[: 78 - i, None] * found[i]
-    return found
+    u = psp @ weights.T
+    hidden_spikes = np.zeros((CHANNELS, len(weights)))
+    for i in range(CHANNELS):
+        hidden_spikes[i] = u[i] >= OWN.theta
+        u[i:] -= of_own_spike[: CHANNELS - i, None] * hidden_spikes[i]
+    return hidden_spikes
 
 
 def test_a_location_branch_has_its_own_constants_and_delays() -> None:
     network = build_network(description(), seed=3, initial_scale=10.0).double()
     with torch.no_grad():
-        found = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())[
-            "location_hidden"
-        ].numpy()
+        activity = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
+    hidden_spikes = activity["location_hidden"].numpy()
     weights = network.weights()["location_hidden"].astype(np.float64)
-    assert weights.shape == (5, 60 * len(DELAYS))
-    assert found.sum() > 50
+    assert weights.shape == (5, STEPS * len(DELAYS))
+    assert hidden_spikes.sum() > 50
     for sample, spikes in enumerate(RECORDINGS.spikes):
-        assert np.array_equal(found[sample], hidden_by_hand(weights, spikes.astype(float)))
+        assert np.array_equal(hidden_spikes[sample], hidden_by_hand(weights, spikes.astype(float)))
 
 
-@pytest.mark.parametrize("own", [description(), LIF], ids=["LSRM", "LLIF"])
-def test_file_reference_and_torch_are_equal(own: NetworkDescription, tmp_path: Path) -> None:
-    network = build_network(own, seed=3, initial_scale=10.0).double()
+@pytest.mark.parametrize("described", [description(), LIF], ids=["LSRM", "LLIF"])
+def test_a_file_keeps_the_constants_and_the_reference_spikes_like_torch(
+    described: NetworkDescription, tmp_path: Path
+) -> None:
+    network = build_network(described, seed=3, initial_scale=10.0).double()
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
-    assert read_checkpoint(tmp_path / "net.pt").description == own
+    assert read_checkpoint(tmp_path / "net.pt").description == described
     loaded = lc.load(tmp_path / "net.pt")
     assert [(p.source, p.delay) for p in loaded.into("location_hidden")] == [
         ("touch_transposed", d) for d in DELAYS
     ]
     assert [p.delay for p in loaded.into("time_hidden")] == [0]
     with torch.no_grad():
-        wanted = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
-    found = evaluate(loaded, RECORDINGS.spikes)
-    for name, spikes in wanted.items():
-        assert np.array_equal(found.spikes[name], spikes.numpy()), name
-    assert wanted["location_output"].sum() > 0
+        torch_spikes = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
+    reference = evaluate(loaded, RECORDINGS.spikes)
+    for name, spikes in torch_spikes.items():
+        assert np.array_equal(reference.spikes[name], spikes.numpy()), name
+    assert torch_spikes["location_output"].sum() > 0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("own", [description(), LIF], ids=["LSRM", "LLIF"])
-def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> None:
-    network = build_network(own, seed=3, initial_scale=10.0)
-    Checkpoint(own, network.weights()).save(tmp_path / "net.pt")
-    strategy = "auto" if own is LIF else "dendrite"
+@pytest.mark.parametrize("described", [description(), LIF], ids=["LSRM", "LLIF"])
+def test_both_engines_spike_alike(described: NetworkDescription, tmp_path: Path) -> None:
+    network = build_network(described, seed=3, initial_scale=10.0)
+    Checkpoint(described, network.weights()).save(tmp_path / "net.pt")
+    strategy = "auto" if described is LIF else "dendrite"
     compiled = lc.compile(
         lc.load(tmp_path / "net.pt"), strategy=strategy, events=RECORDINGS, diagnosis=False
     )
@@ -122,24 +136,25 @@ def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> 
         assert np.array_equal(fast.spikes[name], spikes), name
 
 
-def test_a_session_says_what_a_simulation_says(tmp_path: Path) -> None:
-    own = description()
-    Checkpoint(own, build_network(own, seed=3, initial_scale=10.0).weights()).save(
-        tmp_path / "net.pt"
-    )
+def test_a_session_has_the_counts_of_a_simulation_of_the_recording_so_far(tmp_path: Path) -> None:
+    network = build_network(description(), seed=3, initial_scale=10.0)
+    Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     program = lc.compile(
         lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False
     ).program
     recording = RECORDINGS.spikes[0]
-    found = hw.Session(program).push(recording)
-    for step in (20, 59):
-        so_far = np.where(np.arange(60)[:, None] <= step, recording, 0)
-        wanted = hw.simulate(program, so_far[None]).spikes["location_output"][0].sum(axis=0)
-        assert np.array_equal(found.spikes["location_output"][step], wanted)
+    streamed = hw.Session(program).push(recording)
+    for step in (20, STEPS - 1):
+        so_far = np.where(np.arange(STEPS)[:, None] <= step, recording, 0)
+        simulated = hw.simulate(program, so_far[None])
+        counts = simulated.spikes["location_output"][0].sum(axis=0)
+        assert np.array_equal(streamed.spikes["location_output"][step], counts)
 
 
 @pytest.mark.parametrize("strategy", TRAINABLE)
-def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path: Path) -> None:
+def test_a_network_trained_on_the_chip_spikes_like_its_program(
+    strategy: str, tmp_path: Path
+) -> None:
     config = TrainingConfig(
         hidden=5, location_theta=4.0, location_tau_sr=3.0, location_tau_ref=2.0, location_delays="0 5 33", epochs=1,
         target="loihi-sim", strategy=strategy, validation_fraction=0.0, event_dropout=0.0, channel_dropout=0.0,
@@ -151,35 +166,38 @@ def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path
     compiled = lc.compile(lc.load(tmp_path / "net.pt"), events=RECORDINGS, diagnosis=False)
     played = hw.simulate(compiled.program, RECORDINGS.spikes)
     with torch.no_grad():
-        own = result.network(torch.from_numpy(RECORDINGS.spikes.copy()).float())
-    assert own["location_hidden"].sum() > 0
-    for name, spikes in own.items():
+        torch_spikes = result.network(torch.from_numpy(RECORDINGS.spikes.copy()).float())
+    assert torch_spikes["location_hidden"].sum() > 0
+    for name, spikes in torch_spikes.items():
         assert np.array_equal(played.spikes[name], spikes.numpy()), name
 
 
 @pytest.mark.parametrize(
-    ("options", "wanted"),
+    ("options", "location_neuron"),
     [
-        pytest.param({}, None, id="none"),
+        pytest.param({}, None, id="no option"),
         pytest.param(
             {"theta": 8.0, "location_tau_sr": 3.0},
             NeuronParameters(theta=8.0, tau_sr=3.0),
-            id="one",
+            id="a time constant",
         ),
         pytest.param({"location_theta": 3.0}, NeuronParameters(theta=3.0), id="threshold"),
         pytest.param({"location_decay": 0.0}, None, id="of another kind"),
         pytest.param(
             {"model": "hybrid-lif", "location_decay": 0.0},
             LifParameters(decay=0.0),
-            id="LIF, nought",
+            id="LIF, a decay of 0",
         ),
     ],
 )
-def test_options_make_the_neuron(options: dict[str, object], wanted: object) -> None:
-    assert describe(RECORDINGS, TrainingConfig(**options), 3).location_neuron == wanted  # type: ignore[arg-type]
+def test_options_set_the_constants_of_location_neurons(
+    options: dict[str, object], location_neuron: object
+) -> None:
+    described = describe(RECORDINGS, TrainingConfig(**options), 3)  # type: ignore[arg-type]
+    assert described.location_neuron == location_neuron
 
 
-def test_the_command_trains_with_them_and_goes_on(
+def test_the_command_trains_with_such_options_and_starts_from_such_a_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -188,8 +206,9 @@ def test_the_command_trains_with_them_and_goes_on(
     data = ["train", "--data", "touches.npz", "--quiet"]
     assert main([*data, "--config", "own.yaml", "-o", "net.pt"]) == 0
     assert main([*data, "--from", "net.pt", "--epochs", "1", "-o", "more.pt"]) == 0
-    found = read_checkpoint("more.pt").description
-    assert (found.location_neuron, found.location_delays) == (NeuronParameters(theta=4.0), (0, 5))
+    read_back = read_checkpoint("more.pt").description
+    assert read_back.location_neuron == NeuronParameters(theta=4.0)
+    assert read_back.location_delays == (0, 5)
     Path("own.yaml").write_text("{epochs: 1, location_theta: 5}")
     assert main([*data, "--from", "net.pt", "--config", "own.yaml", "-o", "more.pt"]) == 2
     assert capsys.readouterr().err == (
@@ -249,13 +268,15 @@ def test_the_command_trains_with_them_and_goes_on(
         ),
     ],
 )
-def test_what_cannot_be(values: dict[str, object], message: str) -> None:
+def test_impossible_constants_and_delays_are_refused(
+    values: dict[str, object], message: str
+) -> None:
     with pytest.raises(InputError) as caught:
         description(**values)
     assert str(caught.value) == message
 
 
-def test_a_delay_that_the_chip_does_not_hold() -> None:
+def test_a_delay_that_is_too_long_for_the_chip_is_refused() -> None:
     with pytest.raises(lc.TargetError) as caught:
         train(RECORDINGS, TrainingConfig(location_delays="0 63", target="loihi-sim", epochs=1))
     assert str(caught.value) == (
@@ -263,7 +284,7 @@ def test_a_delay_that_the_chip_does_not_hold() -> None:
     )
 
 
-def test_a_checkpoint_without_them_is_as_before(tmp_path: Path) -> None:
+def test_a_checkpoint_without_such_constants_has_no_entries_for_them(tmp_path: Path) -> None:
     plain = description(location_neuron=None, location_delays=(0,))
     Checkpoint(plain, build_network(plain).weights()).save(tmp_path / "net.pt")
     data = (tmp_path / "net.pt").read_bytes()

@@ -19,57 +19,68 @@ from locsnn_compile.models.description import (
 from locsnn_compile.models.networks import build_network
 
 STEPS, HIDDEN = 8, 4
+FINGERTIP_CHANNELS = 78  # 39 taxels with two polarities
 BACKWARDS = ",".join(str(taxel) for taxel in range(39, 0, -1))
 
 
 def visits(order: str, fingertips: int) -> list[int]:
     """Return the channel of each location: both polarities of a taxel, all taxels of a fingertip, then the next one."""
-    found = []
+    _, taxels = location_order(order, neutouch())
+    channels = []
     for fingertip in range(fingertips):
-        for taxel in location_order(order, neutouch())[1]:
+        for taxel in taxels:
             for polarity in range(2):
-                found.append(78 * fingertip + 2 * (taxel - 1) + polarity)
-    return found
+                channels.append(FINGERTIP_CHANNELS * fingertip + 2 * (taxel - 1) + polarity)
+    return channels
 
 
 def alpha(lag: int, tau: float) -> float:
+    """The kernel of a spike ``lag`` locations ago."""
     return lag / tau * math.exp(1 - lag / tau)
 
 
-def spike_response(x: np.ndarray, weight: np.ndarray, places: list[int]) -> np.ndarray:
-    """Every event and every own spike through its kernel: u = sum w eps + sum nu, a spike where u >= theta."""
-    n = NeuronParameters()
-    spikes = np.zeros((len(places), len(weight)))
-    for here in range(len(places)):
+def spike_response(x: np.ndarray, weight: np.ndarray, channels: list[int]) -> np.ndarray:
+    """Return the spikes (locations, neurons) of spike response neurons, given the channel of each location.
+
+    Every event and every own spike goes through its kernel: u = sum w eps + sum nu, and a spike where u >= theta.
+    """
+    neuron = NeuronParameters()
+    spikes = np.zeros((len(channels), len(weight)))
+    for location in range(len(channels)):
         u = np.zeros(len(weight))
-        for before in range(here):
+        for earlier in range(location):
+            lag = location - earlier
             for t in range(len(x)):
-                u += weight[:, t] * x[t, places[before]] * alpha(here - before, n.tau_sr)
-            u -= spikes[before] * n.scale_ref * n.theta * alpha(here - before, n.tau_ref)
-        spikes[here] = u >= n.theta
+                u += weight[:, t] * x[t, channels[earlier]] * alpha(lag, neuron.tau_sr)
+            u -= spikes[earlier] * neuron.scale_ref * neuron.theta * alpha(lag, neuron.tau_ref)
+        spikes[location] = u >= neuron.theta
     return spikes
 
 
-def integrate_and_fire(x: np.ndarray, weight: np.ndarray, places: list[int]) -> np.ndarray:
-    """What has come since the last own spike, each event with its own power of the decay; a spike above the threshold."""
-    n = LifParameters()
-    spikes = np.zeros((len(places), len(weight)))
+def integrate_and_fire(x: np.ndarray, weight: np.ndarray, channels: list[int]) -> np.ndarray:
+    """Return the spikes (locations, neurons) of integrate-and-fire neurons, given the channel of each location.
+
+    u sums the events since the last own spike, each times its power of the decay; a spike where u > threshold.
+    """
+    neuron = LifParameters()
+    spikes = np.zeros((len(channels), len(weight)))
     for i, row in enumerate(weight):
-        last = 0
-        for here in range(len(places)):
+        last_spike = 0
+        for location in range(len(channels)):
             u = sum(
-                row @ x[:, places[before]] * n.decay ** (here - 1 - before)
-                for before in range(last, here)
+                row @ x[:, channels[earlier]] * neuron.decay ** (location - 1 - earlier)
+                for earlier in range(last_spike, location)
             )
-            if u > n.threshold:
-                spikes[here, i], last = 1, here
+            if u > neuron.threshold:
+                spikes[location, i] = 1
+                last_spike = location
     return spikes
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fingertips", [1, 2])
 @pytest.mark.parametrize(
-    "order", ["loop", "arch", "whorl", BACKWARDS], ids=["loop", "arch", "whorl", "one's own"]
+    "order", ["loop", "arch", "whorl", BACKWARDS], ids=["loop", "arch", "whorl", "custom"]
 )
 @pytest.mark.parametrize(
     ("name", "expected", "scale"),
@@ -79,7 +90,9 @@ def integrate_and_fire(x: np.ndarray, weight: np.ndarray, places: list[int]) -> 
     ],
     ids=["LSRM", "LLIF"],
 )
-def test_a_location_branch_is_its_sum_of_kernels(name, expected, scale, order, fingertips):
+def test_a_location_branch_spikes_like_its_sums_of_kernels(
+    name, expected, scale, order, fingertips
+):
     order_name, taxels = location_order(order, neutouch())
     layout = InputLayout(neutouch(fingertips), steps=STEPS, step_seconds=0.02)
     description = NetworkDescription(

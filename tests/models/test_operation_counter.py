@@ -1,4 +1,4 @@
-"""Operations of torch modules: the published integers, and sums over every product written out."""
+"""Operations of torch modules, against the closed formulas of the published networks and against sums by hand."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from locsnn_compile.models.operation_counter import count_operations
 
 
 def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
+    """An untrained network with 32 hidden units."""
     layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     return build_network(NetworkDescription(name, layout, classes=classes, hidden=32))
 
@@ -24,15 +25,21 @@ def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
 @pytest.mark.parametrize("name", ["cnn-3d", "gru-mlp"])
 @pytest.mark.parametrize(
     ("fingertips", "steps", "classes"),
-    [(1, 250, 36), (1, 23, 2), (3, 60, 5), (2, 325, 36), (2, 150, 2)],
+    [
+        pytest.param(1, 250, 36, id="Ev-Objects"),
+        pytest.param(1, 23, 2, id="the fewest steps of cnn-3d"),
+        pytest.param(3, 60, 5, id="three fingertips"),
+        pytest.param(2, 325, 36, id="VT_SNN's objects"),
+        pytest.param(2, 150, 2, id="VT_SNN's slips"),
+    ],
 )
-def test_counting_modules_is_the_formula(
+def test_counting_module_by_module_gives_the_formula(
     name: str, fingertips: int, steps: int, classes: int
 ) -> None:
-    counts = count_operations(
-        network(name, fingertips, steps, classes), torch.zeros(1, steps, 78 * fingertips)
-    )
-    assert counts == ann_counts(name, sensor=neutouch(fingertips), steps=steps, classes=classes)
+    sensor = neutouch(fingertips)
+    example = torch.zeros(1, steps, sensor.channels)
+    counts = count_operations(network(name, fingertips, steps, classes), example)
+    assert counts == ann_counts(name, sensor=sensor, steps=steps, classes=classes)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +64,9 @@ def test_counting_modules_is_the_formula(
         ),
     ],
 )
-def test_products_with_weights(module: nn.Module, shape: tuple[int, ...], macs: int) -> None:
+def test_every_product_with_a_weight_is_counted(
+    module: nn.Module, shape: tuple[int, ...], macs: int
+) -> None:
     counts = count_operations(module, torch.zeros(shape))
     assert (counts.macs, counts.multiplications, counts.additions) == (macs, macs, macs)
 
@@ -73,14 +82,14 @@ def test_a_layer_called_twice_counts_twice() -> None:
     ids=["rnn", "gru", "lstm"],
 )
 @pytest.mark.parametrize("bias", [True, False], ids=["biases", "no biases"])
-def test_recurrent_cells(
+def test_recurrent_cells_count_gates_products_and_sums(
     module: type[nn.RNNBase], gates: int, products: int, sums: int, bias: bool
 ) -> None:
     steps, inputs, hidden = 7, 5, 3
-    one = module(inputs, hidden, batch_first=True, bias=bias)
-    # All products with weights of one step are the elements of its matrices.
-    products_with_weights = steps * sum(prod(p.shape) for p in one.parameters() if p.ndim == 2)
-    counts = count_operations(one, torch.zeros(1, steps, inputs))
+    cell = module(inputs, hidden, batch_first=True, bias=bias)
+    # In one step, every element of the weight matrices is multiplied once.
+    products_with_weights = steps * sum(prod(p.shape) for p in cell.parameters() if p.ndim == 2)
+    counts = count_operations(cell, torch.zeros(1, steps, inputs))
     assert counts.macs == products_with_weights
     assert counts.multiplications == products_with_weights + steps * products * hidden
     biases = 2 if bias else 0
@@ -89,13 +98,14 @@ def test_recurrent_cells(
     )
 
 
-def test_layers_and_directions_of_a_recurrent_network() -> None:
-    both = nn.GRU(5, 3, num_layers=2, bidirectional=True, batch_first=True)
-    products_with_weights = 7 * sum(prod(p.shape) for p in both.parameters() if p.ndim == 2)
-    assert count_operations(both, torch.zeros(1, 7, 5)).macs == products_with_weights
+def test_all_layers_and_directions_of_a_recurrent_network_are_counted() -> None:
+    steps, inputs, hidden = 7, 5, 3
+    gru = nn.GRU(inputs, hidden, num_layers=2, bidirectional=True, batch_first=True)
+    products_with_weights = steps * sum(prod(p.shape) for p in gru.parameters() if p.ndim == 2)
+    assert count_operations(gru, torch.zeros(1, steps, inputs)).macs == products_with_weights
 
 
-def test_the_network_stays_as_it_was() -> None:
+def test_counting_leaves_the_network_as_it_was() -> None:
     module = nn.Sequential(nn.Linear(5, 3), nn.Dropout())
     count_operations(module, torch.zeros(1, 5))
     assert module.training
@@ -126,7 +136,7 @@ KINDS = (
         pytest.param(nn.Sequential(Scaled()), "'0'", "Scaled", id="weights beside modules"),
     ],
 )
-def test_kinds_that_are_not_known(module: nn.Module, where: str, kind: str) -> None:
+def test_unknown_kinds_of_modules_are_refused(module: nn.Module, where: str, kind: str) -> None:
     with pytest.raises(InputError) as caught:
         count_operations(module, torch.zeros(1, 3))
     assert str(caught.value) == (
@@ -134,10 +144,10 @@ def test_kinds_that_are_not_known(module: nn.Module, where: str, kind: str) -> N
     )
 
 
-def test_spiking_networks_are_not_counted_so() -> None:
-    spiking = network("tactile-snn-lif", 1, 30, 2)
+def test_spiking_networks_are_refused() -> None:
+    spiking = network("tactile-snn-lif", fingertips=1, steps=30, classes=2)
     with pytest.raises(InputError) as caught:
-        count_operations(spiking, torch.zeros(1, 30, 78))
+        count_operations(spiking, torch.zeros(1, 30, neutouch(1).channels))
     assert str(caught.value).startswith(
         "module 'time_hidden': operations of a LifLayer are not known."
     )

@@ -1,4 +1,7 @@
-"""Checkpoints of integrate-and-fire, graph and artificial networks: they come back whole, and faults are named."""
+"""Checkpoints of version 3: integrate-and-fire, graph, window and artificial networks.
+
+They are read back equal, and every fault in a file is named.
+"""
 
 from __future__ import annotations
 
@@ -29,22 +32,22 @@ OTHERS = [name for name, a in ARCHITECTURES.items() if a.neurons not in ("srm", 
 def description(name: str) -> NetworkDescription:
     """A small network of an architecture, with every entry that its file may hold."""
     structure = ARCHITECTURES[name]
-    located = "location" in structure.branches
-    edges = taxel_graph("tree", neutouch(), neighbours=3, nearer_mm=2.0)
+    fields: dict[str, Any] = {}
+    if "location" in structure.branches:
+        fields["location_order"] = "arch"
+        fields["location_taxels"] = LOCATION_ORDERS["arch"]
+    if structure.neurons == "lif":
+        fields["neuron"] = LifParameters(decay=0.3, threshold=0.6, window=0.4)
+    if structure.graph:
+        edges = taxel_graph("tree", neutouch(), neighbours=3, nearer_mm=2.0)
+        fields["graph"] = GraphParameters("tree", edges, hops=2, features=3, step_features=2)
     return NetworkDescription(
         name,
         InputLayout(neutouch(1), steps=24, step_seconds=0.02),
         classes=3,
         hidden=4,
-        neuron=LifParameters(decay=0.3, threshold=0.6, window=0.4)
-        if structure.neurons == "lif"
-        else None,
-        graph=GraphParameters("tree", edges, hops=2, features=3, step_features=2)
-        if structure.graph
-        else None,
-        location_order="arch" if located else None,
-        location_taxels=LOCATION_ORDERS["arch"] if located else None,
         name="small",
+        **fields,
     )
 
 
@@ -55,17 +58,17 @@ def save(path: Path, name: str) -> Path:
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_what_is_written_comes_back(name: str, tmp_path: Path) -> None:
-    found = read_checkpoint(save(tmp_path / "small.pt", name))
+def test_a_checkpoint_is_read_back_equal(name: str, tmp_path: Path) -> None:
+    checkpoint = read_checkpoint(save(tmp_path / "small.pt", name))
     weights = build_network(description(name), seed=1).weights()
-    assert found.description == description(name)
-    assert list(found.weights) == list(weights)
-    assert all(np.array_equal(found.weights[key], weights[key]) for key in weights)
+    assert checkpoint.description == description(name)
+    assert list(checkpoint.weights) == list(weights)
+    assert all(np.array_equal(checkpoint.weights[key], weights[key]) for key in weights)
     assert save(tmp_path / "again.pt", name).read_bytes() == (tmp_path / "small.pt").read_bytes()
 
 
 def put(*keys: Any, value: Any) -> Callable[[dict[str, Any]], None]:
-    """Return what sets an entry of a dict, found by these keys one inside the other."""
+    """Return a function that sets an entry of a nested dict; ``keys`` lead to it from outside to inside."""
 
     def change(values: dict[str, Any]) -> None:
         for key in keys[:-1]:
@@ -76,6 +79,8 @@ def put(*keys: Any, value: Any) -> Callable[[dict[str, Any]], None]:
 
 
 def drop(*keys: str) -> Callable[[dict[str, Any]], None]:
+    """Return a function that removes an entry of a nested dict."""
+
     def change(values: dict[str, Any]) -> None:
         for key in keys[:-1]:
             values = values[key]
@@ -139,13 +144,14 @@ GRAPH_FAULTS = [
 
 @pytest.fixture(scope="module")
 def graph_values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The plain values of the file of a ``hybrid-graph``."""
     path = save(tmp_path_factory.mktemp("graph") / "small.pt", "hybrid-graph")
     values: dict[str, Any] = load_plain(path.read_bytes(), "x", fix="")  # type: ignore[assignment]
     return values
 
 
 @pytest.mark.parametrize(("change", "message"), GRAPH_FAULTS)
-def test_faults_are_named(
+def test_faults_of_graphs_are_named(
     graph_values: dict[str, Any], change: Callable[[dict[str, Any]], None], message: str
 ) -> None:
     values = copy.deepcopy(graph_values)

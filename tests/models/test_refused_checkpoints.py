@@ -1,4 +1,4 @@
-"""Whatever else a file may hold in place of a checkpoint is refused in one line, and nothing of it runs."""
+"""Files that are not checkpoints, and checkpoints with a fault, are refused in one line, and no code in them runs."""
 
 from __future__ import annotations
 
@@ -30,6 +30,8 @@ class Hostile:
 
 
 def edit(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None]:
+    """Return a function that saves a good checkpoint, changed by ``change``, at a path."""
+
     def make(path: Path) -> None:
         values = torch.load(save(path), weights_only=True)
         change(values)
@@ -39,7 +41,7 @@ def edit(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None]:
 
 
 def put(*keys: str, value: Any) -> Callable[[Path], None]:
-    """Return what sets an entry of a saved checkpoint, found by these keys one inside the other."""
+    """Return a function that saves a checkpoint with one entry set; ``keys`` lead to it from outside to inside."""
 
     def change(values: dict[str, Any]) -> None:
         for key in keys[:-1]:
@@ -50,6 +52,8 @@ def put(*keys: str, value: Any) -> Callable[[Path], None]:
 
 
 def drop(*keys: str) -> Callable[[Path], None]:
+    """Return a function that saves a checkpoint without one entry."""
+
     def change(values: dict[str, Any]) -> None:
         for key in keys[:-1]:
             values = values[key]
@@ -59,7 +63,7 @@ def drop(*keys: str) -> Callable[[Path], None]:
 
 
 def swap_sizes(sensor: object) -> Callable[[Path], None]:
-    """Say the input by a sensor, as files of any but NeuTouch do."""
+    """Return a function that saves a checkpoint with a sensor in place of NeuTouch's sizes."""
 
     def change(values: dict[str, Any]) -> None:
         values["input"] = {"steps": 9, "step_seconds": 0.02, "sensor": sensor}
@@ -68,6 +72,8 @@ def swap_sizes(sensor: object) -> Callable[[Path], None]:
 
 
 def bad_weight(value: float) -> Callable[[Path], None]:
+    """Return a function that saves a checkpoint with this value among its weights."""
+
     def change(values: dict[str, Any]) -> None:
         values["weights"]["location_hidden"][2, 5] = value
 
@@ -75,19 +81,21 @@ def bad_weight(value: float) -> Callable[[Path], None]:
 
 
 def truncate(path: Path) -> None:
+    """Save a checkpoint without its end."""
     path.write_bytes(save(path).read_bytes()[:-900])
 
 
 def flip(path: Path) -> None:
+    """Save a checkpoint with one bit of a weight flipped: only the checksum of the archive shows it."""
     data = bytearray(save(path).read_bytes())
-    # The last byte of a weight: read without its checksum it would be another number.
-    data[
-        data.rindex(build_network(DESCRIPTION, seed=1).weights()["time_output"].tobytes()) + 7
-    ] ^= 1
+    weights = build_network(DESCRIPTION, seed=1).weights()["time_output"].tobytes()
+    last_byte_of_second_weight = data.rindex(weights) + 7
+    data[last_byte_of_second_weight] ^= 1
     path.write_bytes(data)
 
 
 TAXELS = list(LOCATION_ORDERS["loop"])
+# Each row: an id, the function that makes the file at a path, and the message behind the name of the file.
 BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "missing",
@@ -213,6 +221,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         f"entry 'training.x' is not a plain value (got Tensor). {AGAIN}",
     ),
 ]
+# Faults that the checks of the description or of the weights find: the place in the message is theirs.
 BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "unknown architecture",
@@ -325,7 +334,7 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
 
 
 @pytest.mark.parametrize(("make", "message"), [pytest.param(m, t, id=i) for i, m, t in BAD])
-def test_what_is_no_checkpoint(
+def test_a_file_that_is_not_a_checkpoint_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[[Path], object], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -339,7 +348,7 @@ def test_what_is_no_checkpoint(
 
 
 @pytest.mark.parametrize(("make", "message"), [pytest.param(m, t, id=i) for i, m, t in BAD_INSIDE])
-def test_checkpoints_with_a_fault_inside(
+def test_a_fault_inside_a_checkpoint_is_named(
     tmp_path: Path, make: Callable[[Path], object], message: str
 ) -> None:
     path = tmp_path / "small.pt"
@@ -350,7 +359,7 @@ def test_checkpoints_with_a_fault_inside(
     assert str(caught.value) == f"checkpoint 'small.pt'{joint}{message}"
 
 
-def test_a_file_that_unpacks_to_far_more_than_its_size(tmp_path: Path) -> None:
+def test_a_file_that_unpacks_to_far_more_than_its_size_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "small.pt"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("archive/data.pkl", b"\0" * 5_000_000)
@@ -362,7 +371,7 @@ def test_a_file_that_unpacks_to_far_more_than_its_size(tmp_path: Path) -> None:
     )
 
 
-def test_a_name_that_is_no_weights(tmp_path: Path) -> None:
+def test_an_unknown_name_of_weights_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "small.pt"
     put("weights", "time_hiden", value=torch.zeros(1))(path)
     with pytest.raises(InputError) as caught:
@@ -373,14 +382,15 @@ def test_a_name_that_is_no_weights(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("step", range(40))
-def test_no_truncation_or_flip_raises_anything_else(tmp_path: Path, step: int) -> None:
+def test_random_damage_raises_nothing_but_an_input_error(tmp_path: Path, step: int) -> None:
+    """Every other file is cut at random, and the others have 20 random bytes changed."""
     data = bytearray(save(tmp_path / "whole.pt").read_bytes())
     rng = np.random.default_rng(step)
     if step % 2:
         data = data[: int(rng.integers(len(data)))]
     else:
-        for at in rng.integers(len(data), size=20):
-            data[at] ^= int(rng.integers(1, 256))
+        for position in rng.integers(len(data), size=20):
+            data[position] ^= int(rng.integers(1, 256))
     (tmp_path / "bad.pt").write_bytes(data)
     with warnings.catch_warnings(), contextlib.suppress(InputError):
         warnings.simplefilter("error")

@@ -1,4 +1,4 @@
-"""The spike response layers against brute force: kernel sums written out, spike by spike."""
+"""Spike response layers against sums of kernels, spike by spike, and their gradient against torch's autograd."""
 
 from __future__ import annotations
 
@@ -17,19 +17,23 @@ from locsnn_compile.network.neurons import alpha_recursion
 from tests.support.drawn_layers import drawn
 
 TAUS = st.floats(0.5, 30.0)
+LAST_LAG = 30
+"""Kernels are compared up to this lag, in steps."""
 
 
 def nu(neuron: NeuronParameters, lag: int) -> float:
+    """The refractory kernel: the response to an own spike ``lag`` steps ago."""
     ratio = lag / neuron.tau_ref
     return -neuron.scale_ref * neuron.theta * ratio * math.exp(1 - ratio)
 
 
 def eps(tau: float, lag: int) -> float:
+    """The response to an input spike ``lag`` steps ago."""
     return (lag / tau) * math.exp(1 - lag / tau)
 
 
 def brute_response(drive: np.ndarray, neuron: NeuronParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Sum eps over every earlier drive and nu over every own past spike, with no recursion."""
+    """Return (spikes, u) without a recursion: eps summed over earlier drives, and nu over earlier own spikes."""
     spikes, u = np.zeros_like(drive), np.zeros_like(drive)
     batch, steps, size = drive.shape
     for b in range(batch):
@@ -46,19 +50,20 @@ def brute_response(drive: np.ndarray, neuron: NeuronParameters) -> tuple[np.ndar
 
 @given(tau=TAUS)
 @settings(max_examples=30, deadline=None)
-def test_psp_recursion_is_the_kernel(tau: float) -> None:
+def test_the_recursion_of_the_response_is_its_kernel(tau: float) -> None:
     decay, gain = alpha_recursion(tau)
+    # The kernel has its maximum, 1, at a lag of tau.
     assert gain * tau * decay ** (tau - 1) == pytest.approx(1.0, rel=1e-12)
-    for lag in range(1, 30):
+    for lag in range(1, LAST_LAG):
         assert gain * lag * decay ** (lag - 1) == pytest.approx(eps(tau, lag), rel=1e-12)
 
 
 @given(tau=TAUS, scale=st.floats(0.0, 5.0))
 @settings(max_examples=30, deadline=None)
-def test_refractory_recursion_is_the_kernel(tau: float, scale: float) -> None:
+def test_the_refractory_recursion_is_its_kernel(tau: float, scale: float) -> None:
     neuron = NeuronParameters(tau_ref=tau, scale_ref=scale)
     decay, gain = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
-    for lag in range(1, 30):
+    for lag in range(1, LAST_LAG):
         assert gain * lag * decay ** (lag - 1) == pytest.approx(
             nu(neuron, lag), rel=1e-12, abs=1e-300
         )
@@ -117,9 +122,9 @@ class Surrogate(torch.autograd.Function):
 
 
 def stepped(drive: torch.Tensor, neuron: NeuronParameters) -> torch.Tensor:
-    """The recursive form in plain torch, a step at a time, every gradient autograd's but the surrogate's.
+    """Return the spikes of the recursive form in plain torch, so that autograd finds all gradients but the surrogate's.
 
-    As in SLAYER, the refractory terms carry none.
+    As in SLAYER, no gradient passes through the refractory terms: these get detached spikes.
     """
     a, b = math.exp(-1 / neuron.tau_sr), math.exp(-1 / neuron.tau_ref)
     gain = math.e * a / neuron.tau_sr
@@ -168,14 +173,15 @@ def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> Non
         drawn(SRMLayer(*shape, neuron), generator, 40.0).double() for shape in ((5, 6), (6, 4))
     ]
     x = (torch.rand(3, 30, 5, generator=generator) < 0.3).double()
-    aim = torch.randn(3, 30, 4, generator=generator, dtype=torch.float64)
+    # The loss is a random linear function of the spikes.
+    loss_weights = torch.randn(3, 30, 4, generator=generator, dtype=torch.float64)
     spikes = layers[1](layers[0](x))
-    (spikes * aim).sum().backward()
-    mine = [layer.weight.detach().clone().requires_grad_() for layer in layers]
-    expected = stepped(stepped(x @ mine[0].T, neuron) @ mine[1].T, neuron)
-    (expected * aim).sum().backward()
+    (spikes * loss_weights).sum().backward()
+    weights = [layer.weight.detach().clone().requires_grad_() for layer in layers]
+    expected = stepped(stepped(x @ weights[0].T, neuron) @ weights[1].T, neuron)
+    (expected * loss_weights).sum().backward()
     assert 10 < spikes.sum() == expected.sum()
-    for layer, weight in zip(layers, mine, strict=True):
+    for layer, weight in zip(layers, weights, strict=True):
         assert layer.weight.grad is not None
         assert weight.grad is not None
         np.testing.assert_allclose(
@@ -183,17 +189,18 @@ def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> Non
         )
 
 
-def test_gradient_of_sums_over_the_steps_of_a_transposed_recording() -> None:
+def test_the_gradient_of_spike_counts_of_a_transposed_recording() -> None:
+    """The input is a view that is not contiguous, and the gradient is the same in all steps: both have a path of their own."""
     neuron = NeuronParameters()
     generator = torch.Generator().manual_seed(5)
     layer = drawn(SRMLayer(7, 4, neuron), generator, 40.0).double()
     x = (torch.rand(3, 7, 30, generator=generator) < 0.3).double().transpose(1, 2)
-    aim = torch.randn(3, 4, generator=generator, dtype=torch.float64)
-    spikes = layer(x).sum(dim=1)
-    (spikes * aim).sum().backward()
+    loss_weights = torch.randn(3, 4, generator=generator, dtype=torch.float64)
+    counts = layer(x).sum(dim=1)
+    (counts * loss_weights).sum().backward()
     weight = layer.weight.detach().clone().requires_grad_()
-    (stepped(x @ weight.T, neuron).sum(dim=1) * aim).sum().backward()
-    assert spikes.sum() > 10
+    (stepped(x @ weight.T, neuron).sum(dim=1) * loss_weights).sum().backward()
+    assert counts.sum() > 10
     assert layer.weight.grad is not None
     assert weight.grad is not None
     np.testing.assert_allclose(
@@ -202,7 +209,7 @@ def test_gradient_of_sums_over_the_steps_of_a_transposed_recording() -> None:
 
 
 def brute_layer(x: np.ndarray, weight: np.ndarray, neuron: NeuronParameters) -> np.ndarray:
-    """Every input spike through the kernel, one by one."""
+    """Return the spikes of a layer, given input spikes x (batch, steps, inputs), by :func:`brute_response`."""
     drive = np.zeros((*x.shape[:2], len(weight)))
     for b, s, j in np.argwhere(x):
         drive[b, s] += weight[:, j]
@@ -223,9 +230,9 @@ def test_layer_equals_brute_force() -> None:
 def test_layer_takes_input_that_is_not_contiguous() -> None:
     layer = drawn(SRMLayer(20, 3, NeuronParameters()), 1)
     x = (torch.rand(2, 20, 6, generator=torch.Generator().manual_seed(2)) < 0.4).float()
-    turned = x.transpose(1, 2)
-    assert not turned.is_contiguous()
-    assert torch.equal(layer(turned), layer(turned.contiguous()))
+    transposed = x.transpose(1, 2)
+    assert not transposed.is_contiguous()
+    assert torch.equal(layer(transposed), layer(transposed.contiguous()))
 
 
 @given(
@@ -235,11 +242,12 @@ def test_layer_takes_input_that_is_not_contiguous() -> None:
     seed=st.integers(0, 2**31),
 )
 @settings(max_examples=25, deadline=None)
-def test_transposed_recording_is_the_walk(
+def test_location_l_of_a_transposed_recording_is_channel_l_of_the_walk(
     samples: int, steps: int, channels: int, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    x, walk = rng.random((samples, steps, channels)), rng.permutation(channels)
-    turned = transpose_recording(torch.from_numpy(x), torch.from_numpy(walk)).numpy()
+    x = rng.random((samples, steps, channels))
+    walk = rng.permutation(channels)
+    transposed = transpose_recording(torch.from_numpy(x), torch.from_numpy(walk)).numpy()
     for b, location, t in np.ndindex(samples, channels, steps):
-        assert turned[b, location, t] == x[b, t, walk[location]]
+        assert transposed[b, location, t] == x[b, t, walk[location]]

@@ -1,4 +1,4 @@
-"""The three networks: their populations, their shapes, and the branches of the hybrid."""
+"""The three networks of spike response neurons: their populations, shapes and branches, and what they refuse."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from locsnn_compile.models.networks import TouchNetwork, build_network
 from locsnn_compile.models.srm import SRMLayer
 
 LAYOUT = InputLayout(neutouch(1), steps=30, step_seconds=0.02)
+# Numbers in the shapes below: 3 recordings, 30 steps, 78 channels (39 taxels with two polarities), 7 hidden neurons and
+# 5 classes.
 
 
 def description(
@@ -60,7 +62,9 @@ def recording(layout: InputLayout = LAYOUT, samples: int = 3) -> torch.Tensor:
         ),
     ],
 )
-def test_populations_and_shapes(architecture: str, shapes: dict[str, tuple[int, ...]]) -> None:
+def test_the_spikes_of_populations_have_these_shapes(
+    architecture: str, shapes: dict[str, tuple[int, ...]]
+) -> None:
     network = build_network(description(architecture))
     spikes = network(recording())
     assert {name: tuple(value.shape) for name, value in spikes.items()} == shapes
@@ -69,7 +73,7 @@ def test_populations_and_shapes(architecture: str, shapes: dict[str, tuple[int, 
     assert all(set(np.unique(value.detach())) <= {0.0, 1.0} for value in spikes.values())
 
 
-def test_hybrid_is_both_branches_side_by_side() -> None:
+def test_the_branches_of_a_hybrid_spike_like_the_single_networks() -> None:
     hybrid = build_network(description("hybrid"), seed=4)
     x = recording()
     together = hybrid(x)
@@ -83,7 +87,7 @@ def test_hybrid_is_both_branches_side_by_side() -> None:
     )
 
 
-def test_location_branch_steps_over_the_walk() -> None:
+def test_a_location_branch_steps_through_the_channels_of_the_walk() -> None:
     network = build_network(description("location-tactile-snn"), seed=2)
     x = recording(samples=1)
     walk = channel_walk(LOCATION_ORDERS["whorl"], neutouch(1))
@@ -93,10 +97,10 @@ def test_location_branch_steps_over_the_walk() -> None:
     assert torch.equal(network(x)["location_hidden"], layer(by_hand))
 
 
-def test_two_fingertips_walk_one_after_the_other() -> None:
+def test_the_walk_goes_over_all_channels_of_two_fingertips() -> None:
     layout = InputLayout(neutouch(2), steps=12, step_seconds=0.02)
     spikes = build_network(description("hybrid", layout, "arch"))(recording(layout, 2))
-    assert tuple(spikes["location_output"].shape) == (2, 156, 5)
+    assert tuple(spikes["location_output"].shape) == (2, 2 * LAYOUT.channels, 5)
 
 
 def test_a_seed_gives_the_same_weights_and_another_does_not() -> None:
@@ -108,6 +112,7 @@ def test_a_seed_gives_the_same_weights_and_another_does_not() -> None:
 
 
 def fails(call: object, *args: object) -> str:
+    """Return the message of the InputError that a call raises."""
     with pytest.raises(InputError) as caught:
         call(*args)  # type: ignore[operator]
     return str(caught.value)
@@ -162,7 +167,9 @@ def test_weights_of_another_shape_are_refused() -> None:
         ),
     ],
 )
-def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) -> None:
+def test_descriptions_that_contradict_themselves_are_refused(
+    values: dict[str, object], message: str
+) -> None:
     good: dict[str, object] = {
         "architecture": "hybrid",
         "input": LAYOUT,
@@ -211,13 +218,16 @@ def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) 
         ),
     ],
 )
-def test_parameters_that_do_not_hold(kind: type, values: dict[str, object], message: str) -> None:
+def test_constants_and_sizes_out_of_range_are_refused(
+    kind: type, values: dict[str, object], message: str
+) -> None:
     assert fails(lambda: kind(**values)) == message
 
 
-def test_a_long_recording_runs_through_float_layers() -> None:
-    layout = InputLayout(neutouch(1), steps=5000, step_seconds=0.02)
+def test_neurons_still_spike_at_the_end_of_a_long_recording() -> None:
+    steps = 5000
+    layout = InputLayout(neutouch(1), steps=steps, step_seconds=0.02)
     network = build_network(description("tactile-snn", layout), initial_scale=10.0)
-    spikes = network(torch.ones(1, 5000, layout.channels))["time_hidden"]
-    assert spikes.shape == (1, 5000, network.description.hidden)
+    spikes = network(torch.ones(1, steps, layout.channels))["time_hidden"]
+    assert spikes.shape == (1, steps, network.description.hidden)
     assert spikes[0, -1000:].sum() > 0
