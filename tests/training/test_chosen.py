@@ -1,4 +1,8 @@
-"""Options that nobody gave are chosen from the train part; those that were given stay; published ones stay fixed."""
+"""Options that the user does not give are chosen from the training recordings, and given ones never change.
+
+Shipped configurations fix all defaults, so that they train the networks that ship. The scores by which windows are
+chosen are compared with linear discriminant analysis, with the whole matrix inverted.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.graph_and_windows import AXONS_OF_CORE, MAX_WINDOW_NEURONS
 from locsnn_compile.training.chosen import choose
 from locsnn_compile.training.config import config_from_mapping, read_config
 from locsnn_compile.training.learning_signs import epoch_to_look_at, reach_of
@@ -38,6 +43,7 @@ def groups(samples: int = 36, *, channels: int = 40, steps: int = 60, seed: int 
 
 
 def save(path: Path, recordings: Recordings) -> str:
+    """Write recordings as a .npz file, and return its name."""
     spikes = recordings.spikes.transpose(0, 2, 1)
     np.savez(path, spikes=spikes, labels=recordings.labels)
     return str(path)
@@ -53,7 +59,7 @@ def test_the_network_and_its_windows_are_chosen() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("values", "wanted"),
+    ("values", "expected"),
     [
         pytest.param({"model": "hybrid"}, {"model": "hybrid", "theta": 10.0}, id="network"),
         pytest.param({"hidden": 8}, {"model": "hybrid-window", "hidden": 8}, id="hidden neurons"),
@@ -67,9 +73,9 @@ def test_the_network_and_its_windows_are_chosen() -> None:
         pytest.param({"weight_decay": 0.7}, {"weight_decay": 0.7}, id="smoothing"),
     ],
 )  # fmt: skip
-def test_what_was_given_stays(values: dict[str, Any], wanted: dict[str, Any]) -> None:
+def test_given_options_are_not_changed(values: dict[str, Any], expected: dict[str, Any]) -> None:
     config = choose({"channels": 40, **values}, groups()).config
-    assert {name: getattr(config, name) for name in wanted} == wanted
+    assert {name: getattr(config, name) for name in expected} == expected
 
 
 @pytest.mark.parametrize(
@@ -118,12 +124,12 @@ def test_with_fixed_defaults_nothing_is_chosen() -> None:
     ],
 )
 def test_the_learning_rate_falls_with_the_number_of_updates(epochs: int, rate: float) -> None:
-    # Of 36 recordings 31.5 are learned from on average, two batches of 16; 48 make three.
+    # Of 48 recordings, 42 are learned from and the others validate: three batches of 16 per epoch.
     values = {"channels": 40, "model": "hybrid", "epochs": epochs}
     assert choose(values, groups(48)).config.learning_rate == rate
 
 
-def test_uneven_classes_count_alike() -> None:
+def test_uneven_classes_get_weights_by_which_they_count_alike() -> None:
     labels = np.repeat([0, 1, 2], [20, 10, 5])
     spikes = np.ones((35, 60, 40), dtype=np.uint8)
     values = {"channels": 40, "model": "hybrid"}
@@ -146,13 +152,15 @@ def test_short_recordings_get_a_low_threshold_and_a_grid_gets_a_walk_of_neighbou
 def test_windows_fit_any_recording(channels: int, steps: int) -> None:
     spikes = np.zeros((6, steps, channels), dtype=np.uint8)
     spikes[::2, :, : channels // 2] = 1
-    found = candidate_windows(spikes, 2)
-    assert found
-    assert all(windows.of_channel(steps) * channels <= 131_072 for windows in found)
-    assert all(windows.of_channel(steps) * 2 <= 4_096 for windows in found)
+    polarities = 2
+    candidates = candidate_windows(spikes, polarities)
+    assert candidates
+    for windows in candidates:
+        assert windows.of_channel(steps) * channels <= MAX_WINDOW_NEURONS
+        assert windows.of_channel(steps) * polarities <= AXONS_OF_CORE
 
 
-def test_a_class_without_recordings_leaves_descent() -> None:
+def test_with_a_class_without_recordings_weights_are_learned_by_descent() -> None:
     recordings = groups()
     labels = np.where(recordings.labels == 1, 3, recordings.labels)
     config = choose({"channels": 40}, Recordings(recordings.spikes, labels, None, "a")).config
@@ -164,9 +172,9 @@ def test_one_recording_of_each_class_is_learned_from() -> None:
     assert checkpoint.training["test_accuracy"] == 1.0
 
 
-def test_large_sets_are_looked_at_evenly() -> None:
+def test_of_a_large_set_recordings_are_drawn_evenly_from_the_classes() -> None:
     labels = np.repeat([0, 1], [900, 50])
-    rows = balanced_rows(labels, 100, seed=1)
+    rows = balanced_rows(labels, most=100, seed=1)
     assert np.bincount(labels[rows]).tolist() == [50, 50]
 
 
@@ -174,19 +182,21 @@ def test_scores_of_cross_validation_are_those_of_discriminant_analysis() -> None
     rng = np.random.default_rng(2)
     hidden = rng.random((14, 6))
     classes = np.arange(14) % 2
-    learned, held = np.arange(10), np.arange(10, 14)
-    scores = prototype_scores(hidden @ hidden.T, classes, learned, held)
-    seen, own = hidden[learned], classes[learned]
-    means = np.stack([seen[own == label].mean(axis=0) for label in (0, 1)])
-    apart = seen - means[own]
+    training, held_out = np.arange(10), np.arange(10, 14)
+    scores = prototype_scores(hidden @ hidden.T, classes, training, held_out)
+    training_hidden = hidden[training]
+    training_classes = classes[training]
+    means = np.stack([training_hidden[training_classes == label].mean(axis=0) for label in (0, 1)])
+    apart = training_hidden - means[training_classes]
     for smoothing, score in zip(SMOOTHINGS, scores, strict=True):
-        ridge = smoothing * (apart**2).sum() / len(seen)
-        s = ridge * np.linalg.inv(apart.T @ apart + ridge * np.eye(6))
-        wanted = hidden[held] @ s @ means.T - 0.5 * np.einsum("kh,hg,kg->k", means, s, means)
-        assert np.allclose(score, wanted)
+        ridge = smoothing * (apart**2).sum() / len(training)
+        s = ridge * np.linalg.inv(apart.T @ apart + ridge * np.eye(hidden.shape[1]))
+        of_prototypes = np.einsum("kh,hg,kg->k", means, s, means)
+        expected = hidden[held_out] @ s @ means.T - 0.5 * of_prototypes
+        assert np.allclose(score, expected)
 
 
-def test_the_command_says_what_it_chose_and_keeps_it(
+def test_the_command_prints_what_it_chose_and_stores_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = save(tmp_path / "a.npz", groups())
@@ -202,12 +212,12 @@ def test_the_command_says_what_it_chose_and_keeps_it(
     assert entry["accuracy_of_counts"] == 1.0
 
 
-def test_a_run_that_does_not_learn_says_so_early_and_exits_with_3(
+def test_a_run_that_does_not_learn_warns_early_and_exits_with_3(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = save(tmp_path / "a.npz", groups())
-    asked = ["--defaults", "fixed", "--model", "hybrid", "--channels", "40", "--epochs", "6"]
-    assert main(["train", "--data", data, *asked, "-o", str(tmp_path / "o.pt")]) == 3
+    options = ["--defaults", "fixed", "--model", "hybrid", "--channels", "40", "--epochs", "6"]
+    assert main(["train", "--data", data, *options, "-o", str(tmp_path / "o.pt")]) == 3
     assert (tmp_path / "o.pt").exists()
     printed = capsys.readouterr()
     early = [line for line in printed.err.splitlines() if line.startswith("! ")]
@@ -226,13 +236,14 @@ def test_a_run_that_does_not_learn_says_so_early_and_exits_with_3(
 def test_reach_is_the_sum_of_the_learning_rates() -> None:
     # A cosine of six epochs adds up to 3.5 of its largest rate; there are two updates an epoch.
     config = config_from_mapping({"model": "hybrid", "epochs": 6})
-    reach = reach_of(config, 30, 6)
+    reach = reach_of(config, recordings=30, epochs=6)
     assert reach.updates == 12
     assert reach.distance == pytest.approx(2 * 3.5 * 0.003)
     assert [epoch_to_look_at(epochs) for epochs in (4, 40, 250)] == [3, 4, 10]
     assert [rate_for_updates(updates) for updates in (1, 240, 8_000)] == [0.1, 0.1, 0.003]
 
 
+# The defaults with which the networks that ship were trained.
 FIXED = {
     "model": "hybrid",
     "order": "loop",
@@ -258,7 +269,6 @@ FIXED_OF_WINDOWS = {
     "weight_decay": 0.0001,
     "count_scale": 1.0,
 }
-"""Defaults of the versions that trained the networks that ship."""
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)

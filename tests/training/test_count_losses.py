@@ -1,4 +1,4 @@
-"""The losses against their formulas, written out in numpy."""
+"""The losses of class scores, against their formulas written out in numpy, and the options that shape them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ SEEDS = st.integers(0, 2**31)
 
 
 def draw(seed: int, batch: int = 3, classes: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Random (counts of a time branch, counts of a location branch, labels); counts are (batch, classes)."""
     rng = np.random.default_rng(seed)
     time, location = rng.integers(0, 60, size=(2, batch, classes)).astype(np.float64)
     return time, location, rng.integers(0, classes, size=batch)
@@ -25,7 +26,7 @@ def draw(seed: int, batch: int = 3, classes: int = 4) -> tuple[np.ndarray, np.nd
 
 @given(seed=SEEDS, right=st.floats(1, 200), wrong=st.floats(0, 10))
 @settings(max_examples=25, deadline=None)
-def test_spike_count_loss(seed: int, right: float, wrong: float) -> None:
+def test_the_spike_count_loss_is_its_formula(seed: int, right: float, wrong: float) -> None:
     counts, _, labels = draw(seed)
     expected = np.mean(
         [
@@ -34,62 +35,67 @@ def test_spike_count_loss(seed: int, right: float, wrong: float) -> None:
         ]
     )
     loss = Loss(TrainingConfig(loss="spike-count", target_right=right, target_wrong=wrong), 4)
-    found = loss.of_counts(torch.from_numpy(counts), torch.from_numpy(labels)).mean()
-    assert float(found) == pytest.approx(expected, rel=1e-12)
+    mean_loss = loss.of_counts(torch.from_numpy(counts), torch.from_numpy(labels)).mean()
+    assert float(mean_loss) == pytest.approx(expected, rel=1e-12)
 
 
 @given(seed=SEEDS, weight=st.floats(0, 2))
 @settings(max_examples=25, deadline=None)
-def test_weighted_spike_count_loss(seed: int, weight: float) -> None:
+def test_the_spike_count_loss_of_two_branches_is_its_formula(seed: int, weight: float) -> None:
     time, location, labels = draw(seed)
     branches = {"time": torch.from_numpy(time), "location": torch.from_numpy(location)}
     targets = np.where(np.arange(4) == labels[:, None], 150, 5)
     expected = np.mean(0.5 * ((time + weight * location - targets) ** 2).sum(axis=1))
     counts = weighted_counts(branches, weight)
     loss = Loss(TrainingConfig(loss="spike-count", target_right=150.0, target_wrong=5.0), 4)
-    found = loss.of_counts(counts, torch.from_numpy(labels)).mean()
-    assert float(found) == pytest.approx(expected, rel=1e-12)
+    mean_loss = loss.of_counts(counts, torch.from_numpy(labels)).mean()
+    assert float(mean_loss) == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_branch_alone_is_not_weighted() -> None:
+def test_a_single_branch_is_not_weighted() -> None:
     counts = torch.ones(2, 3)
     assert weighted_counts({"location": counts}, 0.5) is counts
 
 
 @given(seed=SEEDS, scale=st.floats(0.01, 1), smoothing=st.floats(0, 0.5))
 @settings(max_examples=25, deadline=None)
-def test_count_cross_entropy(seed: int, scale: float, smoothing: float) -> None:
+def test_the_cross_entropy_of_counts_is_its_formula(
+    seed: int, scale: float, smoothing: float
+) -> None:
     counts, _, labels = draw(seed)
     logits = scale * counts
     top = logits.max(axis=1, keepdims=True)
-    log_share = logits - top - np.log(np.exp(logits - top).sum(axis=1, keepdims=True))
+    log_probabilities = logits - top - np.log(np.exp(logits - top).sum(axis=1, keepdims=True))
     targets = np.where(np.arange(4) == labels[:, None], 1 - smoothing, 0) + smoothing / 4
-    expected = -(targets * log_share).sum(axis=1).mean()
+    expected = -(targets * log_probabilities).sum(axis=1).mean()
     loss = Loss(TrainingConfig(count_scale=scale, label_smoothing=smoothing), 4)
-    found = loss.of_counts(torch.from_numpy(counts), torch.from_numpy(labels)).mean()
-    assert float(found) == pytest.approx(expected, rel=1e-10, abs=1e-12)
+    mean_loss = loss.of_counts(torch.from_numpy(counts), torch.from_numpy(labels)).mean()
+    assert float(mean_loss) == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 
-@pytest.mark.parametrize("alone", [0.25, 1.0])
-def test_branches_have_a_share_of_the_loss(alone: float) -> None:
+@pytest.mark.parametrize("branch_loss", [0.25, 1.0])
+def test_branches_have_a_share_of_the_loss(branch_loss: float) -> None:
     time, location, labels = draw(3)
     branches = {"time": torch.from_numpy(time), "location": torch.from_numpy(location)}
     y = torch.from_numpy(labels)
 
-    class Two:
+    class Branches:
+        """A network whose activity is the scores of its branches."""
+
         def scores(self, activity: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
             return activity
 
-    def loss(share: float, given: dict[str, torch.Tensor]) -> float:
-        return float(Loss(TrainingConfig(branch_loss=share), 4)(Two(), given, y))  # type: ignore[arg-type]
+    def loss(share: float, scores: dict[str, torch.Tensor]) -> float:
+        return float(Loss(TrainingConfig(branch_loss=share), 4)(Branches(), scores, y))  # type: ignore[arg-type]
 
-    own = [loss(0.0, {name: counts}) for name, counts in branches.items()]
-    wanted = (1 - alone) * loss(0.0, branches) + alone * sum(own) / 2
-    assert loss(alone, branches) == pytest.approx(wanted, rel=1e-9)
+    loss_of_branches = [loss(0.0, {name: counts}) for name, counts in branches.items()]
+    mean_of_branches = sum(loss_of_branches) / 2
+    expected = (1 - branch_loss) * loss(0.0, branches) + branch_loss * mean_of_branches
+    assert loss(branch_loss, branches) == pytest.approx(expected, rel=1e-9)
 
 
 class Counted:
-    """A network whose class scores are counts, as they are."""
+    """A network whose activity, for row numbers as input, is a row of given counts, and whose scores are its activity."""
 
     def __init__(self, counts: np.ndarray) -> None:
         self.counts = torch.from_numpy(counts)
@@ -106,32 +112,34 @@ class Counted:
 @settings(max_examples=10, deadline=None)
 def test_recordings_count_as_much_as_their_class(kind: str, seed: int) -> None:
     counts, _, labels = draw(seed, batch=5)
-    network, loss, rows = Counted(counts), Loss(TrainingConfig(loss=kind), 4), torch.arange(5)
+    network = Counted(counts)
+    loss = Loss(TrainingConfig(loss=kind), 4)
+    rows = torch.arange(5)
     weights = torch.from_numpy(np.random.default_rng(seed).uniform(0, 3, 4))
     y = torch.from_numpy(labels)
-    each = [float(loss(network, network(rows[i : i + 1]), y[i : i + 1])) for i in range(5)]  # type: ignore[arg-type]
-    found = float(loss(network, network(rows), y, weights))  # type: ignore[arg-type]
-    assert found == pytest.approx(np.mean(weights[y].numpy() * each), rel=1e-9)
-    alike = float(loss(network, network(rows), y, torch.ones(4)))  # type: ignore[arg-type]
-    assert alike == pytest.approx(float(loss(network, network(rows), y)))  # type: ignore[arg-type]
+    losses = [float(loss(network, network(rows[i : i + 1]), y[i : i + 1])) for i in range(5)]  # type: ignore[arg-type]
+    weighted_loss = float(loss(network, network(rows), y, weights))  # type: ignore[arg-type]
+    assert weighted_loss == pytest.approx(np.mean(weights[y].numpy() * losses), rel=1e-9)
+    with_equal_weights = float(loss(network, network(rows), y, torch.ones(4)))  # type: ignore[arg-type]
+    assert with_equal_weights == pytest.approx(float(loss(network, network(rows), y)))  # type: ignore[arg-type]
 
 
 def test_balanced_classes_count_alike() -> None:
     labels = np.array([0] * 6 + [2] * 2)
     assert class_weights(TrainingConfig(), labels, 3) is None
-    found = class_weights(TrainingConfig(class_weights="balanced"), labels, 3)
-    assert found is not None
-    shares = found.numpy()[labels]
-    assert shares.sum() == 8  # on average a recording counts as before
-    assert shares[labels == 0].sum() == shares[labels == 2].sum() == 4
+    weights = class_weights(TrainingConfig(class_weights="balanced"), labels, 3)
+    assert weights is not None
+    weight_of_recording = weights.numpy()[labels]
+    assert weight_of_recording.sum() == len(labels)  # 1 on average
+    assert weight_of_recording[labels == 0].sum() == weight_of_recording[labels == 2].sum() == 4
 
 
 NEAR = {"neighbour_smoothing": 0.1, "class_order": "0-2, 3-4"}
 
 
-def test_neighbours_share_a_label() -> None:
-    found = label_shares(TrainingConfig(label_smoothing=0.0, **NEAR), 6)
-    assert found.round(12).tolist() == [
+def test_neighbouring_classes_share_a_label() -> None:
+    shares = label_shares(TrainingConfig(label_smoothing=0.0, **NEAR), 6)
+    assert shares.round(12).tolist() == [
         [0.9, 0.1, 0, 0, 0, 0],
         [0.1, 0.8, 0.1, 0, 0, 0],
         [0, 0.1, 0.9, 0, 0, 0],
@@ -141,13 +149,13 @@ def test_neighbours_share_a_label() -> None:
     ]
 
 
-def test_neighbours_share_what_smoothing_leaves() -> None:
-    found = label_shares(TrainingConfig(label_smoothing=0.3, **NEAR), 6)
-    assert found[1].round(12).tolist() == [0.12, 0.61, 0.12, 0.05, 0.05, 0.05]
-    assert found.sum(axis=1).round(12).tolist() == [1.0] * 6
+def test_neighbours_share_the_probability_that_label_smoothing_leaves() -> None:
+    shares = label_shares(TrainingConfig(label_smoothing=0.3, **NEAR), 6)
+    assert shares[1].round(12).tolist() == [0.12, 0.61, 0.12, 0.05, 0.05, 0.05]
+    assert shares.sum(axis=1).round(12).tolist() == [1.0] * 6
 
 
-def test_a_file_says_how_near_classes_are(tmp_path: Path) -> None:
+def test_a_file_may_state_how_near_classes_are(tmp_path: Path) -> None:
     (tmp_path / "near.csv").write_text("0,2,0\n2,0,1\n0,0,0\n")
     config = TrainingConfig(
         label_smoothing=0.0, neighbour_smoothing=0.1, class_order=str(tmp_path / "near.csv")
@@ -155,7 +163,7 @@ def test_a_file_says_how_near_classes_are(tmp_path: Path) -> None:
     assert label_shares(config, 3).round(12).tolist() == [[0.8, 0.2, 0], [0.2, 0.7, 0.1], [0, 0, 1]]
 
 
-def test_the_loss_takes_the_shares() -> None:
+def test_the_loss_uses_the_shares_of_neighbours_as_targets() -> None:
     config = TrainingConfig(label_smoothing=0.0, count_scale=1.0, **NEAR)
     counts, y = torch.tensor([[1.0, 3.0, 2.0, 0, 0, 0]], dtype=torch.float64), torch.tensor([0])
     logs = counts.log_softmax(dim=1)[0]
@@ -207,7 +215,7 @@ RANGES = "Give, for example, '0-4 5-9'."
         ),
     ],
 )
-def test_neighbours_that_are_none(
+def test_impossible_neighbours_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, smoothing: float, order: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

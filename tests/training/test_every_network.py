@@ -1,4 +1,4 @@
-"""Every network by name: trained by the command, written, read, and compiled or refused."""
+"""Every network by name: the command trains and writes it, its file is read, and it is compiled or refused."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ SMALL = (
 )
 
 ON_TOUCH = [name for name, a in ARCHITECTURES.items() if a.neurons != "xylo"]
-"""All that a fingertip of 78 channels fits; ``test_train_for_xylo.py`` has the other."""
+"""All networks but that of a Xylo, which has too few inputs for a fingertip; see ``test_train_for_xylo.py``."""
 
 
 def write_touches(folder: Path, fingertips: int = 1) -> Path:
+    """Write 12 synthetic recordings of three classes as ``touches.npz``."""
     touches = synthetic_touches(12, steps=30, classes=3, fingertips=fingertips)
     path = folder / "touches.npz"
     np.savez(
@@ -39,7 +40,7 @@ def write_touches(folder: Path, fingertips: int = 1) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("fingertips", [1, 2])
 @pytest.mark.parametrize("name", ON_TOUCH)
-def test_the_command_trains_it(
+def test_the_command_trains_every_network(
     name: str,
     fingertips: int,
     tmp_path: Path,
@@ -55,61 +56,47 @@ def test_the_command_trains_it(
     first, *remarks, last = capsys.readouterr().out.splitlines()
     assert (first, last) == ("epoch 2 chosen", "wrote net.pt")
     assert all(line.startswith("! ") for line in remarks if "baseline" not in line)
-    found = read_checkpoint("net.pt")
-    assert (found.description.architecture, found.training["epochs"]) == (name, 2)
-    again = build_network(found.description)
-    again.load_weights(found.weights)
-    start = build_network(found.description, seed=0, initial_scale=TrainingConfig().initial_scale)
-    x = torch.zeros(2, 30, 78 * fingertips)
-    assert tuple(again.counts(x).shape) == (2, 3)
+    checkpoint = read_checkpoint("net.pt")
+    description = checkpoint.description
+    assert (description.architecture, checkpoint.training["epochs"]) == (name, 2)
+    network = build_network(description)
+    network.load_weights(checkpoint.weights)
+    x = torch.zeros(2, 30, description.input.channels)
+    assert tuple(network.counts(x).shape) == (2, 3)
+    # Some weights have been learned.
+    start = build_network(description, seed=0, initial_scale=TrainingConfig().initial_scale)
     assert any(
-        not np.array_equal(start.weights()[key], found.weights[key]) for key in found.weights
+        not np.array_equal(start.weights()[key], checkpoint.weights[key])
+        for key in checkpoint.weights
     )
 
 
-def test_it_is_compiled_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_graph_network_is_trained_with_its_options_and_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     write_touches(tmp_path)
     (tmp_path / "small.yaml").write_text(SMALL)
-    train = [
-        "train",
-        "--data",
-        "touches.npz",
-        "--model",
-        "hybrid-graph",
-        "--graph",
-        "tree",
-        "--config",
-        "small.yaml",
-    ]
-    assert main([*train, "--quiet", "-o", "net.pt"]) in (0, EXIT_GATE)
+    model = ["--model", "hybrid-graph", "--graph", "tree", "--config", "small.yaml"]
+    train = ["train", "--data", "touches.npz", *model, "--quiet", "-o", "net.pt"]
+    assert main(train) in (0, EXIT_GATE)
     graph = read_checkpoint("net.pt").description.graph
     assert graph is not None
-    assert (graph.name, len(graph.taxel_edges), graph.hops, graph.features) == ("tree", 70, 3, 3)
+    edges_of_tree = 70
+    assert (graph.name, len(graph.taxel_edges)) == ("tree", edges_of_tree)
+    assert (graph.hops, graph.features) == (3, 3)
     assert compile_main(["net.pt", "--quiet", "-o", "out"]) == 0
     assert (tmp_path / "out" / "program.yaml").exists()
 
 
-def test_an_artificial_one_is_refused_by_name(
+def test_an_artificial_network_is_not_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_touches(tmp_path)
     (tmp_path / "small.yaml").write_text(SMALL)
-    main(
-        [
-            "train",
-            "--data",
-            "touches.npz",
-            "--model",
-            "gru-mlp",
-            "--config",
-            "small.yaml",
-            "--quiet",
-            "-o",
-            "net.pt",
-        ]
-    )
+    model = ["--model", "gru-mlp", "--config", "small.yaml"]
+    main(["train", "--data", "touches.npz", *model, "--quiet", "-o", "net.pt"])
     assert compile_main(["net.pt"]) == 1
     assert capsys.readouterr().err == (
         "model 'net': a 'gru-mlp' has no spiking neurons, so no chip program can be made of it. "
@@ -139,9 +126,10 @@ def test_only_spike_response_neurons_and_windows_are_trained_on_the_chips_intege
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ON_TOUCH)
-def test_it_has_configurations_of_its_own(name: str) -> None:
-    found = {path.stem: config_from_mapping(read_config(path)) for path in CONFIGS.glob("*.yaml")}
-    mine = {stem for stem, config in found.items() if config.model == name}
-    published = {stem for stem in mine if stem.endswith("-published")}
-    assert mine - published
-    assert bool(published) == (not name.endswith("-lif") and "window" not in name)
+def test_every_network_has_a_shipped_configuration_and_a_published_one_a_second(name: str) -> None:
+    configs = {path.stem: config_from_mapping(read_config(path)) for path in CONFIGS.glob("*.yaml")}
+    of_network = {stem for stem, config in configs.items() if config.model == name}
+    published = {stem for stem in of_network if stem.endswith("-published")}
+    assert of_network - published
+    is_published = not name.endswith("-lif") and "window" not in name
+    assert bool(published) == is_published

@@ -1,4 +1,8 @@
-"""Windows by prototypes: the output is that of discriminant analysis, of all epochs' recordings, however a run was cut."""
+"""The optimizer ``prototypes``, which computes the output of a window network, against linear discriminant analysis.
+
+The recordings of all epochs must count, also after an interruption; too much memory, other networks, and labels without
+recordings are refused.
+"""
 
 from pathlib import Path
 
@@ -20,33 +24,33 @@ from locsnn_compile.training.train import train
 SMOOTHING = 0.2
 
 
-def config(**own: object) -> TrainingConfig:
-    quiet = {
+def config(**changed_options: object) -> TrainingConfig:
+    """One epoch without augmentation or validation, with some options changed."""
+    options = {
+        "model": "window-snn",
+        "optimizer": "prototypes",
+        "weight_decay": SMOOTHING,
+        "epochs": 1,
         "event_dropout": 0.0,
         "channel_dropout": 0.0,
         "validation_fraction": 0.0,
         "refit": False,
     }
-    given = {
-        "model": "window-snn",
-        "optimizer": "prototypes",
-        "weight_decay": SMOOTHING,
-        "epochs": 1,
-    }
-    return config_from_mapping(given | quiet | own)
+    return config_from_mapping(options | changed_options)
 
 
 def touches(samples: int = 18, seed: int = 3) -> Recordings:
+    """Synthetic recordings of three classes."""
     return synthetic_touches(samples, steps=36, classes=3, seed=seed)
 
 
-def analysis(h: FloatArray, labels: FloatArray, seen: FloatArray) -> FloatArray:
-    """Scores of linear discriminant analysis as textbooks have it, with the whole matrix inverted."""
-    means = np.stack([h[labels == label].mean(axis=0) for label in np.unique(labels)])
-    apart = h - means[labels]
-    ridge = SMOOTHING * (apart**2).sum() / len(h)
-    s = np.linalg.inv(apart.T @ apart + ridge * np.eye(h.shape[1]))
-    return seen @ s @ means.T - 0.5 * np.einsum("kh,hg,kg->k", means, s, means)
+def analysis(training: FloatArray, labels: FloatArray, test: FloatArray) -> FloatArray:
+    """Return the scores of test recordings by textbook linear discriminant analysis, with the whole matrix inverted."""
+    means = np.stack([training[labels == label].mean(axis=0) for label in np.unique(labels)])
+    apart = training - means[labels]
+    ridge = SMOOTHING * (apart**2).sum() / len(training)
+    s = np.linalg.inv(apart.T @ apart + ridge * np.eye(training.shape[1]))
+    return test @ s @ means.T - 0.5 * np.einsum("kh,hg,kg->k", means, s, means)
 
 
 @pytest.mark.parametrize(
@@ -57,28 +61,33 @@ def analysis(h: FloatArray, labels: FloatArray, seen: FloatArray) -> FloatArray:
     ],
 )
 def test_scores_are_those_of_discriminant_analysis(samples: int, window_steps: int) -> None:
-    made, others = touches(samples), touches(seed=4)
-    assert made.labels is not None
+    training, test = touches(samples), touches(seed=4)
+    assert training.labels is not None
     windows = {"window_steps": window_steps, "window_stride": 9, "window_levels": "1"}
-    network = train(made, config(**windows)).network
-    assert (network.weights()["location_output"].shape[1] < samples) == (samples == 90)
+    network = train(training, config(**windows)).network
+    # The two cases are solved in different ways.
+    hidden_neurons = network.weights()["location_output"].shape[1]
+    assert (hidden_neurons < samples) == (samples == 90)
     assert isinstance(network, WindowNetwork)
-    played = [
-        torch.from_numpy(recordings.spikes.astype(np.float32)) for recordings in (made, others)
-    ]
-    hidden = [network.hidden(spikes).double().numpy() for spikes in played]
-    scale = 1.0 / analysis(hidden[0], made.labels, hidden[0]).std(axis=1, ddof=1).mean()
-    wanted = scale * analysis(hidden[0], made.labels, hidden[1])
-    assert np.allclose(class_scores(network, others.spikes), wanted, atol=1e-3)
+
+    def hidden(recordings: Recordings) -> FloatArray:
+        return (
+            network.hidden(torch.from_numpy(recordings.spikes.astype(np.float32))).double().numpy()
+        )
+
+    training_scores = analysis(hidden(training), training.labels, hidden(training))
+    scale = 1.0 / training_scores.std(axis=1, ddof=1).mean()
+    expected = scale * analysis(hidden(training), training.labels, hidden(test))
+    assert np.allclose(class_scores(network, test.spikes), expected, atol=1e-3)
 
 
 def test_recordings_that_were_not_learned_from_are_told_apart() -> None:
-    others = touches(seed=5)
+    test = touches(seed=5)
     network = train(touches(60), config(epochs=2, time_shift=1)).network
-    assert (class_scores(network, others.spikes).argmax(axis=1) == others.labels).mean() >= 0.9
+    assert (class_scores(network, test.spikes).argmax(axis=1) == test.labels).mean() >= 0.9
 
 
-def test_equal_copies_count_once() -> None:
+def test_without_augmentation_one_epoch_is_enough() -> None:
     result = train(touches(), config(epochs=5))
     assert [row.epoch for row in result.history] == [1]
 
@@ -102,13 +111,14 @@ def test_equal_copies_count_once() -> None:
         ),
     ],
 )
-def test_memory_is_stated(size: Size, words: str) -> None:
+def test_a_run_states_the_memory_that_it_takes(size: Size, words: str) -> None:
     assert size.words == words
 
 
 def test_prototypes_that_take_too_much_memory_are_refused() -> None:
     network = build_network(describe(touches(), config(), 3))
     hidden = network.weights()["location_output"].shape[1]
+    # Spikes take 8 bytes per recording and hidden neuron, and 16 GiB (2^34 bytes) are allowed.
     most = round(2**34 / (8 * hidden))
     with pytest.raises(InputError) as refused:
         size_of(network, 2 * most, config())
@@ -119,31 +129,31 @@ def test_prototypes_that_take_too_much_memory_are_refused() -> None:
     )
 
 
-def test_every_epoch_adds_recordings() -> None:
-    one, two, again = (
+def test_with_augmentation_every_epoch_adds_copies_of_the_recordings() -> None:
+    one_epoch, two_epochs, two_again = (
         train(touches(), config(epochs=n, time_shift=3)).network.weights() for n in (1, 2, 2)
     )
-    assert not any(np.array_equal(one[name], two[name]) for name in one)
-    assert all(np.array_equal(two[name], again[name]) for name in two)
+    assert not any(np.array_equal(one_epoch[name], two_epochs[name]) for name in one_epoch)
+    assert all(np.array_equal(two_epochs[name], two_again[name]) for name in two_epochs)
 
 
-def test_a_run_that_was_stopped_goes_on_with_the_recordings_of_epochs_before(
+def test_a_stopped_run_continues_with_the_copies_of_all_epochs(
     tmp_path: Path,
 ) -> None:
-    asked, state = config(epochs=3, time_shift=3), tmp_path / "state"
+    options, state = config(epochs=3, time_shift=3), tmp_path / "state"
 
     def stop(done: int, expected: int, record: EpochRecord) -> None:
         if done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(touches(), asked, state_path=state, save_every=1, progress=stop)
-    resumed = train(touches(), asked, state_path=state).network.weights()
-    whole = train(touches(), asked).network.weights()
-    assert all(np.array_equal(resumed[name], whole[name]) for name in whole)
+        train(touches(), options, state_path=state, save_every=1, progress=stop)
+    resumed = train(touches(), options, state_path=state).network.weights()
+    uninterrupted = train(touches(), options).network.weights()
+    assert all(np.array_equal(resumed[name], uninterrupted[name]) for name in uninterrupted)
 
 
-def test_only_windows_have_prototypes() -> None:
+def test_networks_without_windows_have_no_prototypes() -> None:
     with pytest.raises(InputError) as refused:
         train(touches(), config(model="hybrid"))
     assert str(refused.value) == (

@@ -1,4 +1,7 @@
-"""Runs that learned nothing say so, and why, where the data or the result shows it; runs that learned say nothing."""
+"""The remarks of a run: sentences, on lines that begin with ``!``, about data and about what was not learned.
+
+Runs that learned from good data must have none.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +30,13 @@ from locsnn_compile.training.measure import (
 )
 
 Capture = pytest.CaptureFixture[str]
+CHANNELS = 78  # of a fingertip: 39 taxels with two polarities
 
 
 def save(path: Path, labels: list[int], *, silent: int = 0) -> str:
     """Write 30 steps of noise, each class with ten busy channels; the first ``silent`` recordings have no event."""
     rng = np.random.default_rng(0)
-    spikes = (rng.random((len(labels), 78, 30)) < 0.05).astype(np.uint8)
+    spikes = (rng.random((len(labels), CHANNELS, 30)) < 0.05).astype(np.uint8)
     for i, label in enumerate(labels):
         spikes[i, 10 * label : 10 * label + 10, 5:25] |= rng.random((10, 20)) < 0.5
     spikes[:silent] = 0
@@ -41,12 +45,13 @@ def save(path: Path, labels: list[int], *, silent: int = 0) -> str:
 
 
 def train(tmp_path: Path, data: str, *options: str) -> int:
-    """Return the exit code, 0 where so short a run learned nothing: what it says is tested."""
+    """Run the command, and return its exit code, but 0 for 3, with which such short runs end if they learn nothing."""
     code = main(["train", "--data", data, "-o", str(tmp_path / "o.pt"), *options])
     return 0 if code == 3 else code
 
 
 def remarks(capsys: Capture) -> list[str]:
+    """Return the remarks that were printed; the lines of epochs go to the standard error."""
     printed = capsys.readouterr()
     assert all(" epoch " in line and ", loss " in line for line in printed.err.splitlines())
     return [line for line in printed.out.splitlines() if line.startswith("! ")]
@@ -60,7 +65,7 @@ STUCK = (*FIXED, "--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
 
 
 @pytest.mark.parametrize(
-    ("labels", "silent", "options", "wanted"),
+    ("labels", "silent", "options", "expected"),
     [
         pytest.param(
             [0, 1] * 6, 0, (*FIXED, "--model", "window-snn", "--epochs", "8"), [], id="learned"
@@ -103,29 +108,31 @@ STUCK = (*FIXED, "--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
         ),
     ],
 )
-def test_what_a_run_says(
+def test_a_run_prints_these_remarks(
     tmp_path: Path,
     labels: list[int],
     silent: int,
     options: tuple[str, ...],
-    wanted: list[str],
+    expected: list[str],
     capsys: Capture,
 ) -> None:
     data = save(tmp_path / "a.npz", labels, silent=silent)
     assert train(tmp_path, data, *options) == 0
-    assert remarks(capsys) == wanted
+    assert remarks(capsys) == expected
     assert train(tmp_path, data, *options, "--quiet") == 0
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_test_part_at_chance(tmp_path: Path, capsys: Capture) -> None:
+def test_an_accuracy_on_the_test_part_that_is_at_chance_is_remarked(
+    tmp_path: Path, capsys: Capture
+) -> None:
     rng = np.random.default_rng(1)
     for part, count in (("train", 8), ("test", 4)):
         (tmp_path / "set" / part).mkdir(parents=True)
         for i in range(count):
-            # Of the test part the labels are swapped.
+            # In the test part, the labels are swapped.
             first = 10 * (i % 2 if part == "train" else 1 - i % 2)
-            spikes = np.zeros((78, 30), dtype=np.uint8)
+            spikes = np.zeros((CHANNELS, 30), dtype=np.uint8)
             spikes[first : first + 10] = rng.random((10, 30)) < 0.4
             np.save(tmp_path / "set" / part / f"sample_{i}_label_{i % 2}.npy", spikes)
     assert train(tmp_path, str(tmp_path / "set"), "--model", "window-snn", "--epochs", "8") == 0
@@ -160,10 +167,11 @@ def test_recordings_without_any_event_are_refused(tmp_path: Path, capsys: Captur
         ("gru-mlp", "All class scores are equal"),
     ],
 )
-def test_networks_without_weights_are_silent(name: str, words: str) -> None:
+def test_all_recordings_tie_in_networks_whose_weights_are_0(name: str, words: str) -> None:
     rng = np.random.default_rng(0)
     labels = np.arange(5) % 3
-    recordings = Recordings((rng.random((5, 24, 78)) < 0.2).astype(np.uint8), labels, None, "a")
+    spikes = (rng.random((5, 24, CHANNELS)) < 0.2).astype(np.uint8)
+    recordings = Recordings(spikes, labels, None, "a")
     location = {"location_order": "loop", "location_taxels": tuple(range(1, 40))}
     described = NetworkDescription(
         name,
@@ -178,7 +186,7 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
     assert result_remarks(network, recordings) == [
         f"{words} in any of the 5 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
     ]
-    # Two recordings are of the first class, which has the highest of equal scores.
+    # Two recordings are of class 0, which argmax returns for equal scores; ties must not count as right.
     assert evaluate(network, Loss(TrainingConfig(), 3), recordings.spikes, labels)[1] == 0.0
     counts = np.bincount(labels, minlength=3)
     confused = confusion(network, recordings)
@@ -195,20 +203,21 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("right", "said"),
+    ("right", "is_remarked"),
     [
         pytest.param(5, True, id="half"),
         pytest.param(7, True, id="luck"),
-        pytest.param(8, False, id="more"),
+        pytest.param(8, False, id="more than luck"),
     ],
 )
-def test_chance_is_what_guesses_reach(right: int, said: bool) -> None:
+def test_an_accuracy_that_guesses_could_reach_is_remarked(right: int, is_remarked: bool) -> None:
     # Of ten recordings of two classes, guesses have 5 right, and 7.6 or more in one case of twenty.
-    assert bool(chance_remarks(right / 10, np.arange(10) % 2, "of these")) == said
+    assert bool(chance_remarks(right / 10, np.arange(10) % 2, "of these")) == is_remarked
 
 
 @pytest.mark.parametrize(("channels", "spikes"), [(2, False), (3, True)])
-def test_a_walk_too_short_for_the_location_branch_is_told(channels: int, spikes: bool) -> None:
+def test_a_walk_that_ends_before_outputs_can_spike_is_remarked(channels: int, spikes: bool) -> None:
+    """The network itself must agree: even with huge weights, its outputs are silent after two locations."""
     walk = {"location_order": "loop", "location_taxels": tuple(range(1, channels + 1))}
     layout = InputLayout(SensorLayout("few", channels), steps=24, step_seconds=None)
     described = NetworkDescription("location-tactile-snn", layout, classes=2, hidden=4, **walk)  # type: ignore[arg-type]
@@ -218,16 +227,16 @@ def test_a_walk_too_short_for_the_location_branch_is_told(channels: int, spikes:
     events = np.ones((1, 24, channels), dtype=np.float32)
     assert bool(network.counts(torch.from_numpy(events)).any()) == spikes
     recordings = Recordings(np.ones((4, 24, channels)), np.arange(4) % 2, None, "a")
-    said = data_remarks(recordings, 2, TrainingConfig(channels=channels))
-    wanted = (
+    remarks_on_data = data_remarks(recordings, 2, TrainingConfig(channels=channels))
+    remark = (
         "The location branch walks over 2 channels and says nothing: its outputs spike 2 channels "
         "after an event at the earliest. Give --model tactile-snn, or window-snn."
     )
-    assert said == ([] if spikes else [wanted])
+    assert remarks_on_data == ([] if spikes else [remark])
 
 
 def test_many_missing_labels_are_counted() -> None:
-    recordings = Recordings(np.ones((2, 3, 78)), np.array([0, 40]), None, "a")
+    recordings = Recordings(np.ones((2, 3, CHANNELS)), np.array([0, 40]), None, "a")
     assert data_remarks(recordings, 41, TrainingConfig(validation_fraction=0.0)) == [
         "No recording to train on has label 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 27 more: labels count from 0 to "
         "40 here."
@@ -235,9 +244,9 @@ def test_many_missing_labels_are_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("labels", "silent", "options", "remarks"),
+    ("labels", "silent", "options", "expected"),
     [
-        pytest.param([0, 1, 2] * 4, [], {}, [], id="nothing to say"),
+        pytest.param([0, 1, 2] * 4, [], {}, [], id="good data"),
         pytest.param(
             [0, 1, 2] * 4,
             [1, 4, 7, 10],
@@ -280,9 +289,9 @@ def test_many_missing_labels_are_counted() -> None:
             [
                 "Every label has one recording to train on: none was held back, and the last epoch was taken."
             ],
-            id="one each",
+            id="one recording of each label",
         ),
-        pytest.param([0, 1, 2], [], {"validation_fraction": 0.0}, [], id="none to hold back"),
+        pytest.param([0, 1, 2], [], {"validation_fraction": 0.0}, [], id="no validation"),
         pytest.param(
             [1, 1],
             [],
@@ -295,19 +304,19 @@ def test_many_missing_labels_are_counted() -> None:
         ),
     ],
 )
-def test_what_recordings_cannot_teach_is_said(
-    labels: list[int], silent: list[int], options: dict, remarks: list[str]
+def test_faults_of_recordings_are_remarked(
+    labels: list[int], silent: list[int], options: dict, expected: list[str]
 ) -> None:
-    spikes = np.ones((len(labels), 3, 78))
+    spikes = np.ones((len(labels), 3, CHANNELS))
     spikes[silent] = 0
     recordings = Recordings(
         spikes, np.array(labels), None, "a", class_names=("press", "slide", "twist")
     )
-    assert data_remarks(recordings, 3, TrainingConfig(**options)) == remarks
+    assert data_remarks(recordings, 3, TrainingConfig(**options)) == expected
 
 
 @pytest.mark.parametrize(
-    ("labels", "wanted", "rows"),
+    ("labels", "most", "rows"),
     [
         pytest.param(
             [0] * 90 + [1] * 6 + [2] * 4, 6, [0, 45, 90, 93, 96, 98], id="as many of a small class"
@@ -319,12 +328,12 @@ def test_what_recordings_cannot_teach_is_said(
     ],
 )
 def test_carried_recordings_are_of_all_classes(
-    labels: list[int], wanted: int, rows: list[int]
+    labels: list[int], most: int, rows: list[int]
 ) -> None:
-    assert carried_rows(np.array(labels), len(labels), wanted).tolist() == rows
+    assert carried_rows(np.array(labels), len(labels), most).tolist() == rows
 
 
-def test_a_checkpoint_carries_rare_classes(tmp_path: Path) -> None:
+def test_a_checkpoint_carries_recordings_of_rare_classes(tmp_path: Path) -> None:
     data = save(tmp_path / "a.npz", [0] * 20 + [1] * 2 + [2] * 2)
     assert train(tmp_path, data, *QUICK, "--recordings", "6", "--quiet") == 0
     carried = read_checkpoint(tmp_path / "o.pt").recordings
@@ -334,7 +343,9 @@ def test_a_checkpoint_carries_rare_classes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["tactile-snn", "window-snn", "hybrid-graph", "gru-mlp"])
-def test_a_folder_of_different_lengths_is_trained_on(tmp_path: Path, name: str) -> None:
+def test_recordings_of_different_lengths_get_the_longest_or_the_option(
+    tmp_path: Path, name: str
+) -> None:
     rng = np.random.default_rng(0)
     for part, lengths in (("train", (20, 26, 23, 20)), ("test", (18, 30))):
         (tmp_path / "set" / part).mkdir(parents=True)
@@ -352,8 +363,8 @@ def test_a_folder_of_different_lengths_is_trained_on(tmp_path: Path, name: str) 
     assert read_checkpoint(tmp_path / "o.pt").description.input.steps == 22
 
 
-def test_a_transposed_file_is_not_trained_on(tmp_path: Path, capsys: Capture) -> None:
-    np.savez(tmp_path / "a.npz", spikes=np.ones((4, 30, 78)), labels=[0, 1, 0, 1])
+def test_a_transposed_file_is_refused(tmp_path: Path, capsys: Capture) -> None:
+    np.savez(tmp_path / "a.npz", spikes=np.ones((4, 30, CHANNELS)), labels=[0, 1, 0, 1])
     assert train(tmp_path, str(tmp_path / "a.npz")) == 2
     assert capsys.readouterr() == (
         "",
