@@ -1,4 +1,9 @@
-"""Training on the chip's integers: runs from scratch and from a float network, and what the program then does."""
+"""Training on the chip's integers, from scratch and from a float network.
+
+The program that is compiled from the result must spike exactly like the network in torch, on chips with any widths of
+registers. Runs continue after an interruption, prune weights, save spikes, and refuse chips and recordings that do not
+fit.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +42,13 @@ ON_CHIP = replace(FLOAT, target="loihi-sim", epochs=3, validation_fraction=0.0)
 
 
 def touches(samples: int = 12) -> Recordings:
+    """Synthetic recordings of three classes."""
     return synthetic_touches(samples, steps=60, classes=3, seed=1)
 
 
 @pytest.fixture(scope="module")
 def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
+    """A network trained in floats, to start from."""
     path = tmp_path_factory.mktemp("start") / "start.pt"
     export_checkpoint(
         path, train(touches(), FLOAT, name="start"), FLOAT, touches(), None, carried=0
@@ -51,7 +58,7 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
 
 @pytest.mark.parametrize("strategy", TRAINABLE)
 @pytest.mark.parametrize("bits", [8, 4])
-def test_the_program_spikes_as_the_network_did(
+def test_the_program_spikes_like_the_network_in_torch(
     tmp_path: Path, start: Checkpoint, strategy: str, bits: int
 ) -> None:
     check_program_spikes_alike(
@@ -62,7 +69,7 @@ def test_the_program_spikes_as_the_network_did(
 def check_program_spikes_alike(
     folder: Path, start: Checkpoint, config: TrainingConfig, chip: hw.Chip
 ) -> Checkpoint:
-    """Train, export and compile; return the checkpoint."""
+    """Train, export and compile a network, compare its spikes with the program's, and return the checkpoint."""
     result = train(touches(), config, name="tuned", start=start)
     path = folder / "tuned.pt"
     export_checkpoint(path, result, config, touches(), touches(), start=start)
@@ -71,20 +78,20 @@ def check_program_spikes_alike(
     program = lower(network, chip, None).program
     test = touches(30).spikes
     with torch.no_grad():
-        wanted = result.network(torch.from_numpy(test.copy()).double())
-    found = hw.simulate(program, test)
-    assert sum(int(spikes.sum()) for spikes in wanted.values()) > 1000
-    for name, spikes in wanted.items():
-        assert np.array_equal(found.spikes[name], spikes.numpy()), name
-    # From the file alone, in single precision.
-    again = build_network(result.network.description, chip=read_checkpoint(path).chip)
-    again.load_weights(read_checkpoint(path).float_weights)
+        torch_spikes = result.network(torch.from_numpy(test.copy()).double())
+    simulated = hw.simulate(program, test)
+    assert sum(int(spikes.sum()) for spikes in torch_spikes.values()) > 1000
+    for name, spikes in torch_spikes.items():
+        assert np.array_equal(simulated.spikes[name], spikes.numpy()), name
+    # The network of the file alone spikes the same, in single precision.
+    checkpoint = read_checkpoint(path)
+    from_file = build_network(result.network.description, chip=checkpoint.chip)
+    from_file.load_weights(checkpoint.float_weights)
     with torch.no_grad():
-        assert all(
-            torch.equal(spikes.double(), wanted[n])
-            for n, spikes in again(torch.from_numpy(test.copy()).float()).items()
-        )
-    return read_checkpoint(path)
+        spikes_from_file = from_file(torch.from_numpy(test.copy()).float())
+    for name, spikes in spikes_from_file.items():
+        assert torch.equal(spikes.double(), torch_spikes[name])
+    return checkpoint
 
 
 @pytest.mark.slow
@@ -96,32 +103,35 @@ def test_training_from_scratch_learns(strategy: str) -> None:
     assert result.validation_accuracy >= 0.9
 
 
-def test_fine_tuning_begins_where_the_network_was(start: Checkpoint) -> None:
-    losses = [
-        train(touches(), replace(ON_CHIP, epochs=1), start=at).history[0].loss
-        for at in (start, None)
-    ]
-    assert losses[0] < losses[1]
+def test_fine_tuning_starts_with_a_lower_loss_than_a_run_from_scratch(start: Checkpoint) -> None:
+    config = replace(ON_CHIP, epochs=1)
+    tuned = train(touches(), config, start=start)
+    from_scratch = train(touches(), config)
+    assert tuned.history[0].loss < from_scratch.history[0].loss
 
 
-def test_a_network_on_the_chip_goes_on_with_fewer_bits(tmp_path: Path, start: Checkpoint) -> None:
+def test_a_network_on_the_chip_can_be_trained_further_with_fewer_bits(
+    tmp_path: Path, start: Checkpoint
+) -> None:
+    """At a tiny learning rate, the mantissas are the same but for the rounding to the coarser grid."""
     first = train(touches(), ON_CHIP, start=start)
     export_checkpoint(tmp_path / "eight.pt", first, ON_CHIP, touches(), None, carried=0)
     eight = read_checkpoint(tmp_path / "eight.pt")
     config = replace(ON_CHIP, weight_bits=5, epochs=1, learning_rate=1e-9)
+    step_of_five_bits = 8
     for name, mantissas in train(touches(), config, start=eight).network.mantissas().items():
-        kept = np.corrcoef(mantissas.ravel(), eight.weights[name].ravel())[0, 1]
-        assert kept > 0.99
-        assert not (mantissas % 8).any()
+        correlation = np.corrcoef(mantissas.ravel(), eight.weights[name].ravel())[0, 1]
+        assert correlation > 0.99
+        assert not (mantissas % step_of_five_bits).any()
 
 
 class KilledError(Exception):
     """Stands for a run that is killed."""
 
 
-def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, start: Checkpoint) -> None:
+def test_a_killed_run_continues_to_the_same_bits(tmp_path: Path, start: Checkpoint) -> None:
     config = replace(ON_CHIP, pruned=0.3, spike_cost=0.01)
-    whole = train(touches(), config, start=start)
+    uninterrupted = train(touches(), config, start=start)
 
     def killer(done: int, expected: int, record: EpochRecord) -> None:
         if done > 1:
@@ -131,11 +141,11 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, start: Checkpoint
     with pytest.raises(KilledError):
         train(touches(), config, start=start, state_path=state, save_every=1, progress=killer)
     resumed = train(touches(), config, start=start, state_path=state)
-    assert whole.history == resumed.history
-    assert all(
-        np.array_equal(value, resumed.network.mantissas()[n])
-        for n, value in whole.network.mantissas().items()
-    )
+    assert uninterrupted.history == resumed.history
+    resumed_mantissas = resumed.network.mantissas()
+    for name, mantissas in uninterrupted.network.mantissas().items():
+        assert np.array_equal(mantissas, resumed_mantissas[name])
+    # Without ``start``, it is another run.
     with pytest.raises(InputError) as caught:
         train(touches(), config, state_path=state)
     assert str(caught.value) == (
@@ -145,11 +155,13 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, start: Checkpoint
 
 
 def test_pruned_weights_stay_pruned(start: Checkpoint) -> None:
-    found = train(touches(), replace(ON_CHIP, pruned=0.4), start=start).network.mantissas()
-    for name, mantissas in found.items():
-        smallest = np.sort(np.abs(start.float_weights[name]).ravel())
-        pruned = np.abs(start.float_weights[name]) < smallest[int(0.4 * len(smallest))]
-        assert pruned.sum() == int(0.4 * len(smallest))
+    share = 0.4
+    network = train(touches(), replace(ON_CHIP, pruned=share), start=start).network
+    for name, mantissas in network.mantissas().items():
+        magnitudes = np.abs(start.float_weights[name])
+        count = int(share * magnitudes.size)
+        pruned = magnitudes < np.sort(magnitudes.ravel())[count]
+        assert pruned.sum() == count
         assert not mantissas[pruned].any()
 
 
@@ -165,7 +177,9 @@ def test_a_cost_of_spikes_saves_spikes(start: Checkpoint) -> None:
     assert spikes[1] < 0.8 * spikes[0]
 
 
-def test_there_is_room_for_weights_to_grow(start: Checkpoint) -> None:
+def test_the_format_holds_weights_larger_than_those_of_the_start_by_the_room(
+    start: Checkpoint,
+) -> None:
     for room in (0.5, 1.25, 4.0):
         numbers = chip_numbers(
             replace(ON_CHIP, weight_room=room), start.description, start.float_weights
@@ -175,7 +189,7 @@ def test_there_is_room_for_weights_to_grow(start: Checkpoint) -> None:
             assert population.grid.high * population.unit >= room * largest
 
 
-def test_options_that_the_start_decides(start: Checkpoint) -> None:
+def test_the_network_to_start_from_determines_these_options(start: Checkpoint) -> None:
     config = fine_tuning_config(
         TrainingConfig(hidden=99, theta=3.0, model="tactile-snn"), start.description
     )
@@ -212,7 +226,7 @@ def test_options_that_the_start_decides(start: Checkpoint) -> None:
         ),
     ],
 )
-def test_recordings_that_do_not_fit_the_start(
+def test_recordings_that_do_not_fit_the_network_to_start_from_are_refused(
     start: Checkpoint, recordings: Recordings, message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -221,7 +235,7 @@ def test_recordings_that_do_not_fit_the_start(
 
 
 def chip_file(folder: Path, **registers: int) -> str:
-    """A chip like loihi-sim with other registers."""
+    """Write the file of a chip like loihi-sim with other registers, and return its name."""
     document = yaml.safe_load(hw.chip("loihi-sim").document) | {"name": "other"}
     document["registers"] |= registers
     path = folder / "other.yaml"
@@ -229,7 +243,9 @@ def chip_file(folder: Path, **registers: int) -> str:
     return str(path)
 
 
-def test_chips_that_are_not_trained_for(tmp_path: Path, start: Checkpoint) -> None:
+def test_a_chip_with_registers_too_wide_for_training_is_refused(
+    tmp_path: Path, start: Checkpoint
+) -> None:
     target = chip_file(tmp_path, current_bits=30)
     with pytest.raises(TargetError) as caught:
         train(touches(), replace(ON_CHIP, target=target), start=start)
@@ -240,7 +256,9 @@ def test_chips_that_are_not_trained_for(tmp_path: Path, start: Checkpoint) -> No
 
 
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line"])
-def test_strategies_that_join_are_not_trained_for_a_core_that_joins_nothing(strategy: str) -> None:
+def test_strategies_that_join_compartments_are_refused_for_a_core_that_cannot(
+    strategy: str,
+) -> None:
     with pytest.raises(TargetError) as caught:
         train(touches(), replace(ON_CHIP, target="ice40up5k", strategy=strategy))
     assert str(caught.value) == (
@@ -249,7 +267,9 @@ def test_strategies_that_join_are_not_trained_for_a_core_that_joins_nothing(stra
     train(touches(), replace(ON_CHIP, target="ice40up5k", strategy="reset", epochs=1))
 
 
-def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoint) -> None:
+def test_training_follows_the_widths_of_the_chips_registers(
+    tmp_path: Path, start: Checkpoint
+) -> None:
     target = chip_file(tmp_path, charge_bits=15, current_bits=17, voltage_bits=16)
     trained = check_program_spikes_alike(
         tmp_path, start, replace(ON_CHIP, target=target), hw.chip(target)
@@ -264,7 +284,7 @@ def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoi
 def test_training_for_few_weight_bits_and_narrow_voltages(
     tmp_path: Path, start: Checkpoint, strategy: str
 ) -> None:
-    """Weight exponents go below 0, so that the few bits are those that the register resolves."""
+    """Exponents of weights are below 0, so that the few bits are those to which the register is sensitive."""
     target = chip_file(tmp_path, voltage_bits=16, weight_bits_max=4, delay_max=20)
     config = replace(ON_CHIP, target=target, strategy=strategy, epochs=1)
     trained = check_program_spikes_alike(tmp_path, start, config, hw.chip(target))
@@ -289,7 +309,7 @@ def test_training_for_few_weight_bits_and_narrow_voltages(
     ],
     ids=["refractory", "delays"],
 )
-def test_training_within_the_limits_of_the_chip(
+def test_delays_and_refractory_steps_beyond_the_limits_of_the_chip_are_refused(
     tmp_path: Path, options: dict[str, Any], registers: dict[str, int], message: str
 ) -> None:
     target = chip_file(tmp_path, **registers)

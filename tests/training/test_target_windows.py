@@ -1,4 +1,7 @@
-"""Windows trained on the chip's integers: alone and next to a hybrid, against the program; and a planted fault."""
+"""Networks that count in windows, trained on the chip's integers, alone and next to the branches of a hybrid.
+
+Spikes and scores of the compiled program must equal those in torch; planted faults must be seen by that comparison.
+"""
 
 from __future__ import annotations
 
@@ -37,47 +40,57 @@ WINDOWS = {
 
 
 def touches(samples: int = 12) -> Recordings:
+    """Synthetic recordings of three classes."""
     return synthetic_touches(samples, steps=40, classes=3, seed=1)
 
 
 def config_of(model: str, **options: object) -> TrainingConfig:
+    """A short run of a network, with some options changed."""
     return config_from_mapping(
         {"model": model, "batch_size": 4, "target": "loihi-sim"} | WINDOWS | options
     )
 
 
 def exported(path: Path, result: TrainingResult, config: TrainingConfig) -> Checkpoint:
+    """Write the checkpoint of a run, and return it as read from the file."""
     export_checkpoint(path, result, config, touches(), None, carried=0)
     return read_checkpoint(path)
 
 
 def compared(network: TouchModel, path: Path, target: str = "loihi-sim") -> tuple[int, int]:
-    """Return how many spikes, and how many scores, of the network and of the program of a file differ."""
-    program, test = (
-        lc.compile(lc.load(path), target=target, diagnosis=False).program,
-        touches(30).spikes,
-    )
+    """Return in how many (spikes, scores) the network in torch and the program compiled from a file differ."""
+    program = lc.compile(lc.load(path), target=target, diagnosis=False).program
+    test = touches(30).spikes
     with torch.no_grad():
         activity = network.double()(torch.from_numpy(test.copy()).double())
         scores = class_scores(network, test)
     branch = network.description.structure.window_branch
     windows = network if isinstance(network, WindowNetwork) else network.get_submodule("windows")
     assert isinstance(windows, WindowNetwork)
-    own = {name: spikes.numpy() for name, spikes in activity.items() if name != f"{branch}_output"}
-    own[f"{branch}_hidden"] = windows.hidden(torch.from_numpy(test.copy()).double()).numpy()[
-        :, None
-    ]
-    played = hw.simulate(program, test)
-    assert sum(int(spikes.sum()) for spikes in own.values()) > 1000
-    heard = dict(played.spikes) | {f"{branch}_hidden": played.spikes[f"{branch}_hidden"][:, 1:2]}
-    spikes = sum(int((heard[name] != spikes).sum()) for name, spikes in own.items())
+    hidden_name = f"{branch}_hidden"
+    hidden = windows.hidden(torch.from_numpy(test.copy()).double()).numpy()
+    # The output of windows has potentials, which are compared as scores.
+    torch_spikes = {
+        name: spikes.numpy() for name, spikes in activity.items() if name != f"{branch}_output"
+    }
+    torch_spikes[hidden_name] = hidden[:, None]
+    assert sum(int(spikes.sum()) for spikes in torch_spikes.values()) > 1000
+    simulated = hw.simulate(program, test)
+    # Hidden neurons of windows spike in step 1 of their phase, when the events have arrived.
+    chip_spikes = dict(simulated.spikes)
+    chip_spikes[hidden_name] = simulated.spikes[hidden_name][:, 1:2]
+    differing_spikes = sum(
+        int((chip_spikes[name] != spikes).sum()) for name, spikes in torch_spikes.items()
+    )
     assert program.readout is not None
-    # What a spike counts; of windows alone, what a potential of 1 in float does.
     assert network.chip is not None
-    terms = dict(zip(program.readout.populations, program.readout.weights, strict=True))
+    # A score of 1 in torch, in the units in which the chip adds scores: the weight of a spike, or for a network without
+    # branches that spike, that of a potential of 1.
+    weights = dict(zip(program.readout.populations, program.readout.weights, strict=True))
     scale = network.chip.populations[windows.names[0]].scale
-    unit = terms.get("time_output", scale * terms[f"{branch}_output_1"])
-    return spikes, int((np.rint(scores * unit) != np.asarray(played.scores)).sum())
+    unit = weights.get("time_output", scale * weights[f"{branch}_output_1"])
+    differing_scores = int((np.rint(scores * unit) != np.asarray(simulated.scores)).sum())
+    return differing_spikes, differing_scores
 
 
 @pytest.mark.slow
@@ -87,22 +100,22 @@ def compared(network: TouchModel, path: Path, target: str = "loihi-sim") -> tupl
     [("window-snn", "dendrite"), ("hybrid-window", "dendrite"), ("hybrid-window", "reset")],
     ids=["windows", "hybrid-window", "hybrid-window, reset"],
 )
-def test_the_program_scores_as_the_network_did(
+def test_the_program_spikes_and_scores_like_the_network_in_torch(
     tmp_path: Path, model: str, strategy: str, bits: int
 ) -> None:
     options = {"weight_bits": bits} | ({"strategy": strategy} if model == "hybrid-window" else {})
     config = config_of(model, **options)
     result = train(touches(), config)
-    found = exported(tmp_path / "tuned.pt", result, config)
+    checkpoint = exported(tmp_path / "tuned.pt", result, config)
     assert compared(result.network, tmp_path / "tuned.pt") == (0, 0)
-    again = build_network(found.description, chip=found.chip)
-    again.load_weights(found.float_weights)
-    assert compared(again, tmp_path / "tuned.pt") == (0, 0)
+    from_file = build_network(checkpoint.description, chip=checkpoint.chip)
+    from_file.load_weights(checkpoint.float_weights)
+    assert compared(from_file, tmp_path / "tuned.pt") == (0, 0)
 
 
 @pytest.fixture(scope="module")
 def narrow(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A chip like loihi-sim with narrow registers."""
+    """The file of a chip like loihi-sim with narrow registers."""
     document = yaml.safe_load(hw.chip("loihi-sim").document) | {"name": "narrow"}
     document["registers"] |= {
         "charge_bits": 13,
@@ -115,9 +128,10 @@ def narrow(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-def test_charges_that_wrap_wrap_in_training(
+def test_charges_that_wrap_on_the_chip_wrap_in_training(
     tmp_path: Path, narrow: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """With an arithmetic that does not wrap, the comparison fails, so charges do wrap here."""
     config = config_of("window-snn", target=narrow, weight_room=0.05, learning_rate=0.05)
     result = train(touches(), config)
     exported(tmp_path / "tuned.pt", result, config)
@@ -131,68 +145,73 @@ def test_charges_that_wrap_wrap_in_training(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["window-snn", "hybrid-window"])
-def test_planted_faults_are_seen(
+def test_the_comparison_sees_a_changed_weight_a_changed_bias_and_moved_events(
     tmp_path: Path, model: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config, path = config_of(model, weight_bits=4), tmp_path / "tuned.pt"
+    config = config_of(model, weight_bits=4)
+    path = tmp_path / "tuned.pt"
     result = train(touches(), config)
-    found = exported(path, result, config)
-    weight, bias = found.description.window_names
+    checkpoint = exported(path, result, config)
+    weight, bias = checkpoint.description.window_names
+    # One step of the grid: of 4 bits for a weight, of 8 bits for a bias.
     for name, step in ((weight, 16), (bias, 1)):
-        mantissas = found.weights[name].copy()
+        mantissas = checkpoint.weights[name].copy()
         mantissas.flat[0] += step if mantissas.flat[0] < 100 else -step
-        replace(found, weights=found.weights | {name: mantissas}).save(path)
-        spikes, scores = compared(result.network, path)
-        assert spikes == 0
-        assert scores > 0
-    found.save(path)
-    whole = networks.WindowNetwork.hidden
+        replace(checkpoint, weights=checkpoint.weights | {name: mantissas}).save(path)
+        differing_spikes, differing_scores = compared(result.network, path)
+        assert differing_spikes == 0
+        assert differing_scores > 0
+    checkpoint.save(path)
+    hidden = networks.WindowNetwork.hidden
     monkeypatch.setattr(
-        networks.WindowNetwork, "hidden", lambda self, x: whole(self, x.roll(1, dims=1))
+        networks.WindowNetwork, "hidden", lambda self, x: hidden(self, x.roll(1, dims=1))
     )
     assert compared(result.network, path)[0] > 0
 
 
-def test_going_on_from_float_begins_where_it_was() -> None:
+def test_a_run_on_integers_starts_with_about_the_scores_of_the_float_network() -> None:
     config = config_of("window-snn", target="float", epochs=8)
-    before = train(touches(), config).network
-    start = Checkpoint(before.description, before.weights(), training={})
-    tuned = config_of("window-snn", epochs=1, learning_rate=1e-9)
-    network = train(touches(), tuned, start=start).network
-    wanted, got = (class_scores(one, touches(30).spikes) for one in (before, network))
-    assert np.abs(got - wanted).max() < 0.05 * np.ptp(wanted)
+    in_floats = train(touches(), config).network
+    start = Checkpoint(in_floats.description, in_floats.weights(), training={})
+    tiny_rate = config_of("window-snn", epochs=1, learning_rate=1e-9)
+    network = train(touches(), tiny_rate, start=start).network
+    float_scores = class_scores(in_floats, touches(30).spikes)
+    scores = class_scores(network, touches(30).spikes)
+    assert np.abs(scores - float_scores).max() < 0.05 * np.ptp(float_scores)
     assert network.chip is not None
-    largest = float(np.abs(before.weights()["location_output"]).max())
+    largest = float(np.abs(in_floats.weights()["location_output"]).max())
     numbers = network.chip.populations["location_output"]
+    # The range is weight_room times the largest weight, 1.25, and a little more because the scale is a whole number.
     assert largest < numbers.grid.high * numbers.unit < 1.3 * largest
 
 
 @pytest.mark.slow
 def test_both_engines_a_session_and_a_committee_agree(tmp_path: Path) -> None:
-    loaded, alone = [], []
+    members = []
+    scores_of_members = []
     for model, bits in (("hybrid-window", 8), ("window-snn", 4)):
         config = config_of(model, weight_bits=bits)
-        exported(tmp_path / f"{model}.pt", result := train(touches(), config), config)
-        loaded.append(lc.load(tmp_path / f"{model}.pt"))
-        alone.append(class_scores(result.network.double(), touches(30).spikes))
+        result = train(touches(), config)
+        exported(tmp_path / f"{model}.pt", result, config)
+        members.append(lc.load(tmp_path / f"{model}.pt"))
+        scores_of_members.append(class_scores(result.network.double(), touches(30).spikes))
     x = touches(30)
-    compiled = lc.compile(loaded[0], events=x, diagnosis=False)
+    compiled = lc.compile(members[0], events=x, diagnosis=False)
     assert compiled.report["match"]["spike_agreement"] == 1.0
     assert compiled.report["match"]["prediction_agreement"] == 1.0
     program = compiled.program
-    whole, plain = (
-        hw.simulate(program, x.spikes),
-        hw.simulate(program, x.spikes, engine="reference"),
-    )
-    assert np.array_equal(whole.scores, plain.scores)  # type: ignore[arg-type]
-    for one, scores in zip(x.spikes[:4], np.asarray(whole.scores), strict=False):
-        assert np.array_equal(hw.Session(program).push(one).scores[-1], scores)
-    both = hw.simulate(lc.compile(loaded, diagnosis=False).program, x.spikes)
-    found, wanted = np.asarray(both.scores), sum(alone)
-    assert np.corrcoef(found.ravel(), np.ravel(wanted))[0, 1] > 0.999999
+    fast = hw.simulate(program, x.spikes)
+    reference = hw.simulate(program, x.spikes, engine="reference")
+    assert np.array_equal(fast.scores, reference.scores)  # type: ignore[arg-type]
+    for recording, scores in zip(x.spikes[:4], np.asarray(fast.scores), strict=False):
+        assert np.array_equal(hw.Session(program).push(recording).scores[-1], scores)
+    committee = hw.simulate(lc.compile(members, diagnosis=False).program, x.spikes)
+    # The committee adds the scores of its members, in another unit.
+    added = np.ravel(sum(scores_of_members))
+    assert np.corrcoef(np.asarray(committee.scores).ravel(), added)[0, 1] > 0.999999
 
 
-def test_only_networks_that_learn_integers_have_them_in_their_file(tmp_path: Path) -> None:
+def test_a_file_has_integers_if_and_only_if_its_network_learns_them(tmp_path: Path) -> None:
     config = config_of("window-snn")
     exported(tmp_path / "tuned.pt", train(touches(), config), config)
     values = torch.load(tmp_path / "tuned.pt", weights_only=True)
@@ -229,27 +248,25 @@ def test_training_from_scratch_learns() -> None:
     assert result.validation_accuracy >= 0.9
 
 
-def test_weights_stay_in_their_range_and_pruned_ones_0() -> None:
+def test_weights_stay_in_the_range_of_their_format_and_pruned_ones_at_0() -> None:
     network = train(
         touches(), config_of("hybrid-window", weight_room=0.02, learning_rate=0.05, pruned=0.5)
     ).network
-    found = network.mantissas()
-    assert all(
-        (held == 0).sum() >= held.size // 2
-        for name, held in found.items()
-        if not name.endswith("bias")
-    )
+    mantissas = network.mantissas()
+    for name, values in mantissas.items():
+        if not name.endswith("bias"):
+            assert (values == 0).sum() >= values.size // 2
     latent = network.weight("window_output").detach().abs().max()
     numbers = network.chip.populations["window_output"]  # type: ignore[union-attr]
     assert float(latent) <= numbers.grid.high * numbers.unit * (1 + 1e-6)
-    assert int(np.abs(found["window_output"]).max()) == numbers.grid.high
+    assert int(np.abs(mantissas["window_output"]).max()) == numbers.grid.high
 
 
-def test_a_strategy_of_windows_alone_is_refused(
+def test_a_network_of_windows_alone_takes_no_strategy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = ["--model", "window-snn", "--target", "loihi-sim", "--strategy", "reset"]
-    assert main(["train", "--data", "none.npz", *given, "-o", str(tmp_path / "x.pt")]) == 2
+    options = ["--model", "window-snn", "--target", "loihi-sim", "--strategy", "reset"]
+    assert main(["train", "--data", "none.npz", *options, "-o", str(tmp_path / "x.pt")]) == 2
     assert capsys.readouterr().err == (
         "--strategy: it would change nothing: the network has no spike response neurons. Leave it out.\n"
     )

@@ -1,4 +1,8 @@
-"""A class for ties: what a network, its checkpoint and its program predict where the scores of all classes are equal."""
+"""The option ``tie``: the class that a network, its checkpoint and its program predict if all scores are equal.
+
+In the recordings here, silence is a class of its own. A network without spikes has equal scores of 0, a tie, which
+predicts no class unless the option names one.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +24,7 @@ LABELS = np.tile([0, 1, 2], 8)
 
 
 def recordings() -> Recordings:
-    """Events on the first channels, on the last ones, or none: silence is a class of its own."""
+    """Recordings with events on the first channels (class 0), on the last channels (1), or without events (2)."""
     rng = np.random.default_rng(3)
     spikes = np.zeros((len(LABELS), STEPS, CHANNELS), dtype=np.uint8)
     for row, label in enumerate(LABELS):
@@ -42,17 +46,20 @@ OPTIONS = {
 }
 
 
-def trained(**more: object) -> lc.Checkpoint:
-    return lc.train(recordings(), OPTIONS | more, test=recordings(), carried=24)
+def trained(**further_options: object) -> lc.Checkpoint:
+    """A network trained, and measured, on these recordings."""
+    options = OPTIONS | further_options
+    return lc.train(recordings(), options, test=recordings(), carried=len(LABELS))
 
 
 @pytest.fixture(scope="module")
 def with_ties() -> lc.Checkpoint:
+    """A network whose ties predict the class of silence."""
     return trained(tie="nothing")
 
 
 @pytest.mark.slow
-def test_a_class_of_silence_is_right_where_ties_predict_it(with_ties: lc.Checkpoint) -> None:
+def test_silent_recordings_are_right_if_ties_predict_their_class(with_ties: lc.Checkpoint) -> None:
     without = trained()
     assert with_ties.tie_class == 2
     assert without.tie_class is None
@@ -79,26 +86,28 @@ def test_the_program_keeps_the_class_of_ties(with_ties: lc.Checkpoint, tmp_path:
     assert session.push(spikes[2]).prediction.tolist() == [2] * STEPS
 
 
-def test_stops_hold_with_a_class_of_ties(with_ties: lc.Checkpoint) -> None:
-    """Whatever stops early predicts what the whole recording predicts, if a proof says so."""
+def test_early_stops_are_right_with_a_class_of_ties(with_ties: lc.Checkpoint) -> None:
+    """After a proven stop, the prediction must be that of the whole recording, in every further step."""
     program = lc.compile(lc.load(with_ties), diagnosis=False).program
     spikes = recordings().spikes
     proven = hw.stop_when_proven(program, spikes)
     np.testing.assert_array_equal(proven.final, LABELS)
     scores = np.stack([hw.Session(program).push(rows).scores for rows in spikes])
-    for row, (stop, wanted) in enumerate(zip(proven.steps, proven.final, strict=True)):
-        after = scores[row, stop - 1 :] if stop else scores[row, :0]
-        assert (decided(after, 2) == wanted).all()
+    for row, (stop, final) in enumerate(zip(proven.steps, proven.final, strict=True)):
+        scores_from_stop = scores[row, stop - 1 :] if stop else scores[row, :0]
+        assert (decided(scores_from_stop, 2) == final).all()
     margin = hw.calibrate_margin(program, spikes, 1.0)
     stops = hw.stop_at_margin(program, spikes, margin if np.isfinite(margin) else 1e9)
     np.testing.assert_array_equal(stops.final, LABELS)
 
 
-def test_members_that_name_one_class_for_ties_keep_it_together(with_ties: lc.Checkpoint) -> None:
+def test_a_committee_has_a_class_of_ties_if_all_members_have_the_same(
+    with_ties: lc.Checkpoint,
+) -> None:
     network = lc.load(with_ties)
-    other = replace(network, readout=replace(network.readout, tie_class=None))
+    without = replace(network, readout=replace(network.readout, tie_class=None))
     assert committee([network, network], [1.0, 2.0]).readout.tie_class == 2
-    assert committee([network, other], [1.0, 2.0]).readout.tie_class is None
+    assert committee([network, without], [1.0, 2.0]).readout.tie_class is None
 
 
 def test_a_network_trained_further_keeps_its_class_of_ties(
@@ -112,7 +121,7 @@ def test_a_network_trained_further_keeps_its_class_of_ties(
     assert read_checkpoint(further).tie_class == 2
 
 
-def test_the_command_says_which_recordings_tie_and_takes_a_class_for_them(
+def test_the_command_shows_how_many_recordings_tie_and_takes_a_class_for_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     spikes = recordings().spikes.transpose(0, 2, 1)
@@ -146,7 +155,7 @@ def test_the_command_says_which_recordings_tie_and_takes_a_class_for_them(
         ),
     ],
 )
-def test_ties_of_a_class_that_is_not_there(tie: str, message: str) -> None:
+def test_an_unknown_class_for_ties_is_refused(tie: str, message: str) -> None:
     with pytest.raises(lc.InputError) as caught:
         trained(tie=tie)
     assert str(caught.value) == message
@@ -156,7 +165,7 @@ def test_a_class_of_ties_may_be_a_number() -> None:
     assert trained(tie="1", epochs=1).tie_class == 1
 
 
-def test_a_readout_names_a_class_that_it_has(with_ties: lc.Checkpoint) -> None:
+def test_a_readout_with_an_unknown_class_of_ties_is_refused(with_ties: lc.Checkpoint) -> None:
     network = lc.load(with_ties)
     with pytest.raises(lc.InputError) as caught:
         lc.compile(replace(network, readout=replace(network.readout, tie_class=3)))
@@ -165,7 +174,7 @@ def test_a_readout_names_a_class_that_it_has(with_ties: lc.Checkpoint) -> None:
     )
 
 
-def test_checkpoints_of_earlier_versions_name_no_class(with_ties: lc.Checkpoint) -> None:
-    kept = {name: value for name, value in with_ties.training.items() if name != "tie"}
-    assert replace(with_ties, training=kept).tie_class is None
-    assert replace(with_ties, training=kept | {"tie": 9}).tie_class is None
+def test_a_checkpoint_without_a_valid_class_of_ties_has_none(with_ties: lc.Checkpoint) -> None:
+    without = {name: value for name, value in with_ties.training.items() if name != "tie"}
+    assert replace(with_ties, training=without).tie_class is None
+    assert replace(with_ties, training=without | {"tie": 9}).tie_class is None

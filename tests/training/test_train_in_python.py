@@ -1,4 +1,4 @@
-"""``lc.train``: the same checkpoint as from the command, as an object."""
+"""The Python function ``lc.train``: its checkpoint equals that of the command, and what it takes and refuses."""
 
 from __future__ import annotations
 
@@ -19,78 +19,76 @@ DATA = synthetic_touches(9, steps=40, classes=3, seed=1)
 
 @pytest.fixture(scope="module")
 def checkpoint() -> lc.Checkpoint:
+    """The result of a quick run on recordings in memory."""
     return lc.train(DATA, QUICK, name="small")
 
 
-def test_it_is_what_the_command_writes(checkpoint: lc.Checkpoint, tmp_path: Path) -> None:
-    write_recordings(tmp_path / "touches.npz", DATA)
-    asked = [
-        "--epochs",
-        "1",
-        "--hidden",
-        "4",
-        "--defaults",
-        "fixed",
-        "--quiet",
-        "-o",
-        str(tmp_path / "small.pt"),
-    ]
-    assert main(["train", "--data", str(tmp_path / "touches.npz"), *asked]) == 3
-    again = lc.train(tmp_path / "touches.npz", QUICK, name="small")
-    again.save(tmp_path / "again.pt")
-    assert (tmp_path / "again.pt").read_bytes() == (tmp_path / "small.pt").read_bytes()
+def test_the_checkpoint_equals_that_of_the_command(
+    checkpoint: lc.Checkpoint, tmp_path: Path
+) -> None:
+    data = tmp_path / "touches.npz"
+    write_recordings(data, DATA)
+    options = ["--epochs", "1", "--hidden", "4", "--defaults", "fixed", "--quiet"]
+    by_command = tmp_path / "small.pt"
+    # A single epoch teaches nothing here, which exits with 3.
+    assert main(["train", "--data", str(data), *options, "-o", str(by_command)]) == 3
+    from_file = lc.train(data, QUICK, name="small")
+    from_file.save(tmp_path / "from-file.pt")
+    assert (tmp_path / "from-file.pt").read_bytes() == by_command.read_bytes()
     for name, weights in checkpoint.weights.items():
-        assert np.array_equal(weights, again.weights[name])
+        assert np.array_equal(weights, from_file.weights[name])
 
 
-def test_it_is_saved_loaded_and_compiled(checkpoint: lc.Checkpoint, tmp_path: Path) -> None:
+def test_the_checkpoint_is_saved_loaded_and_compiled(
+    checkpoint: lc.Checkpoint, tmp_path: Path
+) -> None:
     checkpoint.save(tmp_path / "small.pt")
     network = lc.load(tmp_path / "small.pt")
     assert network.sha256 == lc.load(checkpoint).sha256 == checkpoint.sha256
-    files = [
-        lc.compile(one, diagnosis=False).files()
-        for one in (network, checkpoint, lc.load(checkpoint))
-    ]
-    assert files[0]["program.npz"] == files[1]["program.npz"] == files[2]["program.npz"]
+    first, *further = (
+        lc.compile(model, diagnosis=False).files()["program.npz"]
+        for model in (network, checkpoint, lc.load(checkpoint))
+    )
+    assert further == [first, first]
 
 
-def test_arrays_with_labels(checkpoint: lc.Checkpoint) -> None:
+def test_arrays_with_labels_train_the_same_network(checkpoint: lc.Checkpoint) -> None:
     assert DATA.labels is not None
     config = lc.TrainingConfig(**QUICK, step_seconds=DATA.step_seconds)
-    found = lc.train(DATA.spikes, config, labels=DATA.labels.tolist(), carried=2)
+    from_arrays = lc.train(DATA.spikes, config, labels=DATA.labels.tolist(), carried=2)
     for name, weights in checkpoint.weights.items():
-        assert np.array_equal(weights, found.weights[name])
-    assert found.recordings is not None
-    assert len(found.recordings) == 2
+        assert np.array_equal(weights, from_arrays.weights[name])
+    assert from_arrays.recordings is not None
+    assert len(from_arrays.recordings) == 2
 
 
-def test_a_test_part_is_measured_and_epochs_are_told() -> None:
-    told: list[int] = []
-    found = lc.train(
+def test_a_test_part_is_measured_and_progress_is_called_after_every_epoch() -> None:
+    epochs_done: list[int] = []
+    result = lc.train(
         DATA,
         QUICK | {"refit": False},
         test=DATA.subset([0, 1, 2]),
-        progress=lambda done, *_: told.append(done),
+        progress=lambda done, *_: epochs_done.append(done),
     )
-    assert (found.training["test_recordings"], told) == (3, [1])
+    assert (result.training["test_recordings"], epochs_done) == (3, [1])
 
 
-def test_recordings_in_memory_get_the_steps_asked_for() -> None:
-    found = lc.train(DATA, QUICK | {"steps": 25}, test=DATA.subset([0, 1]))
-    assert found.description.input.steps == 25
-    assert found.recordings is not None
-    assert np.array_equal(found.recordings.spikes, DATA.spikes[: len(found.recordings), :25])
-    assert found.training["test_recordings"] == 2
+def test_recordings_in_memory_are_cut_to_the_option_steps() -> None:
+    result = lc.train(DATA, QUICK | {"steps": 25}, test=DATA.subset([0, 1]))
+    assert result.description.input.steps == 25
+    assert result.recordings is not None
+    assert np.array_equal(result.recordings.spikes, DATA.spikes[: len(result.recordings), :25])
+    assert result.training["test_recordings"] == 2
 
 
-def test_a_run_that_learned_nothing_says_so(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_run_that_learned_nothing_logs_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, logger="locsnn"):
         lc.train(DATA, QUICK)
-    said = "No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie. Give --learning-rate 0.1."
-    assert caplog.messages == [said]
+    remark = "No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie. Give --learning-rate 0.1."
+    assert caplog.messages == [remark]
 
 
-def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
+def test_the_representation_of_a_checkpoint_is_one_line(checkpoint: lc.Checkpoint) -> None:
     assert len(repr(checkpoint)) <= 450
     assert repr(checkpoint).startswith(
         "Checkpoint(description=<NetworkDescription 'small'>, weights=<4 entries>, "
@@ -114,7 +112,7 @@ def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
     ],
     ids=["an unknown option", "no labels", "a number", "no file", "an option of another format", "a part", "axes", "a threshold", "merged polarities", "one polarity", "another width"],
 )  # fmt: skip
-def test_what_is_refused(call, message) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(lc.InputError) as found:
+def test_arguments_that_cannot_be_used_are_refused(call, message) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(lc.InputError) as caught:
         call()
-    assert str(found.value) == message
+    assert str(caught.value) == message

@@ -1,4 +1,4 @@
-"""Training configurations: the shipped ones load, and mistakes are named."""
+"""Training configurations in YAML files: the shipped ones load, and mistakes are named."""
 
 from __future__ import annotations
 
@@ -21,38 +21,37 @@ def test_shipped_configurations_load(path: Path) -> None:
     assert config_from_mapping(read_config(path)).model in path.stem
 
 
-def test_objects_configuration_is_the_default() -> None:
+def test_the_configuration_of_objects_has_the_defaults() -> None:
     assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig(
         step_seconds=0.02, defaults="fixed"
     )
 
 
 @pytest.mark.parametrize("text", ["1e-3", "1E-3", "+1.e-3", ".1e-2", "1.0e-3", "0.001"])
-def test_a_number_with_an_exponent(text, tmp_path):
+def test_a_number_may_be_written_with_an_exponent(text, tmp_path):
     path = tmp_path / "rate.yaml"
     path.write_text(f"learning_rate: {text}\n")
     assert config_from_mapping(read_config(path)).learning_rate == 0.001
 
 
 @pytest.mark.parametrize(
-    ("said", "configured", "wanted"),
+    ("of_data", "of_config", "expected"),
     [
-        pytest.param(0.001, None, 0.001, id="the data say it"),
-        pytest.param(None, 0.001, 0.001, id="the configuration says it"),
-        pytest.param(None, None, None, id="nobody says it"),
+        pytest.param(0.001, None, 0.001, id="stated by the data"),
+        pytest.param(None, 0.001, 0.001, id="stated by the configuration"),
+        pytest.param(None, None, None, id="unknown"),
     ],
 )
-def test_a_step_is_as_long_as_somebody_says(
-    said: float | None, configured: float | None, wanted: float | None
+def test_the_width_of_steps_is_that_of_the_data_or_of_the_configuration(
+    of_data: float | None, of_config: float | None, expected: float | None
 ) -> None:
-    recordings = Recordings(np.ones((1, 5, 78)), np.array([0]), said, "x.npy")
-    assert (
-        describe(recordings, TrainingConfig(step_seconds=configured), 2).input.step_seconds
-        == wanted
-    )
+    fingertip = np.ones((1, 5, 78))  # 39 taxels with two polarities
+    recordings = Recordings(fingertip, np.array([0]), of_data, "x.npy")
+    described = describe(recordings, TrainingConfig(step_seconds=of_config), classes=2)
+    assert described.input.step_seconds == expected
 
 
-def test_whole_numbers_serve_as_numbers() -> None:
+def test_a_whole_number_is_taken_for_a_real_one() -> None:
     config = config_from_mapping({"theta": 5, "event_dropout": 0})
     assert (config.theta, config.event_dropout) == (5.0, 0.0)
     assert isinstance(config.theta, float)
@@ -129,7 +128,7 @@ def test_whole_numbers_serve_as_numbers() -> None:
         pytest.param("3: 4", "config 'a.yaml': unknown key '3'. {known}", id="a number for a key"),
     ],
 )
-def test_configurations_that_are_none(
+def test_mistakes_in_a_configuration_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -141,7 +140,7 @@ def test_configurations_that_are_none(
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_missing_configuration(tmp_path: Path) -> None:
+def test_a_missing_configuration_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_config(tmp_path / "a.yaml")
     assert (

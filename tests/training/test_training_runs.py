@@ -1,4 +1,8 @@
-"""Whole training runs on a few synthetic touches: they learn, repeat, resume, and choose their epoch."""
+"""Training runs from beginning to end on a few synthetic touches.
+
+They must learn, repeat and resume to equal bits, choose their epoch by validation, and refuse data and states that do
+not fit.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,11 @@ CONFIG = TrainingConfig(
 )
 
 
+CHANNELS = 78  # of a fingertip: 39 taxels with two polarities
+
+
 def touches(samples: int = 12) -> Recordings:
+    """Synthetic recordings of three classes."""
     return synthetic_touches(samples, steps=60, classes=3, seed=1)
 
 
@@ -31,10 +39,12 @@ class KilledError(Exception):
     """Stands for a run that is killed."""
 
 
-def same(first: TrainingResult, second: TrainingResult) -> bool:
-    weights, others = first.network.weights(), second.network.weights()
+def are_equal(first: TrainingResult, second: TrainingResult) -> bool:
+    """Whether two runs have the same history and weights, bit by bit."""
+    first_weights = first.network.weights()
+    second_weights = second.network.weights()
     return first.history == second.history and all(
-        np.array_equal(weights[name], others[name]) for name in weights
+        np.array_equal(first_weights[name], second_weights[name]) for name in first_weights
     )
 
 
@@ -61,7 +71,7 @@ def same(first: TrainingResult, second: TrainingResult) -> bool:
         ),
     ],
 )
-def test_training_learns(values: dict[str, object], floor: float) -> None:
+def test_training_learns_to_tell_the_classes_apart(values: dict[str, object], floor: float) -> None:
     config = replace(CONFIG, epochs=30, event_dropout=0.2, **values)  # type: ignore[arg-type]
     result = train(touches(24), config)
     losses = [row.loss for row in result.history if row.phase == "select"]
@@ -70,17 +80,19 @@ def test_training_learns(values: dict[str, object], floor: float) -> None:
     assert result.validation_accuracy >= floor
 
 
-def test_equal_runs_are_equal_and_seeds_differ() -> None:
+def test_equal_seeds_give_equal_runs_and_different_seeds_do_not() -> None:
     first, again, other = (train(touches(), replace(CONFIG, seed=seed)) for seed in (0, 0, 1))
-    assert same(first, again)
-    assert not same(first, other)
+    assert are_equal(first, again)
+    assert not are_equal(first, other)
 
 
 def other_names(weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    return {f"old_{name}": held for name, held in weights.items()}
+    """The weights under other names."""
+    return {f"old_{name}": values for name, values in weights.items()}
 
 
 def another_shape(weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """The weights, of which one has another shape."""
     return weights | {"time_output.weight": torch.zeros(3, 9)}
 
 
@@ -111,8 +123,9 @@ def test_a_state_with_other_weights_is_refused(
 
 
 @pytest.mark.parametrize("stop", [1, 3, 4, 5, 7])
-def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, stop: int) -> None:
-    whole = train(touches(), CONFIG)
+def test_a_killed_run_continues_to_the_same_bits(tmp_path: Path, stop: int) -> None:
+    """It is killed after ``stop`` epochs: of the four of the first phase, or of the refit after them."""
+    uninterrupted = train(touches(), CONFIG)
     state = tmp_path / "run.state"
 
     def killer(done: int, expected: int, record: EpochRecord) -> None:
@@ -121,16 +134,17 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, stop: int) -> Non
 
     with pytest.raises(KilledError):
         train(touches(), CONFIG, state_path=state, save_every=1, progress=killer)
-    seen: list[int] = []
+    epochs_done: list[int] = []
     resumed = train(
         touches(),
         CONFIG,
         state_path=state,
-        progress=lambda done, expected, record: seen.append(done),
+        progress=lambda done, expected, record: epochs_done.append(done),
     )
-    assert seen[0] == stop + 1
-    assert same(whole, resumed)
-    assert same(whole, train(touches(), CONFIG, state_path=state))
+    assert epochs_done[0] == stop + 1
+    assert are_equal(uninterrupted, resumed)
+    # The state of a finished run has nothing left to do.
+    assert are_equal(uninterrupted, train(touches(), CONFIG, state_path=state))
 
 
 @pytest.mark.parametrize(
@@ -144,7 +158,9 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, stop: int) -> Non
         pytest.param(CONFIG, "it is damaged. Delete it, or train without --resume.", id="damaged"),
     ],
 )
-def test_states_that_do_not_fit(tmp_path: Path, config: TrainingConfig, message: str) -> None:
+def test_a_state_of_another_run_or_damaged_is_refused(
+    tmp_path: Path, config: TrainingConfig, message: str
+) -> None:
     state = tmp_path / "run.state"
     train(touches(), CONFIG, state_path=state)
     if "damaged" in message:
@@ -154,7 +170,7 @@ def test_states_that_do_not_fit(tmp_path: Path, config: TrainingConfig, message:
     assert str(caught.value) == f"training state 'run.state': {message}"
 
 
-def test_the_log_has_a_line_an_epoch(tmp_path: Path) -> None:
+def test_the_log_has_a_line_for_every_epoch(tmp_path: Path) -> None:
     result = train(touches(), CONFIG, log_path=tmp_path / "log.csv")
     lines = (tmp_path / "log.csv").read_text().splitlines()
     assert lines[0] == "phase,epoch,learning_rate,loss,validation_loss,validation_accuracy"
@@ -164,7 +180,7 @@ def test_the_log_has_a_line_an_epoch(tmp_path: Path) -> None:
     assert [row.phase for row in result.history] == ["select"] * 4 + ["refit"] * result.chosen_epoch
 
 
-def test_a_refit_has_its_own_schedule() -> None:
+def test_the_learning_rate_of_a_refit_falls_over_its_own_epochs() -> None:
     result = train(touches(), replace(CONFIG, epochs=3))
     refit = [row.learning_rate for row in result.history if row.phase == "refit"]
     assert refit == [
@@ -173,13 +189,15 @@ def test_a_refit_has_its_own_schedule() -> None:
     ]
 
 
-def test_without_refit_the_chosen_weights_stay(tmp_path: Path) -> None:
+def test_without_refit_the_run_ends_after_the_choice_of_the_epoch() -> None:
     result = train(touches(), replace(CONFIG, refit=False))
     assert {row.phase for row in result.history} == {"select"}
-    assert result.chosen_epoch == choose_epoch(list(result.history), 10, 3)
+    # A quarter of twelve recordings validate.
+    chosen = choose_epoch(list(result.history), CONFIG.smoothing_epochs, validated=3)
+    assert result.chosen_epoch == chosen
 
 
-def test_without_validation_the_last_epoch_stays() -> None:
+def test_without_validation_the_last_epoch_is_chosen() -> None:
     result = train(touches(), replace(CONFIG, validation_fraction=0.0))
     assert (result.chosen_epoch, result.validation_accuracy) == (4, None)
     assert {row.phase for row in result.history} == {"select"}
@@ -190,22 +208,31 @@ def test_without_validation_the_last_epoch_stays() -> None:
     [
         pytest.param([0.5, 0.9, 0.5], 1, 2, id="the best"),
         pytest.param([0.5, 0.9, 0.9], 1, 3, id="the later of equals"),
-        # sqrt(0.9 * 0.1 / 10) = 0.0949
+        # One standard error of the best of ten recordings is sqrt(0.9 * 0.1 / 10) = 0.0949.
         pytest.param([0.5, 0.9, 0.81], 1, 3, id="later within one standard error"),
         pytest.param([0.5, 0.9, 0.8], 1, 2, id="not beyond one standard error"),
         pytest.param([0.0, 1.0, 0.0, 0.7, 0.7], 2, 5, id="averages outdo a lucky epoch"),
     ],
 )
-def test_choice_of_the_epoch(accuracy: list[float], smoothing: int, chosen: int) -> None:
-    rows = [
-        EpochRecord("select", epoch, 0.1, 1.0, 1.0, value)
-        for epoch, value in enumerate(accuracy, start=1)
-    ]
-    rows.append(EpochRecord("refit", 1, 0.1, 1.0, None, None))
-    assert choose_epoch(rows, smoothing, validated=10) == chosen
+def test_the_latest_epoch_within_one_standard_error_of_the_best_is_chosen(
+    accuracy: list[float], smoothing: int, chosen: int
+) -> None:
+    def record(phase: str, epoch: int, validation_accuracy: float | None) -> EpochRecord:
+        return EpochRecord(
+            phase=phase,
+            epoch=epoch,
+            learning_rate=0.1,
+            loss=1.0,
+            validation_loss=None,
+            validation_accuracy=validation_accuracy,
+        )
+
+    history = [record("select", epoch, value) for epoch, value in enumerate(accuracy, start=1)]
+    history.append(record("refit", 1, None))
+    assert choose_epoch(history, smoothing, validated=10) == chosen
 
 
-def test_learning_rates() -> None:
+def test_the_learning_rate_falls_by_half_a_cosine_or_is_constant() -> None:
     cosine = [learning_rate(CONFIG, epoch, 4) for epoch in (1, 3)]
     assert cosine == pytest.approx([0.01, 0.005])
     assert learning_rate(replace(CONFIG, schedule="constant"), 3, 4) == 0.01
@@ -213,23 +240,24 @@ def test_learning_rates() -> None:
 
 @pytest.mark.skipif(not torch.set_flush_denormal(False), reason="this processor has no such mode")
 def test_a_run_takes_the_smallest_floats_as_zero_and_leaves_torch_as_it_was() -> None:
-    smallest, seen = torch.full((16,), 1e-40), []
-    threads = torch.get_num_threads()
-    train(
-        touches(),
-        CONFIG,
-        progress=lambda *_: seen.append((float((smallest * 1.0).sum()), torch.get_num_threads())),
-    )
-    assert set(seen) == {(0.0, 1)}
-    assert float((smallest * 1.0).sum()) > 0.0
-    assert torch.get_num_threads() == threads
+    denormal = torch.full((16,), 1e-40)
+    threads_before = torch.get_num_threads()
+    during_run = []
+
+    def note_mode(*_: object) -> None:
+        during_run.append((float((denormal * 1.0).sum()), torch.get_num_threads()))
+
+    train(touches(), CONFIG, progress=note_mode)
+    assert set(during_run) == {(0.0, 1)}
+    assert float((denormal * 1.0).sum()) > 0.0
+    assert torch.get_num_threads() == threads_before
 
 
 @pytest.mark.parametrize(
     ("recordings", "values", "message"),
     [
         pytest.param(
-            Recordings(np.zeros((1, 5, 78)), None, None, "x.npy"),
+            Recordings(np.zeros((1, 5, CHANNELS)), None, None, "x.npy"),
             {},
             "recordings 'x.npy': they have no labels to train on. Give labelled recordings.",
             id="no labels",
@@ -242,21 +270,21 @@ def test_a_run_takes_the_smallest_floats_as_zero_and_leaves_torch_as_it_was() ->
             id="other sensor",
         ),
         pytest.param(
-            Recordings(np.zeros((1, 5, 78)), np.zeros(1), None, "x.npy"),
+            Recordings(np.zeros((1, 5, CHANNELS)), np.zeros(1), None, "x.npy"),
             {"order": "radial"},
             "location order: 'radial' is not known. "
             "Choose one of: arch, hilbert, loop, raster, reverse, snake, spiral, tour, whorl.",
             id="unknown order",
         ),
         pytest.param(
-            Recordings(np.zeros((1, 5, 78)), np.full(1, 9999), None, "x.npy"),
+            Recordings(np.zeros((1, 5, CHANNELS)), np.full(1, 9999), None, "x.npy"),
             {},
             "classes: it must be a whole number from 1 to 4096 (got 10000). Correct it.",
             id="absurd label",
         ),
     ],
 )
-def test_what_cannot_be_trained(
+def test_recordings_and_options_that_cannot_be_used_are_refused(
     recordings: Recordings, values: dict[str, str], message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -264,7 +292,7 @@ def test_what_cannot_be_trained(
     assert str(caught.value) == message
 
 
-def test_a_log_that_cannot_be_written(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         train(touches(), CONFIG, log_path=tmp_path / "none" / "log.csv")
     assert str(caught.value) == (

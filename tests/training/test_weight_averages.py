@@ -1,4 +1,4 @@
-"""Running averages of weights, alone and in a run; the picture of a run."""
+"""Running averages of weights, by themselves and in a training run, and the picture of a run."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ RECORDINGS = synthetic_touches(12, steps=20, classes=2, seed=5)
 
 
 def layer(value: float) -> nn.Linear:
+    """A layer with a single weight."""
     network = nn.Linear(1, 1, bias=False)
     with torch.no_grad():
         network.weight.fill_(value)
@@ -32,22 +33,23 @@ def layer(value: float) -> nn.Linear:
 
 def test_an_average_follows_the_weights() -> None:
     network, average = layer(5.0), layer(1.0)
+    decay = 0.75
     for _ in range(2):
-        follow_weights(average, network, 0.75)
-    assert average.weight.item() == 1.0 * 0.75**2 + 5.0 * (1 - 0.75**2)
+        follow_weights(average, network, decay)
+    assert average.weight.item() == 1.0 * decay**2 + 5.0 * (1 - decay**2)
     assert network.weight.item() == 5.0
 
 
 @pytest.mark.parametrize("refit", [False, True], ids=["chosen", "refitted"])
-def test_a_run_keeps_averages(refit: bool) -> None:
+def test_the_result_of_a_run_is_the_averages(refit: bool) -> None:
     config = replace(CONFIG, refit=refit)
     averaged = train(RECORDINGS, config).network.weights()
     plain = train(RECORDINGS, replace(config, weight_average=0.0)).network.weights()
     assert any((averaged[name] != plain[name]).any() for name in plain)
 
 
-def test_a_stopped_run_with_averages_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    whole = train(RECORDINGS, CONFIG).network.weights()
+def test_a_stopped_run_with_averages_continues_to_the_same_bits(tmp_path: Path) -> None:
+    uninterrupted = train(RECORDINGS, CONFIG).network.weights()
     state = tmp_path / "run.state"
     stops = iter([False, True])
 
@@ -58,19 +60,22 @@ def test_a_stopped_run_with_averages_goes_on_to_the_same_bits(tmp_path: Path) ->
     with pytest.raises(KeyboardInterrupt):
         train(RECORDINGS, CONFIG, state_path=state, save_every=1, progress=stop)
     resumed = train(RECORDINGS, CONFIG, state_path=state, save_every=1).network.weights()
-    assert all((whole[name] == resumed[name]).all() for name in whole)
+    assert all((uninterrupted[name] == resumed[name]).all() for name in uninterrupted)
 
 
-def test_the_picture_has_what_was_measured(tmp_path: Path) -> None:
+def texts_of(picture: bytes) -> list[str]:
+    """The texts in an SVG picture."""
+    return [element.text for element in ElementTree.fromstring(picture).iter() if element.text]
+
+
+def test_the_picture_shows_the_figures_that_were_measured(tmp_path: Path) -> None:
+    # Phase, epoch, learning rate, loss, validation loss, validation accuracy.
     history = [
-        EpochRecord("select", 1, 0.1, 2.0, 2.5, 0.25), EpochRecord("select", 2, 0.05, 1.0, 1.5, 0.5),
+        EpochRecord("select", 1, 0.1, 2.0, 2.5, 0.25),
+        EpochRecord("select", 2, 0.05, 1.0, 1.5, 0.5),
         EpochRecord("refit", 1, 0.1, 1.75, None, None),
-    ]  # fmt: skip
-    words = [
-        element.text
-        for element in ElementTree.fromstring(profile(history, "a <b>")).iter()
-        if element.text
     ]
+    words = texts_of(profile(history, "a <b>"))
     assert "Training of a <b>" in words
     for label in (
         "training, part of the recordings",
@@ -78,10 +83,6 @@ def test_the_picture_has_what_was_measured(tmp_path: Path) -> None:
         "accuracy",
     ):
         assert label in words
-    assert "accuracy" not in [
-        element.text
-        for element in ElementTree.fromstring(profile(history[2:], "b")).iter()
-        if element.text
-    ]
+    assert "accuracy" not in texts_of(profile(history[2:], "b"))
     train(RECORDINGS, replace(CONFIG, epochs=1), name="touch", log_path=tmp_path / "log.csv")
     assert b"Training of touch" in (tmp_path / "log.svg").read_bytes()
