@@ -254,6 +254,7 @@ def _dot_input(identity: str, node: InputNode) -> str:
 
 
 def _dot_core(core: Core, chip: hw.Chip, nodes: Mapping[str, Node]) -> str:
+    """Return a core as a box around the slices of groups that it holds."""
     tile_x, tile_y = chip.tile_of(core.slot)
     label = (
         rf"core {core.number}, phase {_quoted(core.phase)}\n"

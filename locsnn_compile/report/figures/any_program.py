@@ -45,6 +45,7 @@ def any_program_figures(program: AnyProgram) -> ProgramFigures | OtherProgramFig
 
 
 def _figures(contents: ProgramContents) -> OtherProgramFigures:
+    """Return the figures that any program has: its cores, its groups and a checksum of each array."""
     return OtherProgramFigures(
         cores=contents.cores,
         groups={

@@ -260,6 +260,7 @@ def _sample(diagnosis: Diagnosis) -> Sample:
 
 
 def _deviation(deviation: Deviation) -> DeviationFigures:
+    """Return how far the chip is from the network: in spikes, predictions and class scores."""
     return DeviationFigures(
         spikes=_spike_errors(deviation.spikes),
         predictions_changed=deviation.predictions_changed,
@@ -275,6 +276,7 @@ def _spike_errors(spikes: PopulationMatch) -> SpikeErrors:
 
 
 def _margins(margins: PopulationMargins) -> MarginsOfPopulation:
+    """Return how near the potentials of a population came to their thresholds, and by how much they err."""
     return MarginsOfPopulation(
         neuron_steps=margins.neuron_steps,
         nearest={f"{share:g}": distance for share, distance in margins.nearest.items()},
@@ -329,6 +331,7 @@ def choice_figures(choice: Choice | None) -> ChoiceFigures | None:
 
 
 def _candidate(choice: Choice, candidate: Candidate) -> CandidateFigures:
+    """Return what one setting that the search tried costs, and whether it keeps to the budget."""
     return CandidateFigures(
         setting=candidate.setting,
         prediction_agreement=candidate.prediction_agreement,

@@ -363,6 +363,7 @@ def _profile(profile: hw.Profile) -> ProfileFigures:
 
 
 def _constant(profile: hw.Profile, name: str) -> ConstantFigures:
+    """Return what one operation costs in energy and time, with the ranges that its source gives."""
     return ConstantFigures(
         count=name,
         energy_pj=profile.energy_pj.get(name),

@@ -98,6 +98,7 @@ def operation_figures(match: Match) -> OperationFigures:
 
 
 def _per_sample(counts: Counts, samples: int) -> OperationCounts:
+    """Return the mean operations of a recording from those of all recordings."""
     return OperationCounts(
         synaptic_ops=counts.synaptic_ops / samples,
         neuron_updates=counts["neuron_updates"] / samples,
@@ -108,6 +109,7 @@ def _per_sample(counts: Counts, samples: int) -> OperationCounts:
 
 
 def _published(match: Match) -> PublishedOperations:
+    """Return the operations as the papers count them: additions, and events that are transposed."""
     by_branch = {phase: count / match.samples for phase, count in match.additions.items()}
     additions = math.fsum(by_branch.values())
     transpose_events = total(match.counts).transpose_events / match.samples
@@ -132,6 +134,7 @@ def conventional_networks(
 def _conventional(
     name: str, network: Network, operations: OperationFigures, spiking_pj: float | None
 ) -> ConventionalNetwork | NotDefined:
+    """Return the comparison with one conventional network, on paper and on the chip."""
     counts = _ann_counts(name, network)
     if counts is None:
         return NotDefined()

@@ -116,6 +116,7 @@ def overflow_figures(
 
 
 def _matters(network: Network, wide: WideComparison) -> Matters:
+    """Return whether overflows change a spike, a class score or a prediction."""
     if not wide.recordings:
         return "nothing overflows"
     if not matters(wide):
@@ -127,6 +128,7 @@ def _matters(network: Network, wide: WideComparison) -> Matters:
 
 
 def _wide(wide: WideComparison) -> WideFigures:
+    """Return what changes where the registers are so wide that nothing overflows."""
     return WideFigures(
         spikes_changed=wide.spikes_changed,
         predictions_changed=wide.predictions_changed,
@@ -146,6 +148,7 @@ def _search(search: OverflowSearch) -> SearchFigures:
 
 
 def _setting(candidate: Candidate, taken: Candidate) -> SettingFigures:
+    """Return what one setting does, with its costs divided by those of the setting taken."""
     energy_ratio = None
     if candidate.energy_pj is not None and taken.energy_pj:
         energy_ratio = candidate.energy_pj / taken.energy_pj

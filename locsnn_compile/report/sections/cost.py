@@ -141,6 +141,7 @@ def _about_static(static: StaticEnergy) -> str:
 
 
 def _static(static: StaticEnergy | None) -> tuple[Block, ...]:
+    """Return the static energy, as a sentence and a table; nothing where it is not known."""
     if static is None:
         return ()
     table = Table(
@@ -155,6 +156,7 @@ def _static(static: StaticEnergy | None) -> tuple[Block, ...]:
 
 
 def _not_included(bounds: Sequence[NotIncluded]) -> Table | None:
+    """Return what the energy leaves out, each with an upper bound if there is one."""
     if not bounds:
         return None
     return Table(
@@ -204,6 +206,7 @@ def latency_section(report: ReportFigures, mesh: MeshTimes) -> Section:
 
 
 def _facts_of_latency(figures: LatencyFigures, spread: Mapping[str, str]) -> dict[str, str | None]:
+    """Return the time of a recording in short facts, in the order in which the report has them."""
     after_last_row = figures.after_last_row_ns
     facts: dict[str, str | None] = {
         "cycles": f"{count(figures.per_sample_cycles)} per recording, at {figures.clock_ghz:g} GHz",
@@ -278,6 +281,7 @@ def _cores(cores: Sequence[CoreTime], mean_ns: float) -> Table:
 
 
 def _links(links: Sequence[LinkUse]) -> Table | None:
+    """Return the links of the mesh, each with a bar of its share of the busiest one."""
     if not links:
         return None
     largest = max(link.packets for link in links)

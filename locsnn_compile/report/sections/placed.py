@@ -95,6 +95,7 @@ def _clock_on_board(placed: PlacedFigures) -> str:
 
 
 def _without_room(verdict: Verdict, placed: PlacedFigures, lacking: str) -> Verdict:
+    """Return the verdict of a program whose core finds no room on the device of the board."""
     return replace(
         verdict,
         status="no",
@@ -106,6 +107,7 @@ def _without_room(verdict: Verdict, placed: PlacedFigures, lacking: str) -> Verd
 
 
 def _too_slow(verdict: Verdict, placed: PlacedFigures) -> Verdict:
+    """Return the verdict of a program whose bitstream cannot have the clock of the board."""
     board_clock = f"{placed.core_mhz:g} MHz"
     reached = f"{placed.fmax_mhz:.1f} MHz"
     return replace(

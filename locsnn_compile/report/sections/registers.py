@@ -166,6 +166,7 @@ def _facts(
     overflows: OverflowFigures | None,
     proven: Mapping[str, ProvenRange] | None,
 ) -> Facts:
+    """Return what would change without overflows, what removes them, and whether any are possible."""
     facts: dict[str, str] = {}
     if overflows is not None and overflows.matters in ("spikes or scores", "predictions"):
         # What changes is known only because the recordings were played with wide registers.

@@ -68,6 +68,7 @@ def matches(report: SharedFigures) -> Verdict:
 
 
 def _facts_of_match(report: SharedFigures) -> Facts:
+    """Return how well the chip agrees with the network, in short facts."""
     match = report.match
     return Facts.of(
         {
@@ -191,6 +192,7 @@ def _cost_on_open_core(latency: LatencyFigures, spent: str) -> str:
 
 
 def _facts_of_cost(report: ReportFigures, figures: EnergyFigures) -> tuple[Fact, ...]:
+    """Return energy and latency of a recording in short facts."""
     spread = figures.over_samples_pj
     facts = [
         Fact("range", f"{energy(spread.min)} to {energy(spread.max)}, median {energy(spread.p50)}")
@@ -407,6 +409,7 @@ def _against_anns(times_by_name: Mapping[str, float | None]) -> str:
 
 
 def _accuracy(report: SharedFigures) -> str:
+    """Return the accuracy of the chip and of the network, or why there is none."""
     if report.match.events_origin == "made up":
         return "not known, because the recordings are made up"
     if report.accuracy is None:
@@ -426,6 +429,7 @@ def _scores(match: MatchFigures) -> str:
 
 
 def _first_difference(match: MatchFigures) -> str:
+    """Return where the spikes differ first, and by which stage of the compilation."""
     first = match.first_divergence
     if first is None:
         return NONE if match.spikes.spike_agreement is None else "none, every spike is equal"

@@ -58,6 +58,7 @@ def _bound(figures: BoundFigures | None) -> str:
 
 
 def _facts(report: ReportFigures) -> Facts:
+    """Return the longest times, first those of the played recordings and then of any recording."""
     latency = report.latency
     facts: dict[str, str | None] = {
         "worst recording": f"recording {latency.worst_recording.recording}"

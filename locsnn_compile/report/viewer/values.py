@@ -251,6 +251,7 @@ def _potentials(
 
 
 def _population(levels: Levels, population: Population, kept: list[int]) -> PopulationValues:
+    """Return what the viewer shows of a population, with the thresholds of the kept neurons only."""
     name = population.name
     cores = [
         core.number
