@@ -1,8 +1,9 @@
-"""Every fenced block of README and documentation runs: what is not to run says so by its language.
+"""Every fenced block of README and documentation in ``python`` or ``sh`` runs; other languages mark text.
 
-The blocks of a page run in their order, in a folder that holds ``examples``. Words after the language: ``slow`` blocks
-run with the slow tests, ``ci`` ones are what `.ci/run` does itself. Fast tests call the project's own commands within this
-process; the slow ones run all of a page that has slow blocks, in a shell.
+The blocks of a page run in their order, in a folder that holds ``examples``. A block may have a word after its language:
+``slow`` blocks run only with the slow tests, and ``ci`` blocks are not run here, because `.ci/run` does what they say. Fast
+tests call the project's own commands within this process. Slow tests run, in a shell, all blocks of a page that has a slow
+block. A block in ``console`` shows a command and what it prints, which is compared.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from tests.support.real_recordings import REAL, on_real_recordings
 
 BLOCKS = [fence for page in PAGES for fence in fences(page)]
 RUN = [fence for fence in BLOCKS if fence.language in ("python", "sh") and "ci" not in fence.words]
+"""The blocks that are run, by fast or by slow tests."""
 COMMANDS = {"locsnn-compile": compile_main, "locsnn": locsnn_main}
 PARSERS = {"locsnn-compile": compile_parser, "locsnn": locsnn_parser}
 
@@ -45,33 +47,39 @@ def run_blocks(blocks: list[Fence], run_shell: Callable[[Fence], None]) -> None:
     namespace = {"__name__": "__main__"}
     for block in blocks:
         if block.language == "python":
-            exec(compile("\n" * (block.line - 1) + block.code, name(block.page), "exec"), namespace)
+            # Empty lines above it, so that an error names the line of the page.
+            source = "\n" * (block.line - 1) + block.code
+            exec(compile(source, name(block.page), "exec"), namespace)
         else:
             run_shell(block)
 
 
 def in_shell(block: Fence) -> None:
+    """Run a block in a shell that stops at the first command that fails."""
     command = ["bash", "-euo", "pipefail", "-c", block.code]
-    done = subprocess.run(
+    process = subprocess.run(
         command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, (
-        f"{block}\n{block.code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    assert process.returncode == 0, (
+        f"{block}\n{block.code}\n{process.stdout[-2000:]}{process.stderr[-2000:]}"
     )
 
 
 def in_process(block: Fence) -> None:
-    """Call the commands of a block here, if they are all ours and plain; else run it in a shell."""
+    """Call the commands of a block in this process, which saves the start of Python; else run it in a shell.
+
+    That is possible if all commands are the project's own and none needs the shell, for a pipe or a variable.
+    """
     lines = [shlex.split(line, comments=True) for line in block.code.splitlines()]
-    if not all(line and line[0] in COMMANDS for line in lines) or re.search(
-        r"[|>&;$*\\]", block.code
-    ):
+    are_ours = all(line and line[0] in COMMANDS for line in lines)
+    if not are_ours or re.search(r"[|>&;$*\\]", block.code):
         return in_shell(block)
     for program, *arguments in lines:
         assert COMMANDS[program](arguments) == 0, f"{block}\n{program} {shlex.join(arguments)}"
 
 
 def of_page(page: Path, *, slow: bool) -> list[Fence]:
+    """Return the blocks of a page that are run, with or without the slow ones."""
     return [fence for fence in RUN if fence.page == page and (slow or "slow" not in fence.words)]
 
 
@@ -89,10 +97,10 @@ def test_all_code_of_a_page_runs_in_a_shell(page, folder):
 
 
 @pytest.mark.parametrize("fence", BLOCKS, ids=str)
-def test_a_block_says_what_it_is(fence):
-    """Run, compared, parsed, a directive of the documentation's builder, or text."""
+def test_a_block_names_a_known_language_and_known_words(fence):
+    """Otherwise a misspelt block would silently not be run."""
     if re.fullmatch(r"\{[a-z-]+\}", fence.language):
-        return
+        return  # a directive of the documentation's builder
     allowed = {"python": {"slow"}, "sh": {"slow", "ci"}, "console": set(), "text": set()}
     assert fence.language in allowed
     assert set(fence.words) <= allowed[fence.language]
@@ -101,8 +109,8 @@ def test_a_block_says_what_it_is(fence):
 @pytest.mark.parametrize(
     "fence", [block for block in RUN if block.words and block.language == "sh"], ids=str
 )
-def test_slow_commands_are_understood(fence):
-    """What only the slow tests run is at least spelt right."""
+def test_slow_commands_are_parsed(fence):
+    """Fast tests do not run them, but find a misspelt option."""
     for line in fence.code.replace("\\\n", " ").splitlines():
         program, *arguments = shlex.split(line, comments=True) or [""]
         if program in PARSERS:
@@ -110,12 +118,12 @@ def test_slow_commands_are_understood(fence):
 
 
 @pytest.mark.parametrize("fence", [fence for fence in BLOCKS if "ci" in fence.words], ids=str)
-def test_what_ci_runs_is_a_target_of_make(fence):
+def test_blocks_of_ci_hold_only_targets_of_make_that_ci_runs(fence):
     targets = re.findall(r"^make ([a-z-]+)", fence.code, flags=re.MULTILINE)
     assert len(targets) == len(fence.code.splitlines())
-    everything = (ROOT / ".ci/run").read_text() + (ROOT / "Makefile").read_text()
+    scripts = (ROOT / ".ci/run").read_text() + (ROOT / "Makefile").read_text()
     for target in targets:
-        assert re.search(rf"(make|\$\(MAKE\)) {target}$", everything, flags=re.MULTILINE), target
+        assert re.search(rf"(make|\$\(MAKE\)) {target}$", scripts, flags=re.MULTILINE), target
 
 
 @pytest.mark.minutes
@@ -124,15 +132,15 @@ def test_what_ci_runs_is_a_target_of_make(fence):
     "fence", [fence for fence in BLOCKS if fence.language == "console"], ids=str
 )
 def test_a_session_prints_what_the_page_shows(fence, folder):
-    """The first line is the command, the rest its output; archives are those of the real recordings."""
+    """The first line is the command, and the lines below are its output, with the archive of the real recordings."""
     (folder / "Ev-Objects.zip").symlink_to(REAL / "Ev-Objects.zip")
     command, shown = fence.code.removeprefix("$ ").split("\n", maxsplit=1)
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
-    assert re.fullmatch(pattern_of(shown), done.stdout, re.DOTALL), done.stdout
+    process = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert re.fullmatch(pattern_of(shown), process.stdout, re.DOTALL), process.stdout
 
 
 def pattern_of(shown: str) -> str:
-    """Return an expression for the output that a page shows: a line ``...`` stands for lines left out."""
+    """Return a regular expression for the output that a page shows: a line ``...`` stands for any lines."""
     return re.escape(shown).replace(re.escape("...\n"), "(.*\n)??")
 
 

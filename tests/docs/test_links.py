@@ -1,4 +1,4 @@
-"""Every link within the project leads somewhere: to a file that is there, and to a heading that it has."""
+"""Every link from a page to another file of the project names a file that exists, and a heading of that file."""
 
 from __future__ import annotations
 
@@ -8,25 +8,24 @@ from urllib.parse import unquote
 
 import pytest
 
-from tests.support.fences import PAGES, ROOT, links, name
+from tests.support.fences import PAGES, ROOT, links, name, without_fences
 
 
 def anchors(page: Path) -> set[str]:
-    """Return the anchors of a page's headings, as code hosts and MyST make them."""
-    found: set[str] = set()
-    text = re.sub(
-        r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
-    )
+    """Return the anchors of a page's headings, as GitHub and MyST make them, and those written as ``(name)=``."""
+    slugs: set[str] = set()
+    text = without_fences(page.read_text("utf-8"))
     for heading in re.findall(r"^#{1,6} +(.*?) *#*$", text, flags=re.MULTILINE):
         words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)
         slug = re.sub(r"[^\w\- ]", "", words.lower()).replace(" ", "-")
-        count = sum(1 for anchor in found if re.fullmatch(rf"{re.escape(slug)}(-\d+)?", anchor))
-        found.add(f"{slug}-{count}" if count else slug)
-    return found | set(re.findall(r"^\(([a-z0-9-]+)\)=$", text, flags=re.MULTILINE))
+        # The second heading of the same words gets -1, the third -2.
+        count = sum(1 for anchor in slugs if re.fullmatch(rf"{re.escape(slug)}(-\d+)?", anchor))
+        slugs.add(f"{slug}-{count}" if count else slug)
+    return slugs | set(re.findall(r"^\(([a-z0-9-]+)\)=$", text, flags=re.MULTILINE))
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if links(page)], ids=name)
-def test_links_lead_somewhere(page):
+def test_links_of_a_page_lead_to_files_and_headings(page):
     for link in links(page):
         path, _, anchor = link.partition("#")
         target = (page.parent / unquote(path)).resolve() if path else page
@@ -37,11 +36,11 @@ def test_links_lead_somewhere(page):
             assert anchor in anchors(target), link
 
 
-def test_links_are_found():
+def test_the_search_finds_links():
+    # Pages hold far more than 40: a search that finds nothing would pass every other test.
     assert sum(len(links(page)) for page in PAGES) > 40
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_a_page_begins_with_its_title(page):
-    """Or it is another page, with its title."""
+def test_a_page_begins_with_its_title_or_includes_another_page(page):
     assert re.match(r"# \S|```\{include\}", page.read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""The notebooks of the examples: they run from top to bottom, and keep no output in the repository."""
+"""The example notebooks run from top to bottom, and are kept in the repository without their output."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=name)
-def test_a_notebook_is_kept_without_what_it_printed(path):
+def test_a_notebook_is_kept_without_its_output(path):
     for cell in json.loads(path.read_text("utf-8"))["cells"]:
         if cell["cell_type"] == "code":
             assert cell["outputs"] == []
@@ -22,7 +22,7 @@ def test_a_notebook_is_kept_without_what_it_printed(path):
             ast.parse("".join(cell["source"]))
 
 
-def test_the_two_are_there():
+def test_both_notebooks_are_tested():
     assert [path.name for path in NOTEBOOKS] == [
         "recordings_to_report.ipynb",
         "snntorch_to_report.ipynb",
@@ -30,7 +30,8 @@ def test_the_two_are_there():
 
 
 def run(path, folder):
-    """Run a notebook in a copy of the examples; return what its cells showed."""
+    """Run a notebook in a copy of the examples; return the outputs of its cells."""
+    # Only the slow tests need these packages.
     import nbformat
     from nbclient import NotebookClient
 
@@ -46,12 +47,8 @@ def run(path, folder):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=name)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_runs_and_shows_the_summary(path, tmp_path):
-    shown = run(path, tmp_path)
-    assert [
-        output
-        for output in shown
-        if "Does it match?" in output.get("data", {}).get("text/html", "")
-    ]
+    pages = [output.get("data", {}).get("text/html", "") for output in run(path, tmp_path)]
+    assert any("Does it match?" in page for page in pages)
 
 
 @pytest.mark.minutes

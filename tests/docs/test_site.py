@@ -1,4 +1,4 @@
-"""The site: built without a warning, every page in its navigation, and nothing in it that asks the network."""
+"""The documentation builds without a warning, its navigation holds every page, and no page loads from the network."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ pytestmark = pytest.mark.minutes
 
 
 class Requests(HTMLParser):
-    """Collects what a browser loads to show a page, and the pages that it links to."""
+    """Collects the addresses that a browser loads to show a page, and the pages that it links to."""
 
     def __init__(self):
         super().__init__()
-        self.loaded, self.linked = set(), set()
+        self.loaded = set()
+        self.linked = set()
 
     def handle_starttag(self, tag, attrs):
         values = dict(attrs)
@@ -39,6 +40,7 @@ class Requests(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
+    """Build the documentation with Sphinx, every warning an error; return the folder of its pages."""
     site = tmp_path_factory.mktemp("site")
     command = [
         sys.executable,
@@ -50,19 +52,23 @@ def site(tmp_path_factory):
         "docs",
         str(site),
     ]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    assert done.stderr == ""
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert process.returncode == 0
+    assert process.stderr == ""
     return site
 
 
-def test_nothing_asks_the_network(site):
+def requests_of(page):
+    """Return what a page loads and links to."""
+    requests = Requests()
+    requests.feed(page.read_text("utf-8"))
+    return requests
+
+
+def test_pages_and_style_sheets_load_nothing_from_the_network(site):
     for page in site.rglob("*.html"):
-        found = Requests()
-        found.feed(page.read_text("utf-8"))
-        assert not [address for address in found.loaded if re.match(r"[a-z+]+:|//", address)], (
-            page.name
-        )
+        loaded = requests_of(page).loaded
+        assert not [address for address in loaded if re.match(r"[a-z+]+:|//", address)], page.name
     for sheet in site.rglob("*.css"):
         assert not re.search(r"url\(['\"]?(https?:)?//|@import", sheet.read_text("utf-8")), (
             sheet.name
@@ -70,10 +76,8 @@ def test_nothing_asks_the_network(site):
 
 
 def test_every_page_is_in_the_navigation(site):
-    found = Requests()
-    found.feed((site / "index.html").read_text("utf-8"))
     pages = {
         path.relative_to(ROOT / "docs").with_suffix(".html").as_posix()
         for path in (ROOT / "docs").rglob("*.md")
     }
-    assert pages - {"index.html"} <= found.linked
+    assert pages - {"index.html"} <= requests_of(site / "index.html").linked

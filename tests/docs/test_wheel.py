@@ -1,4 +1,8 @@
-"""The wheel in a clean environment: it installs with what it declares, runs the quick start, and brings its types."""
+"""The wheel works in a clean environment.
+
+It is built from the source distribution and installed with only the dependencies that it declares.
+There it imports, runs the quick start of the documentation, and is typed for strict type checkers.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +36,8 @@ def compiled(model: str) -> lc.CompiledModel:
     network: lc.Network = lc.load(model)
     return lc.compile(network, target="tiny-sim", weight_bits=4)
 '''
-EVERY_MODULE = """\
+"""A program of a user, which mypy checks."""
+IMPORT_EVERY_MODULE = """\
 import importlib, pkgutil, hw_model, locsnn_compile
 for package in (hw_model, locsnn_compile):
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
@@ -43,11 +48,12 @@ for package in (hw_model, locsnn_compile):
             films = module.name == "locsnn_compile.data.aedat4_child"
             assert (error.name, trains, films) in (("torch", True, False), ("aedat", False, True)), module.name
 """
+"""A script that imports all modules. Only those that train or read AEDAT 4 may miss a package, of an extra."""
 
 
 def run(*command, cwd, **environment):
-    """Run a command that must succeed, and return what it printed."""
-    done = subprocess.run(
+    """Run a command that must succeed, and return what it prints."""
+    process = subprocess.run(
         [str(word) for word in command],
         cwd=cwd,
         env={**os.environ, **environment},
@@ -56,13 +62,16 @@ def run(*command, cwd, **environment):
         text=True,
         check=False,
     )
-    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-4000:]}"
-    return done.stdout
+    assert process.returncode == 0, f"{command}\n{process.stdout[-2000:]}{process.stderr[-4000:]}"
+    return process.stdout
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """The wheel, built from the sdist, built from what a checkout has: so the sdist is whole."""
+    """Build the source distribution from the files of a checkout, and the wheel from it; return the wheel.
+
+    A file that the source distribution lacks is thereby missing in the wheel too, where tests find it.
+    """
     folder = tmp_path_factory.mktemp("wheel")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
@@ -71,18 +80,18 @@ def wheel(tmp_path_factory):
             ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__")
         )
     run(sys.executable, "-m", "build", "--outdir", "dist", cwd=folder)
-    (found,) = (folder / "dist").glob("*.whl")
-    return found
+    (wheel,) = (folder / "dist").glob("*.whl")
+    return wheel
 
 
-def test_an_index_would_take_them(wheel):
+def test_twine_accepts_the_wheel_and_the_source_distribution(wheel):
     files = sorted(wheel.parent.iterdir())
     assert [file.name.rpartition("0.1.0")[2] for file in files] == ["-py3-none-any.whl", ".tar.gz"]
-    said = run(sys.executable, "-m", "twine", "check", "--strict", *files, cwd=wheel.parent)
-    assert said.count("PASSED") == 2
+    stdout = run(sys.executable, "-m", "twine", "check", "--strict", *files, cwd=wheel.parent)
+    assert stdout.count("PASSED") == 2
 
 
-def test_the_licences_and_the_viewer_come_along(wheel):
+def test_the_wheel_holds_the_licences_and_the_files_of_the_viewer(wheel):
     names = run(sys.executable, "-m", "zipfile", "-l", wheel, cwd=wheel.parent)
     assert ".dist-info/licenses/LICENSE" in names
     for name in (
@@ -98,7 +107,7 @@ def test_the_licences_and_the_viewer_come_along(wheel):
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory):
-    """The Python of a clean environment with the wheel and what it asks for; and a folder with the examples."""
+    """Install the wheel into a clean environment; return its Python, and a folder with the examples."""
     folder = tmp_path_factory.mktemp("clean")
     venv.create(folder / "env", with_pip=True)
     python = folder / "env/bin/python"
@@ -117,10 +126,10 @@ def installed(wheel, tmp_path_factory):
     return python, folder
 
 
-def test_nothing_is_missing(installed):
+def test_every_module_imports_without_torch(installed):
     python, folder = installed
     run(python, "-m", "pip", "check", cwd=folder, PYTHONPATH="")
-    run(python, "-W", "error", "-c", EVERY_MODULE, cwd=folder, PYTHONPATH="")
+    run(python, "-W", "error", "-c", IMPORT_EVERY_MODULE, cwd=folder, PYTHONPATH="")
     assert "torch" not in run(python, "-m", "pip", "list", cwd=folder, PYTHONPATH="").lower()
 
 
@@ -141,7 +150,7 @@ def test_the_quick_start_runs(installed):
     assert len(blocks) >= 4
 
 
-def test_types_come_along(installed):
+def test_a_program_that_uses_the_installed_packages_passes_strict_type_checks(installed):
     python, folder = installed
     (folder / "client.py").write_text(CLIENT)
     mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "client.py"]
@@ -151,6 +160,7 @@ def test_types_come_along(installed):
 
 
 def test_the_wheel_holds_the_packages_alone(wheel):
-    names = run(sys.executable, "-m", "zipfile", "-l", wheel, cwd=wheel.parent)
-    held = {line.split("/")[0] for line in names.splitlines()[1:]}
-    assert held == {"hw_model", "locsnn_compile", f"{Path(wheel).name.split('-py3')[0]}.dist-info"}
+    listing = run(sys.executable, "-m", "zipfile", "-l", wheel, cwd=wheel.parent)
+    top_folders = {line.split("/")[0] for line in listing.splitlines()[1:]}
+    name_and_version = Path(wheel).name.split("-py3")[0]
+    assert top_folders == {"hw_model", "locsnn_compile", f"{name_and_version}.dist-info"}

@@ -1,11 +1,12 @@
-"""The house in numbers: lines of code by room, who imports whom, and circles.
+"""Measure the structure of the packages: lines of code, imports between folders, and import cycles.
 
     python tests/house/rooms.py [TREE] [--types]
 
-A room is a folder of a package with the folders in it, or a file that lies loose in the package. Lines of code are those
-that are not docstrings, comments or blank, counted by folder. An arrow is a room of which a module imports one of another,
-inside functions also; imports for types alone count with ``--types``. A floor is a place in the longest chain of arrows.
-Arrows that run back are the thinnest whose removal opens all circles. Folders in one room must not form a circle either.
+A room is a folder directly in a package, with all folders in it, or a module directly in the package. Lines of code are
+counted by folder, without docstrings, comments and blank lines. An arrow leads from a room to another one if any module of
+the first imports any module of the second, also inside functions; imports for types alone count only with ``--types``.
+Floors are the rooms on the longest chain of arrows, where rooms that import each other in a circle count as one. Arrows
+that run back are those with the fewest imports whose removal breaks all circles. Folders within a room are checked too.
 """
 
 from __future__ import annotations
@@ -23,9 +24,14 @@ import networkx as nx
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("hw_model", "locsnn_compile")
 _NO_CODE = (
-    *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
+    tokenize.COMMENT,
+    tokenize.NL,
+    tokenize.NEWLINE,
+    tokenize.INDENT,
+    tokenize.DEDENT,
     tokenize.ENDMARKER,
 )
+"""Tokens that do not make a line a line of code."""
 
 
 def main() -> None:
@@ -41,7 +47,7 @@ def main() -> None:
 
 
 def modules_of(tree: Path) -> dict[str, str]:
-    """Return the source of each module of the packages, by its path without the ending: ``hw_model/chip``."""
+    """Return the source of each module of the packages. Its key is its path without the ending: ``hw_model/chip``."""
     paths = [path for package in PACKAGES for path in sorted((tree / package).rglob("*.py"))]
     return {
         path.relative_to(tree).with_suffix("").as_posix(): path.read_text("utf-8") for path in paths
@@ -49,7 +55,7 @@ def modules_of(tree: Path) -> dict[str, str]:
 
 
 def table(modules: dict[str, str], *, types: bool = False) -> str:
-    """Return the house as text."""
+    """Return everything that this script measures as text."""
     lines: Counter[str] = Counter()
     for name, source in modules.items():
         lines[folder(name)] += code_lines(source)
@@ -63,7 +69,10 @@ def table(modules: dict[str, str], *, types: bool = False) -> str:
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip()
         for row in rows
     ]
-    back = [f"{a} -> {b} ({rooms.edges[a, b]['imports']})" for a, b in running_back(rooms)]
+    back = [
+        f"{importer} -> {imported} ({rooms.edges[importer, imported]['imports']})"
+        for importer, imported in running_back(rooms)
+    ]
     return "\n".join(
         [
             *shown,
@@ -82,64 +91,77 @@ def table(modules: dict[str, str], *, types: bool = False) -> str:
 
 
 def listed(title: str, rows: list[str]) -> list[str]:
+    """Return a heading with the number of rows, and the rows below it."""
     return [f"{title}: {len(rows)}", *(f"  {row}" for row in rows)]
 
 
 def folder(module: str) -> str:
+    """Return the folder of a module."""
     return module.rpartition("/")[0]
 
 
 def room(module: str) -> str:
+    """Return the room of a module: its package and the folder, or the module, directly in the package."""
     parts = module.split("/")
     return "/".join(parts[:2])
 
 
 def code_lines(source: str) -> int:
     """Count the lines of a source that are not docstrings, comments or blank."""
-    found: set[int] = set()
+    with_code: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type not in _NO_CODE:
-            found.update(range(token.start[0], token.end[0] + 1))
+            with_code.update(range(token.start[0], token.end[0] + 1))
+    # A docstring is a string that stands as a statement of its own.
     for node in ast.walk(ast.parse(source)):
         if (
             isinstance(node, ast.Expr)
             and isinstance(node.value, ast.Constant)
             and isinstance(node.value.value, str)
         ):
-            found.difference_update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
-    return len(found)
+            last_line = node.end_lineno or node.lineno
+            with_code.difference_update(range(node.lineno, last_line + 1))
+    return len(with_code)
 
 
 def imports_of(modules: dict[str, str], *, types: bool = False) -> nx.DiGraph:
-    """Return which module imports which."""
+    """Return the graph of imports between modules; an edge leads from a module to one that it imports."""
     files = nx.DiGraph()
     files.add_nodes_from(modules)
-    for name, source in modules.items():
-        wanted = {module_of(n, modules) for n in imported_names(source, types=types)} - {name, None}
-        files.add_edges_from((name, one) for one in sorted(wanted))
+    for importer, source in modules.items():
+        imported = {module_of(name, modules) for name in imported_names(source, types=types)}
+        files.add_edges_from((importer, module) for module in sorted(imported - {importer, None}))
     return files
 
 
 def between(files: nx.DiGraph, place: Callable[[str], str]) -> nx.DiGraph:
-    """Return the arrows between places of modules, with the number of imports of each."""
-    found = nx.DiGraph()
-    found.add_nodes_from(map(place, files))
-    for arrow in ((place(a), place(b)) for a, b in files.edges):
-        if arrow[0] != arrow[1]:
-            found.add_edge(
-                *arrow, imports=found.get_edge_data(*arrow, {"imports": 0})["imports"] + 1
-            )
-    return found
+    """Return the graph of imports between groups of modules, with the number of imports of each edge.
+
+    `place` names the group of a module: its room or its folder.
+    """
+    groups = nx.DiGraph()
+    groups.add_nodes_from(map(place, files))
+    for importer, imported in files.edges:
+        source = place(importer)
+        target = place(imported)
+        if source != target:
+            imports_before = groups.get_edge_data(source, target, {"imports": 0})["imports"]
+            groups.add_edge(source, target, imports=imports_before + 1)
+    return groups
 
 
 def inner_circles(files: nx.DiGraph) -> list[list[str]]:
     """Return the circles of folders that lie side by side in one room."""
+    # Two slashes or fewer: package/room/module, a module that lies in no folder inside a room.
     inner = files.subgraph(module for module in files if module.count("/") > 2)
     return circles(between(inner, folder))
 
 
 def imported_names(source: str, *, types: bool) -> Iterator[str]:
-    """Give the dotted names that a source imports anywhere."""
+    """Yield the dotted names that a source imports anywhere, also in functions.
+
+    Imports under ``if TYPE_CHECKING:`` are passed over unless `types` is true.
+    """
     waiting: list[ast.AST] = [ast.parse(source)]
     while waiting:
         node = waiting.pop()
@@ -152,27 +174,34 @@ def imported_names(source: str, *, types: bool) -> Iterator[str]:
 
 
 def module_of(name: str, modules: dict[str, str]) -> str | None:
-    """Return the module of the packages that a dotted name is, or is a name of; None for a name of others."""
+    """Return the module of the packages that a dotted name denotes or belongs to; None for other packages."""
     path = name.replace(".", "/")
-    tried = (path, f"{path}/__init__", folder(path), f"{folder(path)}/__init__")
-    return next((candidate for candidate in tried if candidate in modules), None)
+    # The name is a module or a package, or else a class or function in one.
+    candidates = (path, f"{path}/__init__", folder(path), f"{folder(path)}/__init__")
+    return next((candidate for candidate in candidates if candidate in modules), None)
 
 
 def circles(graph: nx.DiGraph) -> list[list[str]]:
-    """Return the groups of nodes that reach each other."""
+    """Return the groups of nodes that all reach each other, sorted."""
     return sorted(
         sorted(group) for group in nx.strongly_connected_components(graph) if len(group) > 1
     )
 
 
 def running_back(rooms: nx.DiGraph) -> list[tuple[str, str]]:
-    """Return the arrows of the fewest imports without which there is no circle, the thinnest of each circle in turn."""
-    left, found = rooms.copy(), []
-    while circle := next(iter(circles(left)), None):
-        inside = left.subgraph(circle)
-        found.append(min(inside.edges, key=lambda arrow: (inside.edges[arrow]["imports"], arrow)))
-        left.remove_edge(*found[-1])
-    return [arrow for arrow in found if nx.has_path(rooms, arrow[1], arrow[0])]
+    """Return the arrows to remove so that no circle is left.
+
+    From the first circle, the arrow with the fewest imports is removed, until there is no circle.
+    """
+    remaining = rooms.copy()
+    removed = []
+    while circle := next(iter(circles(remaining)), None):
+        inside = remaining.subgraph(circle)
+        # The arrow itself decides between equal numbers, so that the answer is always the same.
+        fewest = min(inside.edges, key=lambda arrow: (inside.edges[arrow]["imports"], arrow))
+        removed.append(fewest)
+        remaining.remove_edge(*fewest)
+    return [arrow for arrow in removed if nx.has_path(rooms, arrow[1], arrow[0])]
 
 
 if __name__ == "__main__":

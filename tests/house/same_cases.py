@@ -1,11 +1,18 @@
-"""What the byte comparison runs: by case, the commands, each as typed; a case has a folder of its own."""
+"""The commands that the byte comparison of `same_bytes.py` runs.
+
+A case is a list of commands, each as a user types it, that run in a folder of the case's own. Their
+inputs are those that `same_inputs.py` writes.
+"""
 
 from __future__ import annotations
 
 IN = "../../inputs"
+"""The folder of inputs, from the folder of a case."""
 TOUCHES = f"{IN}/recordings/touches.npz"
 LEVELS = "network quantized compartments placed routed program csv"
+"""What `--emit` writes for every model: the levels of the compiler, and tables."""
 BENCH = "vectors vcd trace sanafe graphml dot"
+"""What `--emit` writes for a few models: test vectors, waveforms, and files for other tools."""
 MODELS = ("containers-hybrid", "containers-hybrid-loihi", "objects-hybrid", "objects-hybrid-loihi")
 FURTHER_MODELS = {
     "containers-best": "touches",
@@ -19,7 +26,7 @@ IN_LOGIC = {"objects-hybrid-loihi": "ecp5-25f", "containers-window-16": "ecp5-85
 SRM_MODELS = ("containers-hybrid", "objects-hybrid")
 RECORDINGS = ("touches", "touches-long", "motions")
 STRATEGIES = {"dendrite": 6, "delay-line": 8, "reset": 4, "paired-dendrite": 8}
-"""By strategy the bits of a weight that it is tried with."""
+"""For each strategy, the bits of a weight that it is tried with."""
 NIR_FILES = ("two-layers", "biases", "conv2d", "avg-pool", "delay", "recurrent", "nested", "if")
 NET_FILES = (
     "a-decay-each",
@@ -34,13 +41,14 @@ CODES = "exit_codes"
 
 
 def shipped(model: str, recording: str, more: str = "", out: str = "out") -> str:
-    """Compile a shipped model on a shipped recording."""
+    """Return the command that compiles a shipped model on shipped recordings."""
     return (
         f"compile {IN}/models/{model}.pt --events {IN}/recordings/{recording}.npz -o {out} {more}"
     )
 
 
 def _cases() -> dict[str, list[str]]:
+    """Return the commands of every case, by its name."""
     small = "objects-hybrid-loihi"
     cases = {}
     for recording in RECORDINGS:
@@ -99,13 +107,10 @@ def _cases() -> dict[str, list[str]]:
         "locsnn targets",
         "locsnn targets --show loihi-sim",
     ]
-    explore, grid = (
-        "locsnn explore",
-        f"--events {TOUCHES} --recordings 6 --split-weights 0 1 --engines",
-    )
+    grid = f"--events {TOUCHES} --recordings 6 --split-weights 0 1 --engines"
     cases["explore"] = [
-        f"{explore} {IN}/models/{small}.pt -o out --weight-bits 3 6 --max-spike-error 0.05 {grid}",
-        f"{explore} {IN}/models/objects-hybrid.pt -o srm --weight-bits 6 --strategy dendrite reset {grid} "
+        f"locsnn explore {IN}/models/{small}.pt -o out --weight-bits 3 6 --max-spike-error 0.05 {grid}",
+        f"locsnn explore {IN}/models/objects-hybrid.pt -o srm --weight-bits 6 --strategy dendrite reset {grid} "
         f"--report-on {IN}/recordings/motions.npz",
     ]
     cases["stress"] = ["locsnn stress --quick -o stress.md", "locsnn stress --quick --json"]
@@ -120,7 +125,7 @@ def _cases() -> dict[str, list[str]]:
 
 
 CASES = _cases()
-QUICK = (
+QUICK = (  # a case of each kind of input, and the help texts
     "objects-hybrid-loihi touches",
     "objects-hybrid dendrite",
     "objects-best touches",

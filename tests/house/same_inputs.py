@@ -26,10 +26,14 @@ NET_FILES = (
     "conv",
     "input layer with neurons",
 )
-STEPS, SAMPLES, RATE = 60, 4, 0.3
+STEPS = 60
+SAMPLES = 4
+SPIKE_PROBABILITY = 0.3
+"""Of each channel, in each step; chosen by hand."""
 
 
 def main(folder: Path) -> None:
+    """Write all inputs into a folder that is emptied first."""
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("models", "recordings"):
         shutil.copytree(
@@ -41,10 +45,10 @@ def main(folder: Path) -> None:
             write_spikes(folder / f"{file_name(name)}-nir.npy", int(np.prod(shape)))
     for name in NET_FILES:
         write_net(folder / f"{file_name(name)}.net", NETS[name])
-        write_spikes(
-            folder / f"{file_name(name)}-net.npy",
-            72 if "input layer w" in name or name == "conv" else 10,
-        )
+        # These two networks have an input layer of 72 channels, all others one of 10.
+        channels = 72 if name in ("conv", "input layer with neurons") else 10
+        write_spikes(folder / f"{file_name(name)}-net.npy", channels)
+    # Means of weights, chosen by hand: thresholds of the two kinds of neurons are of other sizes.
     for name, neuron, mean in (("srm", slayer_files.SRM, 1.0), ("loihi", slayer_files.LOIHI, 20.0)):
         (folder / f"slayer-{name}").mkdir()
         rng = np.random.default_rng(4)
@@ -54,12 +58,14 @@ def main(folder: Path) -> None:
 
 
 def file_name(name: str) -> str:
+    """Return the name of a network as it stands in names of files and cases."""
     return name.replace(" ", "-")
 
 
 def write_spikes(path: Path, channels: int) -> None:
-    """Write spikes (samples, channels, steps), as arrays of recordings are."""
-    spikes = np.random.default_rng(2).random((SAMPLES, channels, STEPS)) < RATE
+    """Write random spikes (samples, channels, steps), the axes of arrays that users give."""
+    draws = np.random.default_rng(2).random((SAMPLES, channels, STEPS))
+    spikes = draws < SPIKE_PROBABILITY
     np.save(path, spikes.astype(np.uint8))
 
 

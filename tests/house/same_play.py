@@ -1,7 +1,7 @@
 """Run cases of the byte comparison in this process: ``python same_play.py FOLDER CASE...``, with a tree on the path.
 
-Each case gets a folder of its name, in which its commands run; what they print, and their exit codes, are files there. A
-case that has its folder is another process's, so as many of these as wanted share the cases.
+Each case gets a folder of its name, in which its commands run. What they print and their exit codes are written there. A
+case whose folder exists belongs to another process, so several processes can share the cases.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pathlib import Path
 
 from same_cases import CASES, CODES
 
-UNLIKE = ("points", "timings.csv", "timings.svg")
-"""What a command writes under a digest of its sources, or by a clock."""
+NOT_COMPARED = ("points", "timings.csv", "timings.svg")
+"""Files and folders that are never the same twice: their names hold a digest of the sources, or they hold seconds."""
 
 
 def main(folder: Path, names: list[str]) -> None:
@@ -28,7 +28,10 @@ def main(folder: Path, names: list[str]) -> None:
 
 
 def check_origin() -> None:
-    """Fail where the packages are not those of the tree that the path names first: all would be the same."""
+    """Check that the packages come from the tree that the path names first.
+
+    With any other copy, the same code would be compared with itself.
+    """
     import hw_model
     import locsnn_compile
 
@@ -42,22 +45,25 @@ def play(folder: Path, commands: list[str]) -> None:
     os.chdir(folder)
     codes = []
     for number, command in enumerate(commands):
-        text, errors = io.StringIO(), io.StringIO()
-        with redirect_stdout(text), redirect_stderr(errors):
+        stdout = io.StringIO()
+        stderr = io.StringIO()
+        with redirect_stdout(stdout), redirect_stderr(stderr):
             codes.append(run(command))
-        said = [
+        # Progress lines tell the time, which is never the same twice.
+        messages = [
             line
-            for line in errors.getvalue().splitlines()
+            for line in stderr.getvalue().splitlines()
             if not line.startswith(("compiling ", "compiled in "))
         ]
-        Path(f"{number}.txt").write_text("\n".join([*said, text.getvalue()]))
-    for path in [path for name in UNLIKE for path in folder.rglob(name)]:
+        Path(f"{number}.txt").write_text("\n".join([*messages, stdout.getvalue()]))
+    # All paths are found before the first is removed, for a folder must not change while it is walked.
+    for path in [path for name in NOT_COMPARED for path in folder.rglob(name)]:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     Path(CODES).write_text(", ".join(map(str, codes)))
 
 
 def run(command: str) -> int | str | None:
-    """Run a command of this package as its program does; return its exit code."""
+    """Run a command in this process as its program does; return its exit code."""
     program, *words = command.split()
     from locsnn_compile.cli.compile import main as compile_main
     from locsnn_compile.cli.main import main as locsnn_main

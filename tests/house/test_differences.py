@@ -1,4 +1,4 @@
-"""The byte comparison says no: by key, by line, by array, and where a file is missing."""
+"""The byte comparison finds every kind of difference: in a key, a line, an array, or a file that is missing."""
 
 import io
 import json
@@ -21,7 +21,8 @@ def document(**keys):
     return json.dumps(keys, indent=2).encode()
 
 
-OF_FILES = {
+# By title: the name of a file, two contents, and the lines that describe how they differ.
+DIFFERENCES = {
     "equal": ("a.txt", b"one\n", b"one\n", []),
     "a digest of sources": (
         "a.json",
@@ -86,19 +87,21 @@ OF_FILES = {
 }
 
 
-@pytest.mark.parametrize(("name", "before", "after", "wanted"), OF_FILES.values(), ids=OF_FILES)
-def test_what_differs_is_said(name, before, after, wanted):
-    assert file_differences(name, before, after) == wanted
+@pytest.mark.parametrize(
+    ("name", "before", "after", "lines"), DIFFERENCES.values(), ids=DIFFERENCES
+)
+def test_differences_within_a_file_are_described(name, before, after, lines):
+    assert file_differences(name, before, after) == lines
 
 
-def test_files_of_one_side_are_found(tmp_path):
+def test_files_that_only_one_folder_has_are_listed(tmp_path):
     for side, names in (("before", "ab"), ("now", "bc")):
         (tmp_path / side).mkdir()
         for name in names:
             (tmp_path / side / name).write_text(name)
-    found = differences(tmp_path / "before", tmp_path / "now")
-    assert found == {"a": ["only before"], "b": [], "c": ["only now"]}
-    assert case_lines("case", "0", found, most=1) == [
+    by_file = differences(tmp_path / "before", tmp_path / "now")
+    assert by_file == {"a": ["only before"], "b": [], "c": ["only now"]}
+    assert case_lines("case", "0", by_file, most=1) == [
         "case: 1 of 3 files the same (exit codes 0)",
         "  a",
         "    only before",

@@ -1,4 +1,8 @@
-"""Modules of the tests have names of their own: pytest puts all their folders on one path, and the first one wins."""
+"""No two modules of the tests have the same name.
+
+Pytest puts the folders of all tests on one import path. Of two modules of the same name, both would
+get the first.
+"""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -8,16 +12,16 @@ TESTS = Path(__file__).parents[1]
 
 
 def taken_twice(files: Iterable[Path]) -> list[str]:
-    """Return names that several modules have; every folder may have a conftest."""
+    """Return the names that several modules have. Every folder may have a conftest and an ``__init__``."""
     names = Counter(file.stem for file in files if file.stem not in ("conftest", "__init__"))
-    return [name for name, many in names.items() if many > 1]
+    return [name for name, count in names.items() if count > 1]
 
 
 def test_no_two_modules_share_a_name():
     assert taken_twice(TESTS.rglob("*.py")) == []
 
 
-def test_a_name_taken_twice_is_told():
+def test_a_name_taken_twice_is_found():
     files = (
         "energy/tables.py",
         "results/tables.py",

@@ -1,4 +1,8 @@
-"""What the page of the arithmetic says stands nowhere else: units, bounds of registers, delays."""
+"""Only the modules of the chip's arithmetic know its units, the bounds of its registers, and when a spike acts.
+
+`units_in` searches the source of every other module for places that compute such a thing again. The
+second half of these tests shows that it finds planted cases and passes over innocent numbers.
+"""
 
 from pathlib import Path
 
@@ -6,13 +10,13 @@ import pytest
 from units import units_in
 
 ROOT = Path(__file__).parents[2]
-FREE = ("hw_model/arithmetic/", "locsnn_compile/data/")
-"""The pages themselves, and readers of recordings, which know no chip: bit fields of files are of any width."""
+NOT_SEARCHED = ("hw_model/arithmetic/", "locsnn_compile/data/")
+"""The arithmetic itself, and readers of recordings: these know no chip, and bit fields of files have any width."""
 MODULES = [
     path
     for folder in ("hw_model", "locsnn_compile")
     for path in sorted((ROOT / folder).rglob("*.py"))
-    if not path.relative_to(ROOT).as_posix().startswith(FREE)
+    if not path.relative_to(ROOT).as_posix().startswith(NOT_SEARCHED)
 ]
 OTHER_NUMBERS = {
     "hw_model/description/open_core.py": ["compares v <= 64"],
@@ -20,17 +24,18 @@ OTHER_NUMBERS = {
     "locsnn_compile/frontends/nir/signals.py": ["computes delay + 1"],
     "locsnn_compile/reference/evaluate.py": ["computes delay + 1", "computes delay + 1"],
 }
-"""What is of another kind, in this order: bits of a register of the open core, rows in a compiled
-loop, and delays of networks, which are defined in `Projection`."""
+"""Places that only look like units of the chip, in this order: the width in bits of a register of the
+open core, a row of a buffer in a compiled loop, and delays of networks, which `Projection` defines."""
 
 
-def test_no_module_outside_the_page_computes_what_the_page_says():
-    found = {}
+def test_no_module_outside_the_arithmetic_computes_with_its_units():
+    uses_by_module = {}
     for path in MODULES:
+        # Without the number of the line, which changes with every edit.
         uses = [use.partition(": ")[2] for use in units_in(path.read_text())]
         if uses:
-            found[str(path.relative_to(ROOT))] = uses
-    assert found == OTHER_NUMBERS
+            uses_by_module[str(path.relative_to(ROOT))] = uses
+    assert uses_by_module == OTHER_NUMBERS
 
 
 @pytest.mark.parametrize(

@@ -1,32 +1,41 @@
-"""Find where a module computes what only the page of the chip's arithmetic may know.
+"""Find where a module computes what only the modules of the chip's arithmetic may know.
 
-That is the units of decays and weights, the bounds of a register of so many bits, the lower limits
-``1 - 2^k``, the truncation of weights, and the step at which a spike acts.
+That is: the units of decays (1/4096) and of weights (64), the bounds of a register of a given number
+of bits, the lower limits of voltages ``1 - 2^k``, the truncation of weights, and the step at which a
+spike acts (one step after its delay). The search reads the syntax tree, so it finds only what is
+written out; `test_units.py` uses it.
 """
 
 import ast
 from collections.abc import Iterator
 
 NAMES = {"DECAY_BITS", "DECAY_ONE", "UNIT", "WEIGHT_SHIFT"}
-"""What ``hw_model.arithmetic`` calls its units."""
+"""The names of the units in ``hw_model.arithmetic``."""
 UNITS = {64, 4095, 4096}
+"""A weight's unit, the mask of a decay's 12 bits, and a decay of one."""
 SHIFTS = {6, 12}
+"""The binary logarithms of the units of weights and decays, by which values are shifted."""
 PARAMETERS = ("bias", "decay", "keep", "threshold", "weight")
-"""Beginnings of names of what is counted in units."""
+"""How names of parameters begin whose values are counted in units."""
 WIDTHS = {
-    *("bits", "charge_bits", "current_bits", "voltage_bits"),
-    *("threshold_mantissa_bits", "bias_mantissa_bits"),
+    "bits",
+    "charge_bits",
+    "current_bits",
+    "voltage_bits",
+    "threshold_mantissa_bits",
+    "bias_mantissa_bits",
 }
-"""Names of widths of registers."""
+"""Names of the widths of registers."""
 
 
 def units_in(source: str) -> list[str]:
-    """Return every use of a unit in a module's source, by line."""
-    found = [(node.lineno, what) for node in ast.walk(ast.parse(source)) for what in _uses(node)]
-    return [f"line {line}: {what}" for line, what in sorted(found)]
+    """Return a description of every use of a unit in a module's source, in the order of lines."""
+    uses = [(node.lineno, use) for node in ast.walk(ast.parse(source)) for use in _uses(node)]
+    return [f"line {line}: {use}" for line, use in sorted(uses)]
 
 
 def _uses(node: ast.AST) -> Iterator[str]:
+    """Yield a description of each use of a unit in a node itself, not in the nodes below it."""
     if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hw_model.arithmetic"):
         for alias in node.names:
             if alias.name in NAMES:
@@ -58,7 +67,7 @@ def _uses(node: ast.AST) -> Iterator[str]:
 
 
 def _knows_the_page(node: ast.BinOp) -> bool:
-    """Tell whether it is the bound of a register, a lower limit, or the step at which a spike acts."""
+    """Return whether an expression is the bound of a register, a lower limit, or the step at which a spike acts."""
     if _is_power_of_two(node):
         return _name(node.right) in WIDTHS
     if isinstance(node.op, ast.Sub) and _is_one_of(node.left, {1}):
@@ -75,7 +84,7 @@ def _is_power_of_two(node: ast.BinOp) -> bool:
 
 
 def _acts_one_step_later(left: ast.expr, right: ast.expr) -> bool:
-    """Tell whether a sum is ``1 + delay``, in any order, or ``row + 1 + delay``."""
+    """Return whether a sum is ``1 + delay``, in any order, or ``row + 1 + delay``."""
     if isinstance(left, ast.BinOp) and isinstance(left.op, ast.Add):
         left = left.right
     terms = (left, right)
@@ -85,7 +94,7 @@ def _acts_one_step_later(left: ast.expr, right: ast.expr) -> bool:
 
 
 def _truncates_a_weight(node: ast.Call) -> bool:
-    """Tell whether it is ``floor(m 2^exponent)``."""
+    """Return whether a call is ``floor(m 2^exponent)``."""
     if _name(node.func) not in {"floor", "trunc", "fix"}:
         return False
     powers = (
@@ -95,14 +104,14 @@ def _truncates_a_weight(node: ast.Call) -> bool:
 
 
 def _name(node: ast.expr) -> str:
-    """Return the last word of a name, or "" for what has none."""
+    """Return the last part of a dotted name, or "" for any other expression."""
     if isinstance(node, ast.Attribute):
         return node.attr
     return node.id if isinstance(node, ast.Name) else ""
 
 
 def _is_one_of(node: ast.expr, numbers: set[int]) -> bool:
-    """Tell whether an expression is one of these numbers, written out."""
+    """Return whether an expression is one of these numbers, written out."""
     return (
         isinstance(node, ast.Constant)
         and isinstance(node.value, int | float)

@@ -57,11 +57,14 @@ def fences(page: Path) -> list[Fence]:
     return blocks
 
 
+def without_fences(text: str) -> str:
+    """Return the text of a page without its fenced blocks."""
+    return re.sub(r"^(`{3,}).*?^\1\s*$", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
 def prose(page: Path) -> str:
     """Return a page without its fenced blocks and code spans, since brackets in code are not links."""
-    text = re.sub(
-        r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
-    )
+    text = without_fences(page.read_text("utf-8"))
     return re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", "", text)
 
 
