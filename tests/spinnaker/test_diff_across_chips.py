@@ -45,7 +45,7 @@ def test_the_hybrid_predicts_every_class_alike_with_99_9_percent_of_its_spikes(b
     }
 
 
-def test_the_summary_and_the_page_say_so_by_population(builds, capsys, tmp_path):
+def test_the_summary_and_the_page_compare_spikes_by_population(builds, capsys, tmp_path):
     page = tmp_path / "diff.html"
     assert main(["diff", *builds, "--events", TOUCHES, "--html", str(page)]) == 0
     stdout = " ".join(capsys.readouterr().out.split())

@@ -137,7 +137,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
+def test_the_witnesses_reveal_a_planted_fault(fault, monkeypatch):
     name, faulty = FAULTS[fault]
     monkeypatch.setattr(spinnaker, name, faulty)
     differing_values = 0

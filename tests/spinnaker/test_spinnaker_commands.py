@@ -56,7 +56,7 @@ def test_its_program_runs_with_the_counts_of_the_report(built, capsys):
 
 
 @pytest.mark.slow
-def test_both_engines_say_the_same(built, capsys, tmp_path):
+def test_both_engines_give_the_same_output(built, capsys, tmp_path):
     outputs = []
     for engine in ("fast", "reference"):
         command = ["run", str(built), "--events", TOUCHES, "--json", "--engine", engine]
@@ -122,7 +122,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("options", "message"), REFUSED.values(), ids=REFUSED)
-def test_what_spinnaker_has_not_is_refused_by_name(options, message, tmp_path, capsys):
+def test_options_without_a_meaning_for_spinnaker_are_refused(options, message, tmp_path, capsys):
     assert compile_hybrid(tmp_path / "out", *options) == 2
     assert capsys.readouterr().err.strip() == message
     assert not (tmp_path / "out").exists()
@@ -143,7 +143,7 @@ def test_options_of_other_programs_are_refused(built, option, capsys):
     assert capsys.readouterr().err.startswith(f"{name}: ")
 
 
-def test_bounds_are_gates(tmp_path, capsys):
+def test_a_build_below_the_minimum_agreement_fails_its_gate(tmp_path, capsys):
     assert compile_hybrid(tmp_path / "out", "--strategy", "reset", "--min-agreement", "0.1") == 0
     assert compile_hybrid(tmp_path / "out", "--strategy", "reset", "--min-agreement", "0.9") == 3
     assert capsys.readouterr().err.splitlines()[-1] == (

@@ -40,7 +40,7 @@ def test_no_run_leaves_its_bounds_and_nothing_wraps_where_they_fit():
     assert proven >= FEWEST_PROVEN
 
 
-def test_a_current_comes_to_its_bound():
+def test_a_current_comes_close_to_its_bound():
     """With a spike of weight 1000 in every step, the current rises to what a step brings over the share it loses."""
     small = network()
     result = play_fast(small, "run", np.ones((400, 1), dtype=np.uint8))
@@ -92,7 +92,7 @@ def test_saturations_and_wraps_are_excluded_up_to_the_limit(case):
     assert reach.fits == (expected == (False, False))
 
 
-def test_a_current_comes_to_its_bound_of_rarer_spikes():
+def test_a_current_comes_close_to_its_bound_for_rarer_spikes():
     """With a spike in every fourth step, the current rises to what a spike brings over the share that four steps lose."""
     small = network()
     rows = np.zeros((400, 1), dtype=np.uint8)

@@ -133,7 +133,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
+def test_the_witnesses_reveal_a_planted_fault(fault, monkeypatch):
     name, faulty = FAULTS[fault]
     monkeypatch.setattr(xylo, name, faulty)
     assert sum(map(differing_values, WITNESSES)) > 0

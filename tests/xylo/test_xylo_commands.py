@@ -93,7 +93,7 @@ def test_a_nir_graph_becomes_a_build_whose_program_runs(folder, built, capsys):
     )
 
 
-def test_both_engines_say_the_same(folder, built, capsys):
+def test_both_engines_give_the_same_output(folder, built, capsys):
     outputs = []
     for engine in ("fast", "reference"):
         command = ["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE, "--json"]
@@ -243,7 +243,7 @@ REFUSED_TO_RUN = {
 
 
 @pytest.mark.parametrize("option", REFUSED_TO_RUN)
-def test_run_refuses_what_a_program_for_a_xylo_has_no_use_for(option, folder, built, capsys):
+def test_run_refuses_options_without_a_meaning_for_a_xylo(option, folder, built, capsys):
     options, reason = REFUSED_TO_RUN[option]
     command = ["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE]
     assert main([*command, *options]) == 2
