@@ -74,18 +74,15 @@ def board_files(sizes: Sizes, board: str, own: Mapping[str, str] | None = None) 
     # board.
     for_make = " ".join(f"{name}={value}" for name, value in values.items())
     for_top = ", ".join(f".{name}({value})" for name, value in values.items())
-    board_entries = [
-        entry
-        for entry in (files("hw_model") / "rtl" / "boards").iterdir()
-        if not entry.name.startswith("__") and not entry.name.endswith(".in")
-    ]
-    return {
-        **{name: text.encode() for name, text in sources().items()},
-        **{
-            entry.name: entry.read_bytes()
-            for entry in sorted(board_entries, key=lambda entry: entry.name)
-        },
-        **{name: text.encode() for name, text in files_of_boards.items()},
+    contents = {name: text.encode() for name, text in sources().items()}
+    shipped = (files("hw_model") / "rtl" / "boards").iterdir()
+    for entry in sorted(shipped, key=lambda entry: entry.name):
+        is_code = entry.name.startswith("__")
+        is_template = entry.name.endswith(".in")
+        if not (is_code or is_template):
+            contents[entry.name] = entry.read_bytes()
+    contents |= {name: text.encode() for name, text in files_of_boards.items()}
+    return contents | {
         "config.mk": f"BOARD ?= {board}\nPARAMETERS := {for_make}\n".encode(),
         "top.sv": f'`include "{board}.top.sv"\n'.encode(),
         "parameters.vh": f"`define PARAMETERS {for_top}\n".encode(),
@@ -101,6 +98,7 @@ def _updates(core: CoreProgram, recording: ByteArray, played: SimulationResult) 
     for phase in core.phases:
         numbers = core.numbers[phase.name]
         steps = phase.span(recording)
+        # (step, column, number of the line), then in the order of the core.
         table = np.zeros((len(steps), len(numbers), 5), dtype=np.int64)
         table[..., 0] = numbers
         for name, columns in core.program.columns_of(phase.name).items():

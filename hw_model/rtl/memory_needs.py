@@ -84,17 +84,20 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
         flags = -(-needs.compartments // WORDS_PER_FLAGS)
         flag_reads = updates * 2 / WORDS_PER_FLAGS
         constants.append(array(f"{name}_flags", flags, WORDS_PER_FLAGS, flag_reads))
+    # at_rest.sv reads and writes a word for each group of compartments.
     rest_words = -(-words.states // COMPARTMENTS_PER_REST)
     rest_accesses = updates / COMPARTMENTS_PER_REST
     return [
         array("axons", needs.axons, widths["axons"], lists),
         array("synapses", needs.synapses // 2, synapse, counts.synaptic_ops / 2, in_order=True),
+        # Every synaptic operation adds and every update takes a charge; a charge of 0 need not be
+        # written back.
         array(
             "charges",
             charges,
             sizes.charge,
-            counts.synaptic_ops + updates,
-            counts.synaptic_ops + active,
+            reads=counts.synaptic_ops + updates,
+            writes=counts.synaptic_ops + active,
             copies=2,
         ),
         array("states", words.states, STATE_BITS, active, active, halves=2),

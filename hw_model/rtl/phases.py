@@ -151,10 +151,12 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
 
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
     is_aligned = phase.align_events is not None
+    # The buffer keeps the rows that visits read, a row per step by rows, and all rows of a
+    # recording for an aligned phase, as any of them may be the first.
     kept = max(
         0 if streams else rows_of_visits,
         steps if by_rows else 0,
-        rows if is_aligned else 0,  # any of them may be the first
+        rows if is_aligned else 0,
     )
     from_step = program.readout.from_step if program.readout else {}
     first_steps = [from_step[name] for name in program.columns_of(phase.name) if name in from_step]
@@ -167,9 +169,10 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
         row_source=row_source,
         by_rows=by_rows,
         align_events=phase.align_events,
+        # A later step than any phase has is cut to one that fits the field.
         potentials_from=min(max(first_steps, default=0), NO_ROW),
         sources=np.concatenate(sources),
-        visits=table[:, np.argsort(table[0], kind="stable")],
+        visits=table[:, np.argsort(table[0], kind="stable")],  # by step
     )
     return core_phase, next_source
 
