@@ -1,4 +1,8 @@
-"""Recordings of any sensor, from ``locsnn train`` to the report: layouts, axes, class names, lengths, gaps, silence."""
+"""Recordings of any sensor, from ``locsnn train`` to the report: layouts, axes, class names, lengths, gaps, silence.
+
+Synthetic touches of grids and of sensors without positions are trained on for one epoch and compiled. What is known of
+the sensor must come back from the checkpoint, the report and the program as it was written into the files here.
+"""
 
 import json
 from dataclasses import replace
@@ -22,9 +26,10 @@ NAMES = ("press", "slide", "twist")
 
 
 def grid_layout(text: str, polarities: int) -> SensorLayout:
-    found = asked_layout(text, polarities, channels=None, layout=None)
-    assert found is not None
-    return found
+    """Return the layout of a grid such as ``4x5``, in columns and rows."""
+    layout = asked_layout(text, polarities, channels=None, layout=None)
+    assert layout is not None
+    return layout
 
 
 GRID = grid_layout("4x5", 2)
@@ -32,6 +37,7 @@ GRID = grid_layout("4x5", 2)
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Run every test in a folder of its own, so that files need no paths."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -108,9 +114,9 @@ def test_networks_that_a_sensor_cannot_have_are_not_compared(tmp_path: Path) -> 
     """Both names stay in report.json: without a grid there are no frames, and without a sensor no channels."""
     undefined = {"operations": None, "ratio": None, "chip_ratio": None}
     train(write(SensorLayout("8 channels", taxels=8)), "--channels", "8")
-    found = compiled("--events", "a.npz")["ann_comparison"]
-    assert found["cnn-3d"] == undefined
-    assert found["gru-mlp"]["operations"] > 0
+    comparison = compiled("--events", "a.npz")["ann_comparison"]
+    assert comparison["cnn-3d"] == undefined
+    assert comparison["gru-mlp"]["operations"] > 0
     text = Path("built/report.md").read_text("utf-8")
     assert ("GRU-MLP" in text, "CNN-3D" in text) == (True, False)
     unknown = replace(lc.load("a.pt"), sensor=None)
@@ -188,16 +194,16 @@ def test_what_contradicts_the_sensor_is_refused(
 
 
 def test_another_order_of_axes_is_said_by_an_option_or_by_the_file(capsys: Capture) -> None:
-    plain, turned = write(GRID), write(GRID, "b.npz", step_major=True)
-    said = write(GRID, "c.npz", step_major=True, axes="samples,steps,channels")
+    by_default, step_major = write(GRID), write(GRID, "b.npz", step_major=True)
+    stating_axes = write(GRID, "c.npz", step_major=True, axes="samples,steps,channels")
     axes = ("--axes", "samples,steps,channels")
-    runs = ((plain, ()), (turned, axes), (said, ()), (said, axes))
+    runs = ((by_default, ()), (step_major, axes), (stating_axes, ()), (stating_axes, axes))
     weights = []
     for data, options in runs:
         assert train(data, "--grid", "4x5", *options) == 0
         weights.append(read_checkpoint("a.pt").weights["time_hidden"])
-    assert all(np.array_equal(weights[0], other) for other in weights)
-    assert train(said, "--grid", "4x5", "--axes", "samples,channels,steps") == 2
+    assert all(np.array_equal(weights[0], weights_of_run) for weights_of_run in weights)
+    assert train(stating_axes, "--grid", "4x5", "--axes", "samples,channels,steps") == 2
     assert capsys.readouterr().err == (
         "axes: file 'c.npz' gives another order (samples,steps,channels). Leave it out.\n"
     )
@@ -228,8 +234,8 @@ def test_events_with_x_and_y_are_laid_out_as_the_checkpoint_was(capsys: Capture)
     train(write(GRID), "--grid", "4x5")
     event = [("t", "<i8"), ("x", "<i8"), ("y", "<i8"), ("p", "<i8")]
     np.save("e.npy", np.array([(0, 1, 2, 0), (20_000, 0, 4, 0)], dtype=event))
-    found = lc.read_recordings("e.npy", model=lc.load("a.pt").expected)
-    assert sorted(zip(*map(list, np.nonzero(found.spikes[0])), strict=True)) == [
+    recordings = lc.read_recordings("e.npy", model=lc.load("a.pt").expected)
+    assert sorted(zip(*map(list, np.nonzero(recordings.spikes[0])), strict=True)) == [
         (0, 2 * (2 * 4 + 1)),
         (1, 2 * 16),
     ]
@@ -238,7 +244,7 @@ def test_events_with_x_and_y_are_laid_out_as_the_checkpoint_was(capsys: Capture)
     program = hw.load_program("built")
     assert (program.polarities, program.columns) == (2, 4)
     assert np.array_equal(
-        lc.read_recordings("e.npy", model=expected_by(program)).spikes, found.spikes
+        lc.read_recordings("e.npy", model=expected_by(program)).spikes, recordings.spikes
     )
     capsys.readouterr()
     assert locsnn_main(["run", "built", "--events", "e.npy"]) == 0
@@ -300,15 +306,16 @@ def test_polarities_are_merged_only_if_asked(capsys: Capture) -> None:
         "or merge them by --merge-polarities.\n"
     )
     assert train("events.zip", "--channels", "40", "--polarities", "2") == 0
-    found = read_checkpoint("a.pt").recordings
-    assert found is not None
-    assert np.array_equal(found.spikes, touches.spikes[: len(found)])
+    recordings = read_checkpoint("a.pt").recordings
+    assert recordings is not None
+    assert np.array_equal(recordings.spikes, touches.spikes[: len(recordings)])
     merging = ("--channels", "40", "--merge-polarities")
     assert train("events.zip", *merging, output="b.pt") == 0
-    found = read_checkpoint("b.pt").recordings
-    assert found is not None
+    recordings = read_checkpoint("b.pt").recordings
+    assert recordings is not None
     assert np.array_equal(
-        found.spikes, touches.spikes[: len(found), :, ::2] | touches.spikes[: len(found), :, 1::2]
+        recordings.spikes,
+        touches.spikes[: len(recordings), :, ::2] | touches.spikes[: len(recordings), :, 1::2],
     )
 
 
@@ -316,7 +323,7 @@ FIT = "its class names do not fit its classes (2 different ones against 3)"
 
 
 @pytest.mark.parametrize(
-    ("names", "said"),
+    ("names", "problem"),
     [
         (("press", "slide"), FIT),
         (("press", "press", "twist"), FIT),
@@ -326,10 +333,10 @@ FIT = "its class names do not fit its classes (2 different ones against 3)"
     ],
     ids=["too few", "twice", "empty", "control character", "long"],
 )
-def test_class_names_that_do_not_fit(names: tuple[str, ...], said: str, capsys: Capture) -> None:
+def test_class_names_that_do_not_fit(names: tuple[str, ...], problem: str, capsys: Capture) -> None:
     assert train(write(GRID, class_names=names), "--grid", "4x5") == 2
     assert capsys.readouterr().err == (
-        f"recordings 'a.npz': {said}. Give a name of 1 to 80 printable characters for each class, from class 0 on.\n"
+        f"recordings 'a.npz': {problem}. Give a name of 1 to 80 printable characters for each class, from class 0 on.\n"
     )
 
 
@@ -340,11 +347,11 @@ def test_folders_are_classes_and_recordings_have_lengths_of_their_own(capsys: Ca
             folder = Path("set") / part / NAMES[label]
             folder.mkdir(parents=True, exist_ok=True)
             np.save(folder / f"sample_{i}.npy", spikes[: 19 + i].T)
-    found = lc.read_recordings("set", split="train")
-    assert found.class_names == NAMES
-    assert found.labels.tolist() == [0, 1, 2, 0, 1, 2]  # type: ignore[union-attr]
-    assert found.spikes.shape == (6, 24, 40)
-    assert not found.spikes[0, 19:].any()
+    recordings = lc.read_recordings("set", split="train")
+    assert recordings.class_names == NAMES
+    assert recordings.labels.tolist() == [0, 1, 2, 0, 1, 2]  # type: ignore[union-attr]
+    assert recordings.spikes.shape == (6, 24, 40)
+    assert not recordings.spikes[0, 19:].any()
     assert locsnn_main(
         ["train", "--data", "set", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]
     ) in (0, 3)
@@ -359,9 +366,9 @@ def test_labels_with_gaps_and_silence_are_told(capsys: Capture) -> None:
     assert locsnn_main(
         ["train", "--data", "a.npz", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]
     ) in (0, 3)
-    out = capsys.readouterr().out
-    assert "! 1 of 6 recordings to train on has no event.\n" in out
-    assert "! No recording to train on has label 1, 2: labels count from 0 to 3 here.\n" in out
+    stdout = capsys.readouterr().out
+    assert "! 1 of 6 recordings to train on has no event.\n" in stdout
+    assert "! No recording to train on has label 1, 2: labels count from 0 to 3 here.\n" in stdout
     np.savez("b.npz", spikes=0 * spikes.transpose(0, 2, 1), labels=[0, 3, 0, 3, 0, 3])
     assert train("b.npz", "--grid", "4x5") == 2
     assert capsys.readouterr().err == (

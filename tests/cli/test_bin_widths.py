@@ -1,4 +1,7 @@
-"""The width of a bin: the recordings' own, else --step-seconds, else the model's, else 0.02 s; never a graph's --dt."""
+"""The width of a bin: the recordings' own, else --step-seconds, else the model's, else 0.02 s; never a graph's --dt.
+
+Expected times are computed by hand from the times of the events that are written here.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +23,12 @@ CHANNELS, STEPS = 3, 100
 @pytest.fixture
 def graph(tmp_path: Path) -> Path:
     """A graph of a LIF of tau 1e-3."""
-    one = np.ones(2)
+    ones = np.ones(2)
     nodes = {
         "input": nir.Input(np.array([CHANNELS])),
         "w": nir.Linear(np.full((2, CHANNELS), 0.5)),
         "out": nir.LIF(
-            tau=1e-3 * one, r=10 * one, v_leak=0 * one, v_threshold=one, v_reset=0 * one
+            tau=1e-3 * ones, r=10 * ones, v_leak=0 * ones, v_threshold=ones, v_reset=0 * ones
         ),
         "output": nir.Output(np.array([2])),
     }
@@ -60,10 +63,11 @@ def report_of(folder: Path, *arguments: Any) -> dict[str, Any]:
 
 def about_steps(report: dict[str, Any]) -> list[str]:
     """Return what is assumed about the length of a step at the sensor."""
-    return [said for said in report["assumptions"] if "step lasts" in said]
+    return [sentence for sentence in report["assumptions"] if "step lasts" in sentence]
 
 
 def step_sentence(seconds: str, why: str) -> str:
+    """Return the sentence of the report on the length of a step."""
     return f"A step lasts {seconds} s, {why}"
 
 
@@ -102,7 +106,7 @@ def test_bins_of_10_ms_can_be_had_for_a_graph_of_steps_of_100_us(
 ) -> None:
     options = ("--dt", "1e-4", "--step-seconds", "0.01")
     report = report_of(tmp_path, graph, "--events", events_of_1_s(tmp_path), *options)
-    assert report["latency"]["recording_ns"] == pytest.approx(91 * 10e6)
+    assert report["latency"]["recording_ns"] == pytest.approx(91 * 10e6)  # 902 ms in bins of 10 ms
     assert about_steps(report) == []
 
 
@@ -130,8 +134,8 @@ def test_the_step_of_a_graphs_constants_is_kept_in_the_graph_that_is_written(
     graph: Path, tmp_path: Path
 ) -> None:
     report_of(tmp_path, graph, "--dt", "2e-4", "--emit", "nir")
-    again = lc.load(tmp_path / "out/network.nir")
-    before = lc.load(graph, dt=2e-4)
-    assert again.step_seconds is again.usual_step_seconds is None
-    decays = [network.populations[0].neuron.decay_v for network in (before, again)]
+    reloaded = lc.load(tmp_path / "out/network.nir")
+    original = lc.load(graph, dt=2e-4)
+    assert reloaded.step_seconds is reloaded.usual_step_seconds is None
+    decays = [network.populations[0].neuron.decay_v for network in (original, reloaded)]
     np.testing.assert_array_equal(*decays)

@@ -1,4 +1,7 @@
-"""``locsnn-compile`` end to end: what it writes, prints and returns, and what it says of bad input."""
+"""``locsnn-compile`` end to end: the files that it writes, what it prints and returns, and its messages for bad input.
+
+Messages are compared whole; the program of a build is simulated again and compared with the report.
+"""
 
 import json
 import os
@@ -22,6 +25,7 @@ from locsnn_compile.emitters import EMITTERS, LEVEL_KINDS, NAMES_IN_FOLDERS
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 COARSEST = "--weight-bits 1 --split-weights 0"
+"""Weights so coarse that predictions change."""
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
 EMITTED = {
     "vectors",
@@ -63,12 +67,13 @@ def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
     program = hw.load_program(tmp_path / "out")
     report = json.loads((tmp_path / "out/report.json").read_text())
-    spikes = np.pad(np.load(few).transpose(0, 2, 1), ((0, 0), (0, 190), (0, 0)))
+    # The recordings have 60 steps, and silence follows them up to the 250 of the model.
+    spikes = np.pad(np.load(few).transpose(0, 2, 1), ((0, 0), (0, 250 - 60), (0, 0)))
     result = hw.simulate(program, spikes)
     assert result.counts.synaptic_ops / 3 == report["operations"]["per_sample"]["synaptic_ops"]
-    out = capsys.readouterr().out
-    assert "objects-hybrid" in out
-    assert str(tmp_path / "out") in out
+    stdout = capsys.readouterr().out
+    assert "objects-hybrid" in stdout
+    assert str(tmp_path / "out") in stdout
 
 
 @pytest.mark.slow
@@ -83,10 +88,10 @@ def test_what_an_earlier_build_emitted_is_named(few, tmp_path, capsys):
     assert capsys.readouterr() == ("", ""), "the same build"
     assert build(few, out, "--weight-bits", "4", "--emit", "csv") == 0
     names = "network.txt, vectors/, waves.vcd and trace.json"
-    said = (
+    warning = (
         f"-o {str(out)!r}: an earlier build left {names} there. Emit them again, or remove them.\n"
     )
-    assert capsys.readouterr() == ("", said)
+    assert capsys.readouterr() == ("", warning)
     assert (out / "waves.vcd").is_file()
     assert (out / "trace.json").read_text() == "mine"
 
@@ -135,6 +140,7 @@ def test_quiet_prints_nothing(few, tmp_path, capsys):
 @pytest.mark.slow
 def test_two_runs_write_the_same_bytes(few, tmp_path):
     """In fresh interpreters with different hash seeds: nothing may depend on the order of a set."""
+    # For other chips, or for networks or chips without something that this one has.
     unwritable = ("lava", "nir", "net", "pynn", "viewer", "xylo")
     kinds = [emitter.kind for emitter in EMITTERS if emitter.kind not in unwritable]
     for name, seed in (("one", "1"), ("two", "2")):
@@ -148,26 +154,32 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
             "--quiet",
         ]
         command += ["-o", str(tmp_path / name), "--emit", *kinds]
-        done = subprocess.run(
+        process = subprocess.run(
             command,
             env={**os.environ, "PYTHONHASHSEED": seed},
             capture_output=True,
             text=True,
             check=False,
         )
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    one, two = tmp_path / "one", tmp_path / "two"
+        assert (process.returncode, process.stdout, process.stderr) == (0, "", "")
+    first_build, second_build = tmp_path / "one", tmp_path / "two"
     levels = {f"{kind}.txt" for kind in LEVEL_KINDS}
-    assert {path.name for path in one.iterdir()} == FILES | levels | EMITTED
-    written = {path.relative_to(one) for path in one.rglob("*")}
-    assert {path.name for path in one.iterdir()} == {
+    assert {path.name for path in first_build.iterdir()} == FILES | levels | EMITTED
+    written = {path.relative_to(first_build) for path in first_build.rglob("*")}
+    assert {path.name for path in first_build.iterdir()} == {
         name.strip("/") for name in written_names(kinds)
     }
-    nested = [name.as_posix() for name in written if len(name.parts) > 1 and (one / name).is_file()]
+    nested = [
+        name.as_posix()
+        for name in written
+        if len(name.parts) > 1 and (first_build / name).is_file()
+    ]
     assert [name for name in nested if not re.fullmatch(NAMES_IN_FOLDERS, name)] == []
-    assert written == {path.relative_to(two) for path in two.rglob("*")}
+    assert written == {path.relative_to(second_build) for path in second_build.rglob("*")}
     for name in written:
-        assert (one / name).is_dir() or (one / name).read_bytes() == (two / name).read_bytes(), name
+        assert (first_build / name).is_dir() or (first_build / name).read_bytes() == (
+            second_build / name
+        ).read_bytes(), name
 
 
 @pytest.mark.slow
@@ -190,7 +202,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("gate", "value", "said"),
+    ("gate", "value", "failure"),
     [
         pytest.param("--min-agreement", "0", None, id="agreement kept"),
         pytest.param("--min-agreement", f"1 {COARSEST}", lambda report: f"prediction agreement is {report['match']['prediction_agreement']:.4f}, below 1", id="agreement"),
@@ -202,20 +214,20 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
         pytest.param("--max-latency-us", "1", lambda report: f"a recording takes {report['latency']['per_sample_ns'] / 1e3:.1f} µs, above 1", id="latency"),
     ],
 )  # fmt: skip
-def test_gates(few, tmp_path, capsys, gate, value, said):
+def test_gates(few, tmp_path, capsys, gate, value, failure):
     code = build(few, tmp_path, gate, *value.split())
     lines = capsys.readouterr().err.splitlines()
     report = json.loads((tmp_path / "report.json").read_text())
     assert (code, lines[:1]) == (
-        (0, []) if said is None else (3, [f"gate failed: {gate}: {said(report)}."])
+        (0, []) if failure is None else (3, [f"gate failed: {gate}: {failure(report)}."])
     )
     # A budget that no setting keeps is a line of its own, with what came nearest.
-    bounds = gate in ("--min-agreement", "--max-spike-error") and said is not None
-    assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * bounds
+    is_unmet_bound = gate in ("--min-agreement", "--max-spike-error") and failure is not None
+    assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * is_unmet_bound
 
 
 @pytest.mark.parametrize(
-    ("gate", "value", "asked"),
+    ("gate", "value", "accepted"),
     [
         ("--max-spike-error", "5", "from 0 to 1"),
         ("--min-agreement", "-0.1", "from 0 to 1"),
@@ -223,11 +235,12 @@ def test_gates(few, tmp_path, capsys, gate, value, said):
         ("--max-score-error", "-0.1", "from 0 up"),
     ],
 )
-def test_a_bound_that_no_program_decides_is_refused(few, tmp_path, capsys, gate, value, asked):
+def test_a_bound_that_no_program_decides_is_refused(few, tmp_path, capsys, gate, value, accepted):
     """And one that would let nothing pass; above all a share given in percent: no more than all spikes can differ."""
     assert build(few, tmp_path / "out", gate, value) == 2
     assert (
-        capsys.readouterr().err == f"{gate} {value}: it is out of range. Give a number {asked}.\n"
+        capsys.readouterr().err
+        == f"{gate} {value}: it is out of range. Give a number {accepted}.\n"
     )
     assert not (tmp_path / "out").exists()
 
@@ -302,24 +315,29 @@ class _Runs:
 
 
 def truncated(tmp_path):
+    """Write a checkpoint whose end is missing; return its path."""
     path = tmp_path / "model.pt"
     path.write_bytes(MODEL.read_bytes()[:20_000])
     return path
 
 
 def hostile(tmp_path):
+    """Write a checkpoint that would run a command when it is unpickled."""
     path = tmp_path / "model.pt"
     torch.save({"format": _Runs(tmp_path / "ran")}, path)
     return path
 
 
 def plain_pickle(tmp_path):
+    """Write a pickle that torch did not write, and that would run a command."""
     path = tmp_path / "model.pt"
     path.write_bytes(pickle.dumps(_Runs(tmp_path / "ran")))
     return path
 
 
 def set_weight(population, value):
+    """Return a change that sets one weight of a population."""
+
     def change(entries):
         entries["weights"][population][3, 5] = value
 
@@ -327,13 +345,16 @@ def set_weight(population, value):
 
 
 def cut_weights(entries):
+    """Remove the last input of the weights onto the output."""
     entries["weights"]["time_output"] = entries["weights"]["time_output"][:, :-1].clone()
 
 
 def repeat_taxel(entries):
+    """Name a taxel twice in the order of the location branch."""
     entries["location_order"]["taxels"][4] = entries["location_order"]["taxels"][2]
 
 
+# Each row: its id, a function that writes the model into a folder, and the line on standard error.
 BAD_MODELS = [
     ("missing", lambda t: t / "gone.pt", "checkpoint 'gone.pt': it cannot be read (No such file or directory). Check the path."),
     ("truncated", truncated, "checkpoint 'model.pt': it is damaged, truncated or not a torch file. Write it again with 'locsnn train'."),
@@ -367,11 +388,13 @@ def as_typed(line, *paths):
 
 
 def wrong_channels(tmp_path):
+    """Write recordings of twice the channels of the model."""
     path = tmp_path / "wide.npy"
     np.save(path, np.zeros((2, 156, 250), dtype=np.uint8))
     return path
 
 
+# Each row: its id, a function that returns the options, and the line on standard error.
 BAD_OPTIONS = [
     ("target", lambda t: ("--target", "loihi-sin"), "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
     ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of 78 channels."),

@@ -1,4 +1,7 @@
-"""Completion: the scripts for shells, and the answers that a command gives when a shell asks."""
+"""Shell completion: the scripts of ``locsnn completion``, and the answers to a shell that asks.
+
+Bash itself is run with the script, and asked how a line goes on.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,7 @@ ENVIRONMENT = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
 
 @pytest.fixture
 def folder(tmp_path):
+    """A folder with files that can be completed."""
     for name in ("my-chip.yaml", "notes.txt", "net.nir"):
         (tmp_path / name).write_text("")
     return tmp_path
@@ -28,22 +32,22 @@ def folder(tmp_path):
 
 def complete(line, folder):
     """Ask bash, with our script, how a line goes on."""
-    asked = (
+    script = (
         f'source <(locsnn completion bash); COMP_WORDS=({line}); [[ "$1" == *" " ]] && COMP_WORDS+=("")\n'
         'COMP_LINE="$1"; COMP_POINT=${#1}; COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); COMP_TYPE=9\n'
         '_python_argcomplete "${COMP_WORDS[0]}"; printf "%s\\n" "${COMPREPLY[@]}"\n'
     )
-    command = ["bash", "--norc", "-c", asked, "bash", line]
-    done = subprocess.run(
+    command = ["bash", "--norc", "-c", script, "bash", line]
+    process = subprocess.run(
         command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    return {word.rstrip() for word in done.stdout.splitlines()}
+    assert process.returncode == 0, process.stderr
+    return {word.rstrip() for word in process.stdout.splitlines()}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("line", "wanted"),
+    ("line", "completions"),
     [
         ("locsnn t", {"train", "targets"}),
         ("locsnn targets --s", {"--show"}),
@@ -59,8 +63,8 @@ def complete(line, folder):
         ("locsnn completion ", set(SHELLS)),
     ],
 )
-def test_bash_completes(line, wanted, folder):
-    assert wanted <= complete(line, folder)
+def test_bash_completes(line, completions, folder):
+    assert completions <= complete(line, folder)
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -71,10 +75,10 @@ def test_a_script_is_one(shell, capsys, tmp_path):
         assert program in script
     if shutil.which(shell):
         (tmp_path / "script").write_text(script)
-        done = subprocess.run(
+        process = subprocess.run(
             [shell, "-n", tmp_path / "script"], capture_output=True, text=True, check=False
         )
-        assert (done.returncode, done.stderr) == (0, "")
+        assert (process.returncode, process.stderr) == (0, "")
 
 
 def test_other_shells_are_refused(capsys):

@@ -1,4 +1,7 @@
-"""Ctrl-C ends a command at once, compiled code included, and leaves nothing half written."""
+"""Ctrl-C ends a command at once, compiled code included, and leaves nothing half written.
+
+Real processes get a real signal while they are in a loop of compiled code.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +30,17 @@ def endless(tmp_path_factory):
     folder = tmp_path_factory.mktemp("endless")
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     builder.add_input("touch", 1)
-    h = builder.add_compartments("h", 600, decay_u=4096, decay_v=4096, threshold=0, bias=524160)
-    builder.connect(h, h, 2 * np.random.default_rng(0).integers(-1, 2, (600, 600)), delay=1)
-    builder.read_out(h)
+    hidden = builder.add_compartments(
+        "h", 600, decay_u=4096, decay_v=4096, threshold=0, bias=524160
+    )
+    builder.connect(
+        hidden, hidden, 2 * np.random.default_rng(0).integers(-1, 2, (600, 600)), delay=1
+    )
+    builder.read_out(hidden)
     builder.build().save(folder)
-    for recordings in (
-        1,
-        2,
-    ):  # compiles the loops, if need be, before a command is interrupted in them
+    # Compile the loops, if need be, before a command is interrupted in them: one recording is played in the
+    # main thread, several in other threads.
+    for recordings in (1, 2):
         np.save(folder / "short.npy", np.zeros((recordings, 1, 2), dtype=np.uint8))
         assert main(["run", str(folder), "--events", str(folder / "short.npy")]) == 0
     np.save(folder / "one.npy", np.zeros((1, 1, 1_000_000), dtype=np.uint8))
@@ -43,10 +49,11 @@ def endless(tmp_path_factory):
 
 
 LOADING = 2.5
-"""Seconds of the processor."""
+"""Seconds of the processor that a command takes for its imports once the compiler is loaded, at most."""
 
 
 def processor_seconds(process):
+    """Return the processor time of a process: fields 14 and 15 of /proc/PID/stat, in ticks."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
     user, system = (int(field) for field in fields[11:13])
     return (user + system) / os.sysconf("SC_CLK_TCK")
@@ -75,8 +82,8 @@ def interrupted(arguments, folder):
     assert process.poll() is None, process.communicate()
     start = time.monotonic()
     process.send_signal(signal.SIGINT)
-    out, error = process.communicate(timeout=60)
-    return process.returncode, out, error, time.monotonic() - start
+    stdout, stderr = process.communicate(timeout=60)
+    return process.returncode, stdout, stderr, time.monotonic() - start
 
 
 on_linux = pytest.mark.skipif(
@@ -90,10 +97,10 @@ on_linux = pytest.mark.skipif(
     "recordings", ["one.npy", "two.npy"], ids=["in the main thread", "in other threads"]
 )
 def test_ctrl_c_ends_compiled_code_at_once(endless, recordings):
-    code, out, error, seconds = interrupted(
+    code, stdout, stderr, seconds = interrupted(
         ("locsnn", "run", endless, "--events", endless / recordings), endless
     )
-    assert (code, out, error) == (130, "", "Interrupted.\n")
+    assert (code, stdout, stderr) == (130, "", "Interrupted.\n")
     assert seconds < 5
 
 
@@ -103,22 +110,22 @@ def test_ctrl_c_leaves_no_build(tmp_path):
     r = np.random.default_rng(0)
     np.save(tmp_path / "many.npy", (r.random((3000, 78, 250)) < 0.05).astype(np.uint8))
     before = sorted(path.name for path in tmp_path.iterdir())
-    code, out, error, seconds = interrupted(
+    code, stdout, stderr, seconds = interrupted(
         ("locsnn-compile", MODEL, "--events", "many.npy", "-o", "out"), tmp_path
     )
-    assert (code, out) == (130, "")
-    assert error in ("Interrupted.\n", "Interrupted; nothing was written.\n")
+    assert (code, stdout) == (130, "")
+    assert stderr in ("Interrupted.\n", "Interrupted; nothing was written.\n")
     assert seconds < 5
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def without_a_watch(ours, left):
+def without_a_watch(reading_end, command_ended):
     """Take the signal, and do not end the process of the tests a second later."""
-    with ours:
-        ours.recv(64)
+    with reading_end:
+        reading_end.recv(64)
 
 
-def told_by(run, capsys):
+def run_as_command(run, capsys):
     """Run something as a command; return its exit code and its errors."""
     code = shell.run_guarded(shell.Parser("locsnn"), [], run)
     return code, capsys.readouterr().err
@@ -137,7 +144,7 @@ def test_ctrl_c_that_a_library_turns_into_another_error_is_an_interrupt(
         except KeyboardInterrupt:
             raise raised from None
 
-    assert told_by(run, capsys) == (130, "Interrupted; nothing was written.\n")
+    assert run_as_command(run, capsys) == (130, "Interrupted; nothing was written.\n")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
@@ -156,4 +163,4 @@ def test_ctrl_c_tells_what_was_written_before(names, line, tmp_path, capsys):
             replace_file(tmp_path / name, b"", "file")
         raise KeyboardInterrupt
 
-    assert told_by(run, capsys) == (130, line)
+    assert run_as_command(run, capsys) == (130, line)

@@ -1,4 +1,4 @@
-"""Options are declared to argparse: what reads their values, and what is said of a value that they refuse."""
+"""The declarations of options: every command has them, help texts have one form, and values are parsed or refused."""
 
 import argparse
 from pathlib import Path
@@ -30,7 +30,7 @@ def test_every_option_has_a_help_that_fits_into_a_sentence(command):
 
 
 @pytest.mark.parametrize(
-    ("limits", "good", "bad", "wanted"),
+    ("limits", "good", "bad", "accepted"),
     [
         ({}, "-3.5", "inf", "a finite number"),
         ({"low": 0}, "0", "-1", "a number from 0 up"),
@@ -40,25 +40,25 @@ def test_every_option_has_a_help_that_fits_into_a_sentence(command):
     ],
     ids=["finite", "from", "from to", "above", "not a number"],
 )
-def test_numbers_keep_their_limits(limits, good, bad, wanted):
-    read = number("--x", float, **limits)
-    assert read(good) == float(good)
+def test_numbers_keep_their_limits(limits, good, bad, accepted):
+    parse = number("--x", float, **limits)
+    assert parse(good) == float(good)
     with pytest.raises(InputError) as caught:
-        read(bad)
-    assert str(caught.value) == f"--x {bad}: it is out of range. Give {wanted}."
+        parse(bad)
+    assert str(caught.value) == f"--x {bad}: it is out of range. Give {accepted}."
 
 
 @pytest.mark.parametrize(
-    ("known", "read", "bad", "message"),
+    ("known", "parse", "bad", "message"),
     [
         (("fast", "slow"), str, "slw", "--x slw: it is not known. Did you mean 'slow'?"),
         (("1", "8"), int, "7", "--x 7: it is not known. Choose from 1, 8."),
     ],
     ids=["names", "numbers"],
 )
-def test_choices_refuse_other_values(known, read, bad, message):
-    arguments = choice("--x", known, read)
-    assert arguments["choices"] == [read(text) for text in known]
+def test_choices_refuse_other_values(known, parse, bad, message):
+    arguments = choice("--x", known, parse)
+    assert arguments["choices"] == [parse(text) for text in known]
     with pytest.raises(InputError) as caught:
         arguments["type"](bad)
     assert str(caught.value) == message

@@ -1,4 +1,7 @@
-"""``locsnn events --encode``: numbers become spikes, and the command says what is lost."""
+"""``locsnn events --encode``: numbers become spikes, and the command prints what is lost.
+
+Spikes and errors are compared with numbers worked out by hand or by the encoder's own function.
+"""
 
 import json
 
@@ -28,13 +31,15 @@ def test_rates_are_drawn_by_the_seed(tmp_path, capsys):
     values = np.random.default_rng(0).random((3, 2, 4))
     np.save(tmp_path / "values.npy", values)
     options = ["--encode", "rate", "--steps", "50", "--seed", "7", "--json"]
-    out = ["--to", str(tmp_path / "spikes.npy")]
-    assert main(["events", str(tmp_path / "values.npy"), *options, *out]) == 0
-    wanted = rate_spikes(values.reshape(3, 8), 50, seed=7)
-    np.testing.assert_array_equal(lc.read_recordings(tmp_path / "spikes.npy").spikes, wanted.spikes)
+    output_options = ["--to", str(tmp_path / "spikes.npy")]
+    assert main(["events", str(tmp_path / "values.npy"), *options, *output_options]) == 0
+    expected = rate_spikes(values.reshape(3, 8), 50, seed=7)
+    np.testing.assert_array_equal(
+        lc.read_recordings(tmp_path / "spikes.npy").spikes, expected.spikes
+    )
     encoding = json.loads(capsys.readouterr().out)["encoding"]
     assert encoding["encoder"] == "rate"
-    means = wanted.spikes.mean(axis=1)
+    means = expected.spikes.mean(axis=1)
     assert encoding["largest_error"] == pytest.approx(np.abs(means - values.reshape(3, 8)).max())
 
 

@@ -1,4 +1,7 @@
-"""``locsnn events``: figures, rasters and conversions, end to end."""
+"""``locsnn events``: figures, rasters and conversions, end to end.
+
+All figures of a small set of four events are worked out by hand.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def small(tmp_path: Path) -> Path:
+    """Three recordings of 8 steps and 78 channels with four events, the last recording silent."""
     spikes = np.zeros((3, 8, 78), dtype=np.uint8)
     spikes[0, 2, [0, 1]] = 1
     spikes[0, 5, 0] = 1
@@ -55,9 +59,9 @@ def test_figures(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_figures_as_json(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["events", str(small), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found.pop("dead_channels") == list(range(3, 78))
-    assert found == {
+    document = json.loads(capsys.readouterr().out)
+    assert document.pop("dead_channels") == list(range(3, 78))
+    assert document == {
         "schema": "locsnn-events/1",
         "source": "small.npz",
         "recordings": 3,
@@ -104,8 +108,8 @@ def test_a_set_of_one_event_without_sensor_or_width(
 def test_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.save(tmp_path / "a.npy", np.zeros((2, 3), dtype=np.uint8))
     assert main(["events", str(tmp_path / "a.npy"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["events"]["all"], found["silence"]["empty_recordings"]) == (0, 1)
+    document = json.loads(capsys.readouterr().out)
+    assert (document["events"]["all"], document["silence"]["empty_recordings"]) == (0, 1)
 
 
 def test_the_picture(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -210,6 +214,7 @@ def test_the_example_of_the_help(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     )
 
 
+# Each row: its id, options of `locsnn events small.npz`, and the line on standard error.
 REFUSED = [
     ("no such recording", ["--recording", "3"], "--recording 3: there is no such recording (3 in small.npz). Count from 0 to 2."),
     ("another picture", ["-o", "r.png"], "-o 'r.png': rasters are written as .svg. End the name in .svg."),

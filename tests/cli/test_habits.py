@@ -1,4 +1,6 @@
-"""What people expect of any command: a version, a module to run, logs, a file of options, and the paths that they typed."""
+"""What people expect of any command line: a version, a module to run, logs, a file of options, and messages with the
+paths that they typed.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ def refused(capsys, run, *words):
     """Return the one line on standard error of a command that exits with 2."""
     try:
         code = run(list(words))
-    except SystemExit as left:
-        code = left.code
+    except SystemExit as exit_:
+        code = exit_.code
     printed = capsys.readouterr()
     assert (code, printed.out) == (2, "")
     return printed.err
@@ -34,37 +36,43 @@ def refused(capsys, run, *words):
 
 @pytest.mark.parametrize(("run", "name"), [(main, "locsnn"), (compile_main, "locsnn-compile")], ids=["locsnn", "locsnn-compile"])  # fmt: skip
 def test_the_version(run, name, capsys):
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as caught:
         run(["--version"])
-    assert (left.value.code, capsys.readouterr().out) == (0, f"{name} {lc.__version__}\n")
+    assert (caught.value.code, capsys.readouterr().out) == (0, f"{name} {lc.__version__}\n")
     assert re.fullmatch(r"\d+\.\d+\.\d+", lc.__version__)
 
 
 def test_the_package_runs_as_a_module():
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "locsnn_compile", "--version"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"locsnn {lc.__version__}\n", "")
+    assert (process.returncode, process.stdout, process.stderr) == (
+        0,
+        f"locsnn {lc.__version__}\n",
+        "",
+    )
 
 
 def test_compile_is_a_command_with_the_same_options():
     words = ["m.pt", "--target", "tiny-sim", "--emit", "vcd", "--psi", "3"]
-    one, other = (
+    program_options, command_options = (
         vars(compile_parser().parse_args(words)),
         vars(parser().parse_args(["compile", *words])),
     )
-    assert other.pop("run").args == ("compile",)
-    assert one == other
+    assert command_options.pop("run").args == ("compile",)
+    assert program_options == command_options
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_can_be_verbose(command):
-    (below,) = (action.choices for action in parser()._actions if isinstance(action.choices, dict))
-    assert "--verbose" in below[command]._option_string_actions
+    (parsers,) = (
+        action.choices for action in parser()._actions if isinstance(action.choices, dict)
+    )
+    assert "--verbose" in parsers[command]._option_string_actions
 
 
 @pytest.fixture
@@ -92,22 +100,23 @@ def test_a_verbose_command_says_what_it_does(tmp_path, capsys, levels):
     ]
     logging.getLogger().handlers.clear()  # as in a process of its own
     assert main(["compile", *words, "--verbose"]) == 0
-    said = capsys.readouterr().err
+    stderr = capsys.readouterr().err
     assert re.search(
-        r"^objects-hybrid: dendrite, \d+ cores of loihi-sim$", said, flags=re.MULTILINE
+        r"^objects-hybrid: dendrite, \d+ cores of loihi-sim$", stderr, flags=re.MULTILINE
     )
 
 
 def test_there_is_one_logger():
     """Of ours; those of Dask are told to be silent."""
-    found = set()
+    loggers = set()
     for package in ("hw_model", "locsnn_compile"):
         for path in (ROOT / package).rglob("*.py"):
-            found |= set(re.findall(r"getLogger\((.*?)\)", path.read_text("utf-8")))
-    assert found == {'"locsnn"', '"distributed"', '"distributed.client"'}
+            loggers |= set(re.findall(r"getLogger\((.*?)\)", path.read_text("utf-8")))
+    assert loggers == {'"locsnn"', '"distributed"', '"distributed.client"'}
 
 
 def parsed(tmp_path, text, *words, model="m.pt"):
+    """Return what ``locsnn-compile`` parses, with the text as its file of options."""
     (tmp_path / "options.yaml").write_text(text)
     return vars(
         compile_parser().parse_args([model, "--options", str(tmp_path / "options.yaml"), *words])
@@ -118,20 +127,20 @@ ALL = "weight-bits: 4\npsi: 1e-3\nemit: [network, vcd]\nprobe: hidden[0]\nquiet:
 
 
 def test_a_file_gives_options(tmp_path):
-    found = parsed(tmp_path, ALL)
+    options = parsed(tmp_path, ALL)
     words = ["--weight-bits", "4", "--psi", "1e-3", "--emit", "network", "vcd", "--probe", "hidden[0]", "--quiet", "--split-weights", "all"]  # fmt: skip
-    assert found | {"options": None} == vars(compile_parser().parse_args(["m.pt", *words]))
+    assert options | {"options": None} == vars(compile_parser().parse_args(["m.pt", *words]))
 
 
 def test_the_command_line_wins(tmp_path):
-    found = parsed(tmp_path, ALL, "--weight-bits", "8", "--emit", "trace", "--psi=2")
-    assert (found["weight_bits"], found["emit"], found["psi"], found["quiet"]) == (
+    options = parsed(tmp_path, ALL, "--weight-bits", "8", "--emit", "trace", "--psi=2")
+    assert (options["weight_bits"], options["emit"], options["psi"], options["quiet"]) == (
         8,
         ["trace"],
         2.0,
         True,
     )
-    assert found["probe"] == ["hidden[0]"]
+    assert options["probe"] == ["hidden[0]"]
 
 
 def test_a_file_serves_the_other_name_of_the_command(tmp_path):
@@ -140,6 +149,7 @@ def test_a_file_serves_the_other_name_of_the_command(tmp_path):
     assert (args.weight_bits, args.model) == (4, ["m.pt"])
 
 
+# Each row: its id, the text of a file of options, and how the message goes on after the name of the file.
 BAD = [
     ("an unknown option", "weight-bit: 4\n", ": key 'weight-bit' is not known. Did you mean 'weight-bits'?"),
     ("not an option of the file", "options: o.yaml\n", ": key 'options' is not known. "),
@@ -158,15 +168,15 @@ BAD = [
 def test_a_file_that_cannot_be_used_is_one_line(text, message, tmp_path, capsys):
     (tmp_path / "o.yaml").write_text(text)
     path = str(tmp_path / "o.yaml")
-    said = refused(capsys, compile_main, "m.pt", "--options", path)
-    assert said.startswith(f"options {path!r}{message}")
-    assert said.count("\n") == 1
+    line = refused(capsys, compile_main, "m.pt", "--options", path)
+    assert line.startswith(f"options {path!r}{message}")
+    assert line.count("\n") == 1
 
 
 def test_a_file_of_options_that_is_not_there(tmp_path, capsys):
-    said = refused(capsys, compile_main, "m.pt", "--options", "no/such.yaml")
+    line = refused(capsys, compile_main, "m.pt", "--options", "no/such.yaml")
     assert (
-        said
+        line
         == "options 'no/such.yaml': it cannot be read (No such file or directory). Check the path.\n"
     )
 
@@ -177,6 +187,7 @@ def test_a_file_of_options_is_not_overwritten(tmp_path, capsys):
     assert refused(capsys, compile_main, *words) == f"-o {str(tmp_path)!r}: it would overwrite 'report.json' (--options). Write somewhere else.\n"  # fmt: skip
 
 
+# Each row: its id, a program with its arguments, and the line on standard error.
 TYPED = [
     ("a model", (compile_main, "no/such.pt"), "checkpoint 'no/such.pt': it cannot be read (No such file or directory). Check the path."),
     ("events", (compile_main, MODEL, "--events=no/such.npz"), "file 'no/such.npz': it does not exist. Check the path."),
@@ -200,13 +211,14 @@ def test_an_error_shows_the_path_that_was_typed(call, message, capsys, tmp_path,
 def test_a_folder_is_not_mistaken_for_a_file_of_like_name(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("touch-snn.pt").touch()
-    said = refused(capsys, main, "run", "touch-snn", "--events", "x.npz")
-    assert said == (
+    line = refused(capsys, main, "run", "touch-snn", "--events", "x.npz")
+    assert line == (
         "program 'touch-snn', program.yaml: it cannot be read (No such file or directory). "
         "Give the folder that the compiler wrote.\n"
     )
 
 
+# By id: a program, its arguments, and how the message begins.
 EMPTY = {
     "an output": (compile_main, ["net.pt", "-o", ""], "locsnn-compile: argument -o/--output"),
     "a file that is written": (main, ["diff", "a", "b", "--html="], "locsnn diff: argument --html"),
@@ -269,9 +281,9 @@ def test_an_empty_value_is_refused(run, words, argument, tmp_path, monkeypatch, 
     ],
 )
 def test_a_command_or_option_that_does_not_exist_is_one_line(words, line, capsys):
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as caught:
         main(words)
-    assert left.value.code == 2
+    assert caught.value.code == 2
     assert capsys.readouterr().err == line
 
 
@@ -279,16 +291,16 @@ def test_a_command_or_option_that_does_not_exist_is_one_line(words, line, capsys
 def test_an_interrupt_while_modules_are_imported_is_one_line(module, tmp_path, monkeypatch):
     (tmp_path / "argparse.py").write_text("raise KeyboardInterrupt\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    found = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", module, "model.pt"], capture_output=True, text=True, check=False
     )
-    assert (found.stdout, found.stderr) == ("", "Interrupted; nothing was written.\n")
-    assert found.returncode != 0
+    assert (process.stdout, process.stderr) == ("", "Interrupted; nothing was written.\n")
+    assert process.returncode != 0
 
 
 def test_other_errors_are_shown_as_before():
     code = "import locsnn_compile.cli; raise ValueError('no')"
-    found = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
-    assert found.stderr.endswith("ValueError: no\n")
+    assert process.stderr.endswith("ValueError: no\n")

@@ -1,4 +1,7 @@
-"""``locsnn run``, ``explore``, ``diff`` and ``targets``."""
+"""``locsnn run``, ``diff``, ``targets`` and the help of all commands.
+
+Figures of a run are compared with the report of the build, which other code computed.
+"""
 
 import json
 import re
@@ -47,14 +50,16 @@ def test_run_predicts_as_the_report_counted(build, capsys, engine):
         )
         == 0
     )
-    found = json.loads(capsys.readouterr().out)
+    document = json.loads(capsys.readouterr().out)
     report = json.loads((build / "out/report.json").read_text())
     right = sum(
-        row["prediction"] == row["label"] and not row["tied"] for row in found["recordings"]
+        row["prediction"] == row["label"] and not row["tied"] for row in document["recordings"]
     )
     assert right / 3 == report["accuracy"]["chip"]
-    assert found["counts"]["spikes"] / 3 == report["operations"]["per_sample"]["spikes"]
-    assert sum(found["energy_pj"].values()) / 3 == pytest.approx(report["energy"]["per_sample_pj"])
+    assert document["counts"]["spikes"] / 3 == report["operations"]["per_sample"]["spikes"]
+    assert sum(document["energy_pj"].values()) / 3 == pytest.approx(
+        report["energy"]["per_sample_pj"]
+    )
 
 
 @pytest.mark.slow
@@ -86,9 +91,9 @@ def test_where_all_classes_tie_run_predicts_nothing_as_the_report_does(build, tm
         main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy"), "--json", *stop])
         == 0
     )
-    found = json.loads(capsys.readouterr().out)
-    assert found["recordings"][0]["tied"] is True
-    assert (found["stop"]["accuracy"], found["stop"]["whole_accuracy"]) == (0.0, 0.0)
+    document = json.loads(capsys.readouterr().out)
+    assert document["recordings"][0]["tied"] is True
+    assert (document["stop"]["accuracy"], document["stop"]["whole_accuracy"]) == (0.0, 0.0)
 
 
 def test_run_refuses_labels_of_classes_that_the_program_does_not_have(build, tmp_path, capsys):
@@ -108,12 +113,12 @@ def test_run_refuses_recordings_of_another_sensor(build, tmp_path, capsys):
 
 
 def test_run_refuses_programs_of_several_inputs(tmp_path, capsys):
-    b = hw.ProgramBuilder(hw.chip("tiny-sim"), name="two")
-    y = b.add_compartments("y", 1, threshold=1)
+    builder = hw.ProgramBuilder(hw.chip("tiny-sim"), name="two")
+    output = builder.add_compartments("y", 1, threshold=1)
     for name in ("x", "z"):
-        b.connect(b.add_input(name, 2), y, [[2, 4]])
-    b.read_out(y)
-    b.build().save(tmp_path / "two")
+        builder.connect(builder.add_input(name, 2), output, [[2, 4]])
+    builder.read_out(output)
+    builder.build().save(tmp_path / "two")
     np.save(tmp_path / "few.npy", np.ones((1, 2, 5), np.uint8))
     assert (
         main(
@@ -161,10 +166,10 @@ def test_bad_input_is_one_line(arguments, line, capsys):
 
 def test_targets_lists_and_shows(capsys):
     assert main(["targets"]) == 0
-    listed = capsys.readouterr().out.splitlines()
-    names = [line.split(":")[0] for line in listed if not line.startswith(" ")]
+    lines = capsys.readouterr().out.splitlines()
+    names = [line.split(":")[0] for line in lines if not line.startswith(" ")]
     assert names == [*hw.chip_names(), *xylo_chip_names(), *spinnaker_chip_names()]
-    assert listed[:2] == [
+    assert lines[:2] == [
         "ecp5-25f: the open core on a Lattice ECP5 with 24,288 LUTs and 56 block RAMs",
         "  a program may have 512 compartments, 1024 sources of spikes, 16384 synapses, 16 slots; cycles are exact, "
         "energy is not known",
@@ -203,14 +208,14 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     assert "model.sha256" not in changed
     assert not [key for key in changed if "histogram" in key]
     assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--all"]) == 0
-    found = capsys.readouterr().out
-    assert "weight_bits: 8 -> 4 (-50.0 %)" in found.splitlines()
-    assert "The chips differ" not in found
+    stdout = capsys.readouterr().out
+    assert "weight_bits: 8 -> 4 (-50.0 %)" in stdout.splitlines()
+    assert "The chips differ" not in stdout
     page = tmp_path / "diff.html"
     assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--html", str(page)]) == 0
     summary = capsys.readouterr().out
-    shown = page.read_text(encoding="utf-8")
-    assert "<h1>out → four</h1>" in shown
+    html = page.read_text(encoding="utf-8")
+    assert "<h1>out → four</h1>" in html
     lines = summary.splitlines()
     assert lines[0] == "out → four"
     assert lines[-1] == "--all lists every figure that changed."
@@ -221,7 +226,7 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
         "Does it cost less?",
         "Does it use fewer resources?",
     ):
-        assert question in shown
+        assert question in html
         assert question in summary
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0
     assert capsys.readouterr().out == "The builds are equal.\n"
@@ -229,13 +234,13 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
 
 def test_diff_refuses_a_report_that_is_not_of_its_program(build, tmp_path, capsys):
     report = json.loads((build / "out/report.json").read_text())
-    held = report["resources"]["synapses"]
+    synapses = report["resources"]["synapses"]
     report["resources"]["synapses"] += 1
     for name in ("program.yaml", "program.npz"):
         (tmp_path / name).write_bytes((build / "out" / name).read_bytes())
     (tmp_path / "report.json").write_text(json.dumps(report))
     assert main(["diff", str(build / "out"), str(tmp_path)]) == 2
-    line = f"build {str(tmp_path)!r}: report.json counts other synapses than the program has ({held + 1} against {held}). Compile again.\n"  # fmt: skip
+    line = f"build {str(tmp_path)!r}: report.json counts other synapses than the program has ({synapses + 1} against {synapses}). Compile again.\n"  # fmt: skip
     assert capsys.readouterr() == ("", line)
 
 
@@ -251,8 +256,8 @@ def test_diff_refuses_a_report_that_is_not_of_its_program(build, tmp_path, capsy
 def test_reports_that_are_none(tmp_path, content, line, capsys):
     (tmp_path / "report.json").write_text(content)
     assert main(["diff", str(tmp_path), str(tmp_path)]) == 2
-    wanted = f"build {str(tmp_path)!r}: {line}. Give a folder that locsnn-compile wrote.\n"
-    assert capsys.readouterr() == ("", wanted)
+    message = f"build {str(tmp_path)!r}: {line}. Give a folder that locsnn-compile wrote.\n"
+    assert capsys.readouterr() == ("", message)
 
 
 @pytest.mark.parametrize("columns", ["40", "80"])

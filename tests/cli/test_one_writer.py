@@ -1,4 +1,7 @@
-"""Outputs of two processes at once, links that lead nowhere, and arrays that nothing reads."""
+"""Two processes that write one output at once, links that lead nowhere, and files that declare more than they hold.
+
+Each is refused before any work is done.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""No command overwrites what it reads, or removes what it did not write: refused in a line, with all as it was."""
+"""No command overwrites what it reads, or removes what it did not write.
+
+Each is refused in one line, and afterwards the folder holds the same files with the same bytes as before.
+"""
 
 from __future__ import annotations
 
@@ -65,18 +68,19 @@ def folder(tmp_path, monkeypatch):
 
 def tree(folder):
     """Return what lies in a folder: of files their bytes and numbers, of links where they lead."""
-    found = {}
+    contents = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         number = path.lstat().st_ino
         if path.is_symlink():
-            found[name] = (number, os.readlink(path))
+            contents[name] = (number, os.readlink(path))
         else:
-            found[name] = (number, path.read_bytes() if path.is_file() else None)
-    return found
+            contents[name] = (number, path.read_bytes() if path.is_file() else None)
+    return contents
 
 
 ELSEWHERE = "Write somewhere else."
+# Each row: its id, a command, and the line on standard error.
 REFUSED = [
     ("train, its data", "locsnn train --data d.pt -o d.pt", f"-o 'd.pt': it would overwrite 'd.pt' (--data). {ELSEWHERE}"),
     ("train, otherwise spelt", "locsnn train --data d.pt -o ./recs/../d.pt", f"-o './recs/../d.pt': it would overwrite 'd.pt' (--data). {ELSEWHERE}"),
@@ -116,6 +120,7 @@ REFUSED = [
 
 
 def run(command):
+    """Run a command as typed; return its exit code."""
     program, *arguments = shlex.split(command)
     return (compile_main if program == "locsnn-compile" else locsnn_main)(arguments)
 
@@ -153,15 +158,15 @@ def test_writing_to_a_link_writes_what_it_leads_to(tmp_path):
 
 
 def test_a_program_is_not_saved_over_folders(tmp_path):
-    b = hw.ProgramBuilder(hw.chip("tiny-sim"))
-    b.connect(
-        b.add_input("x", 1),
-        b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=10),
+    builder = hw.ProgramBuilder(hw.chip("tiny-sim"))
+    builder.connect(
+        builder.add_input("x", 1),
+        builder.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=10),
         [[20]],
     )
     (tmp_path / "program.npz").mkdir()
     with pytest.raises(hw.InputError) as caught:
-        b.build().save(tmp_path)
+        builder.build().save(tmp_path)
     assert str(caught.value) == (
         f"folder {tmp_path.name!r}: cannot be written: it holds a folder 'program.npz', which would be removed. "
         "Choose a folder that you may write to."

@@ -1,4 +1,7 @@
-"""``locsnn pack``, and ``locsnn-compile`` of several models: from checkpoints to one program that runs."""
+"""``locsnn pack``, and ``locsnn-compile`` of several models: from checkpoints to one program that runs.
+
+A packed file and the same models typed one by one must give equal programs.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,8 @@ MODELS = [str(HERE / f"{name}.pt") for name in ("hybrid", "hybrid-loihi-reset", 
 WITHOUT_TORCH = "import sys; sys.modules['torch'] = None\nfrom locsnn_compile.cli.compile import main\nsys.exit(main(sys.argv[1:]))"
 
 
-def _touches():
+def touch_spikes():
+    """Return the recordings that are played, (samples, steps, channels)."""
     return lc.read_recordings(TOUCHES).spikes
 
 
@@ -38,9 +42,9 @@ def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
     """Without torch, and to the same cores and readout; a run, a stream and a gate know the program."""
     packed = tmp_path / "all.pt"
     assert pack(*MODELS, "-o", packed, "--weights", "1,2,0.5") == 0
-    said = capsys.readouterr().out
+    stdout = capsys.readouterr().out
     assert (
-        said
+        stdout
         == f"hybrid: weight 1\nhybrid-loihi-reset: weight 2\nwindow-snn: weight 0.5\nwrote {packed}\n"
     )
     options = ["--events", TOUCHES, "--strategy", "dendrite", "--quiet"]
@@ -60,15 +64,21 @@ def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
         )
         == 0
     )
-    one, other = (hw.load_program(tmp_path / name) for name in ("packed", "typed"))
-    assert one.readout == other.readout
-    assert one.phases == other.phases
-    for a, b in zip(one.cores, other.cores, strict=True):
-        assert np.array_equal(a.effective_weights, b.effective_weights)
+    packed_program, typed_program = (
+        hw.load_program(tmp_path / name) for name in ("packed", "typed")
+    )
+    assert packed_program.readout == typed_program.readout
+    assert packed_program.phases == typed_program.phases
+    for packed_core, typed_core in zip(packed_program.cores, typed_program.cores, strict=True):
+        assert np.array_equal(packed_core.effective_weights, typed_core.effective_weights)
     report = json.loads((tmp_path / "packed/report.json").read_text())
     rows = report["model"]["members"]
     assert [row["sha256"] for row in rows] == [read_checkpoint(path).sha256 for path in MODELS]
-    assert sum(row["cores"] for row in rows) == report["resources"]["cores"] == len(one.cores)
+    assert (
+        sum(row["cores"] for row in rows)
+        == report["resources"]["cores"]
+        == len(packed_program.cores)
+    )
     assert report["match"]["readout"]["by"] == "spikes and potentials"
     capsys.readouterr()
     assert (
@@ -88,17 +98,17 @@ def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
     )
     run = json.loads(capsys.readouterr().out)
     assert [row["prediction"] for row in run["recordings"]] == hw.simulate(
-        one, _touches()
+        packed_program, touch_spikes()
     ).prediction.tolist()
     assert {"stop", "stream"} <= run.keys()
 
 
 def test_it_says_what_weights_rest_on_if_none_are_given(tmp_path, capsys):
     assert pack(*MODELS[:2], "-o", tmp_path / "a.pt") == 0
-    *weights, said, _ = capsys.readouterr().out.splitlines()
+    *weights, sentence, _ = capsys.readouterr().out.splitlines()
     assert len(weights) == 2
     assert (
-        said
+        sentence
         == "Class scores of hybrid and hybrid-loihi-reset are equal on hybrid.pt: scores are added as they are (--weights)."
     )
 
@@ -127,14 +137,15 @@ def test_a_pack_is_the_same_bytes_and_keeps_recordings_once(tmp_path):
     for name in ("a.pt", "b.pt"):
         assert pack(*MODELS[:2], "-o", tmp_path / name, "--weights", "1,1") == 0
     assert (tmp_path / "a.pt").read_bytes() == (tmp_path / "b.pt").read_bytes()
-    held = read_models(tmp_path / "a.pt")
-    assert isinstance(held, Pack)
-    assert sum(member.recordings is not None for member in held.members) <= 1
-    for member, path in zip(held.members, MODELS, strict=False):
-        whole = read_checkpoint(path)
-        assert member.description == whole.description
+    packed = read_models(tmp_path / "a.pt")
+    assert isinstance(packed, Pack)
+    assert sum(member.recordings is not None for member in packed.members) <= 1
+    for member, path in zip(packed.members, MODELS, strict=False):
+        checkpoint = read_checkpoint(path)
+        assert member.description == checkpoint.description
         assert all(
-            np.array_equal(member.weights[name], array) for name, array in whole.weights.items()
+            np.array_equal(member.weights[name], array)
+            for name, array in checkpoint.weights.items()
         )
 
 
@@ -150,30 +161,37 @@ def changed(tmp_path, change):
 
 
 def drop_sha(values):
+    """Put a path in the place of the checksum of a member."""
     values["members"]["1"]["sha256"] = "../../etc"
 
 
 def no_members(values):
+    """Remove all members."""
     values["members"] = {}
 
 
 def newer(values):
+    """Name a version that does not exist yet."""
     values["version"] = 2
 
 
 def unknown(values):
+    """Add a key that no version has."""
     values["code"] = "print()"
 
 
 def a_text(values):
+    """Put a text in the place of a member."""
     values["members"]["2"] = "not a checkpoint"
 
 
 def another_size(values):
+    """State another number of hidden neurons than the weights have."""
     values["members"]["2"]["checkpoint"]["hidden"] = 7
 
 
 def not_a_number(values):
+    """Make the weight of a member nan."""
     values["members"]["2"]["weight"] = float("nan")
 
 

@@ -1,4 +1,4 @@
-"""Paths that nothing can be done with: one line, whichever option they come by, and nothing written."""
+"""Paths that cannot be used: one line, whichever option they are given to, and nothing written."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ BAD = {
     "with a NUL": ("a\0b", "it contains a NUL character. Give the path of a file."),
 }
 COMPILE = f"locsnn-compile {MODEL}"
+# By id: a command in which BAD stands for a name that no file can have, and how the message begins.
 OPTIONS = {
     "MODEL": ("locsnn-compile BAD.pt", "MODEL"),
     "--events": (f"{COMPILE} --events BAD.npz", "--events"),
@@ -81,6 +82,7 @@ def build(tmp_path_factory):
 
 @pytest.fixture
 def here(build, monkeypatch):
+    """Run in the folder of the build, so that commands need no paths."""
     monkeypatch.chdir(build)
     return build
 
@@ -95,15 +97,16 @@ def run(command):
 @pytest.mark.parametrize(("command", "where"), OPTIONS.values(), ids=OPTIONS)
 def test_names_that_no_file_can_have(command, where, name, fault, here, capsys):
     assert run(command.replace("BAD", name)) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith(where)
-    assert err.endswith(fault.split("{bytes}")[-1] + "\n")
-    assert fault.split("{bytes}")[0] in err
+    stdout, stderr = capsys.readouterr()
+    assert stdout == ""
+    assert stderr.count("\n") == 1
+    assert stderr.startswith(where)
+    assert stderr.endswith(fault.split("{bytes}")[-1] + "\n")
+    assert fault.split("{bytes}")[0] in stderr
     assert sorted(path.name for path in here.iterdir()) == ["build", "d.npz"]
 
 
+# Each row: its id, a command, and the line on standard error.
 LINES = [
     ("below a file, read", "locsnn events d.npz/a.npz", "file 'd.npz/a.npz': it does not exist. Check the path."),
     ("below a file, written", "locsnn events d.npz --to d.npz/a.npz", "--to 'd.npz/a.npz': its folder does not exist. Make the folder first."),
@@ -129,6 +132,7 @@ def test_places_where_nothing_is_or_nothing_may_be_written(command, line, here, 
 
 
 GONE = "working directory: it does not exist any more. Change to one that does.\n"
+# By id: a command in which D stands for recordings, and its exit code.
 FROM_NOWHERE = {
     "a relative model": ("locsnn-compile m.pt", 2),
     "a build beside": (f"locsnn-compile {MODEL} --events D", 2),
@@ -154,7 +158,7 @@ def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
         f"from locsnn_compile.cli.{module} import main\nraise SystemExit(main({arguments!r}))"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", script],
         env=environment,
         capture_output=True,
@@ -162,7 +166,7 @@ def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
         check=False,
         cwd=tmp_path,
     )
-    assert (done.returncode, done.stderr) == (code, GONE if code else "")
+    assert (process.returncode, process.stderr) == (code, GONE if code else "")
 
 
 @pytest.mark.slow
@@ -182,11 +186,11 @@ def test_a_reader_that_goes_away(build, command, first):
     """``locsnn events | head -1`` leaves without a word, and with 0: what was to be done is done."""
     command = f"{shlex.quote(sys.executable)} -m locsnn_compile.cli.main {command.replace('MODEL', str(MODEL))} | head -n 1"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
+    process = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command],
         env=environment, cwd=build, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert (done.returncode, done.stdout.startswith(first), done.stderr) == (0, True, "")
+    assert (process.returncode, process.stdout.startswith(first), process.stderr) == (0, True, "")
 
 
 @pytest.mark.skipif(
@@ -197,7 +201,9 @@ def test_places_that_are_closed(build, tmp_path):
     closed.mkdir()
     (closed / "d.npz").write_bytes((build / "d.npz").read_bytes())
     closed.chmod(0)
-    unable = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if os.geteuid() == 0 else []
+    without_rights = (
+        ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if os.geteuid() == 0 else []
+    )
     lines = {
         f"events {closed}/d.npz": "file 'd.npz': it cannot be read (Permission denied). Check the path.\n",
         f"events {build}/d.npz --to {closed}/a.npz": f"--to '{closed}/a.npz': it cannot be used (Permission denied). Check the path.\n",
@@ -205,18 +211,18 @@ def test_places_that_are_closed(build, tmp_path):
     try:
         for command, line in lines.items():
             arguments = [
-                *unable,
+                *without_rights,
                 sys.executable,
                 "-m",
                 "locsnn_compile.cli.main",
                 *shlex.split(command),
             ]
             environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-            done = subprocess.run(
+            process = subprocess.run(
                 arguments, env=environment, capture_output=True, text=True, check=False
             )
-            assert (done.returncode, done.stdout) == (2, "")
-            assert done.stderr.count("\n") == 1, done.stderr
-            assert "ermission denied" in done.stderr, line
+            assert (process.returncode, process.stdout) == (2, "")
+            assert process.stderr.count("\n") == 1, process.stderr
+            assert "ermission denied" in process.stderr, line
     finally:
         closed.chmod(0o755)

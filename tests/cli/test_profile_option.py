@@ -1,4 +1,8 @@
-"""``--profile``: the costs of a build and of a run, from the chip or from a file."""
+"""``--profile``: the costs of a build and of a run, from the chip or from a file.
+
+Energies and times are compared with counts times the constants of a profile that is written here, and every breakdown
+must add up to its total.
+"""
 
 from __future__ import annotations
 
@@ -84,10 +88,12 @@ def test_breakdowns_of_a_build_add_up(built):
         == total
     )
     populations = energy["by_population_pj"]
-    for one in populations.values():
-        assert sum(one["compartments"].values()) == pytest.approx(one["pj"], rel=1e-12)
+    for population in populations.values():
+        assert sum(population["compartments"].values()) == pytest.approx(
+            population["pj"], rel=1e-12
+        )
     for parts in (
-        [one["pj"] for one in populations.values()],
+        [population["pj"] for population in populations.values()],
         [row["pj"] for row in energy["by_core_pj"]],
         [pj for course in energy["by_step_pj"].values() for pj in course["bins"]],
     ):
@@ -109,8 +115,8 @@ def test_times_of_a_build_add_up(built):
     events = built[1]["operations"]["per_sample"]["transpose_events"]
     assert latency["by_part_ns"]["buffer"] == pytest.approx(events)
     assert latency["range_ns"] == [total, total]
-    real = latency["real_time"]
-    assert real["factor"] == pytest.approx(latency["recording_ns"] / latency["per_sample_ns"])
+    real_time = latency["real_time"]
+    assert real_time["factor"] == pytest.approx(latency["recording_ns"] / latency["per_sample_ns"])
     # The last row is silent and this profile's barrier takes no time: what is left is the location branch.
     assert latency["after_last_row_ns"]["mean"] == latency["by_branch_ns"]["location"]
 

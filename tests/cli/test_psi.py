@@ -1,4 +1,7 @@
-"""Psi of the time-weighted prediction is kept from a training configuration to checkpoint, program and report."""
+"""Psi is kept from a training configuration to checkpoint, program and report.
+
+Psi says how late the time-weighted prediction shifts from the time branch to the location branch.
+"""
 
 import json
 from pathlib import Path
@@ -29,14 +32,14 @@ def test_psi_is_kept_from_training_to_the_running_program(tmp_path, monkeypatch,
         == 0
     )
     assert lc.load("net.pt").psi == 2.5
-    kept = {}
+    psi_of_program_and_report = {}
     for options in ((), ("--psi", "7")):
         assert compile_main(["net.pt", "--quiet", "-o", "out", *options]) == 0
-        kept[options] = (
+        psi_of_program_and_report[options] = (
             hw.load_program("out").psi,
             json.loads(Path("out/report.json").read_text())["over_time"]["psi"],
         )
-    assert kept == {(): (2.5, 2.5), ("--psi", "7"): (7.0, 7.0)}
+    assert psi_of_program_and_report == {(): (2.5, 2.5), ("--psi", "7"): (7.0, 7.0)}
     capsys.readouterr()
     assert main(["run", "out", "--events", "touches.npz", "--stream", "--json"]) == 0
     assert (

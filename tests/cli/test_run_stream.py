@@ -1,4 +1,9 @@
-"""``locsnn run`` step by step and stopped early."""
+"""``locsnn run --stream`` and ``--stop``: step by step, and stopped early.
+
+What the command prints is compared with the functions of ``hw_model`` that compute the same for all
+steps at once (``timestep_scores``, ``stop_when_proven``, ``stop_at_margin``), from which changes of
+the prediction are found here once more, in plain Python.
+"""
 
 from __future__ import annotations
 
@@ -27,19 +32,37 @@ from locsnn_compile.cli.run_stream import (
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 
+# Sizes of the model: 39 taxels of two polarities, and 250 steps of 0.02 s for its time branch. The
+# location branch then takes a step for each channel.
+CHANNELS = 78
+CLASSES = 36
+STEP_SECONDS = 0.02
+TIME_STEPS = 250
+ALL_STEPS = TIME_STEPS + CHANNELS
+
+FEW = 3
+"""Recordings that are played."""
+MORE = 6
+"""Recordings on which margins are calibrated."""
+RECORDED_STEPS = 60
+"""Steps of all recordings here: silence follows them until step 250."""
+PSI = 3.0
+"""Of the build, for the time-weighted prediction in its report."""
+
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
-    """A build; three recordings of 60 steps with labels, and six to calibrate on."""
+    """A folder with a build (out) and recordings: few and more with labels, and silent ones."""
     folder = tmp_path_factory.mktemp("build")
-    r = np.random.default_rng(0)
-    for name, samples in (("few", 3), ("more", 6)):
-        np.save(folder / f"{name}.npy", (r.random((samples, 78, 60)) < 0.1).astype(np.uint8))
+    rng = np.random.default_rng(0)
+    for name, samples in (("few", FEW), ("more", MORE)):
+        spikes = rng.random((samples, CHANNELS, RECORDED_STEPS)) < 0.1
+        np.save(folder / f"{name}.npy", spikes.astype(np.uint8))
         np.save(folder / f"{name}_labels.npy", np.arange(samples))
-    np.save(folder / "silent.npy", np.zeros((2, 78, 60), dtype=np.uint8))
-    options = "--quiet --strategy dendrite --psi 3".split()
+    np.save(folder / "silent.npy", np.zeros((2, CHANNELS, RECORDED_STEPS), dtype=np.uint8))
+    options = f"--quiet --strategy dendrite --psi {PSI:g}".split()
     arguments = [MODEL, "--events", folder / "few.npy", "-o", folder / "out", *options]
-    assert compile_main([str(a) for a in arguments]) == 0
+    assert compile_main([str(argument) for argument in arguments]) == 0
     return folder
 
 
@@ -68,40 +91,41 @@ def as_json(build, capsys, *arguments):
 
 
 def changes(scores):
-    """The steps at which the prediction is another one, from the first lead on, by plain Python."""
-    found, last = [], None
+    """The changes of the prediction by scores (steps, classes), from the first lead on, as JSON has them."""
+    changes_so_far = []
+    prediction = None
     for step, row in enumerate(scores, start=1):
-        first, second = sorted(row.tolist(), reverse=True)[:2]
-        if last is None and first == second:
+        best, second = sorted(row.tolist(), reverse=True)[:2]
+        if prediction is None and best == second:
             continue
-        if row.argmax() != last:
-            last = int(row.argmax())
-            found.append({"step": step, "prediction": last, "lead": first - second})
-    return found
+        if row.argmax() != prediction:
+            prediction = int(row.argmax())
+            change = {"step": step, "prediction": prediction, "lead": best - second}
+            changes_so_far.append(change)
+    return changes_so_far
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 def test_json_has_every_change_of_the_prediction(build, program, capsys, psi):
-    found = as_json(build, capsys, "--stream", *(() if psi is None else ("--psi", psi)))
+    psi_options = () if psi is None else ("--psi", psi)
+    document = as_json(build, capsys, "--stream", *psi_options)
     scores = hw.timestep_scores(program, spikes(build), psi)
-    assert scores.shape == (3, 250, 36)
-    for row, one in zip(found["recordings"], scores, strict=True):
-        assert row["changes"] == changes(one)
+    assert scores.shape == (FEW, TIME_STEPS, CLASSES)
+    for row, scores_of_recording in zip(document["recordings"], scores, strict=True):
+        assert row["changes"] == changes(scores_of_recording)
         assert row["changes"][-1]["prediction"] == row["prediction"]
-    stream = found["stream"]
-    assert (stream["psi"], stream["step_seconds"], stream["right_is"]) == (
-        psi,
-        pytest.approx(0.02),
-        "the label",
-    )
-    wanted = (scores.argmax(axis=2) == np.arange(3)[:, None]).mean(axis=0)
-    assert stream["right"] == wanted.tolist()
+    stream = document["stream"]
+    assert stream["psi"] == psi
+    assert stream["step_seconds"] == pytest.approx(STEP_SECONDS)
+    assert stream["right_is"] == "the label"
+    is_right = scores.argmax(axis=2) == np.arange(FEW)[:, None]
+    assert stream["right"] == is_right.mean(axis=0).tolist()
     latency = stream["step_latency_seconds"]
     assert 0 < latency["mean"] <= latency["worst"]
     assert latency["p99"] <= latency["worst"]
-    assert stream["real_time_factor"] == pytest.approx(0.02 / latency["mean"])
-    assert stream["worst_real_time_factor"] == pytest.approx(0.02 / latency["worst"])
+    assert stream["real_time_factor"] == pytest.approx(STEP_SECONDS / latency["mean"])
+    assert stream["worst_real_time_factor"] == pytest.approx(STEP_SECONDS / latency["worst"])
 
 
 @pytest.mark.slow
@@ -109,15 +133,16 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
     assert run(build, "--stream") == 0
     lines = iter(capsys.readouterr().out.splitlines())
     for recording, scores in enumerate(hw.timestep_scores(program, spikes(build))):
-        last = changes(scores)
-        for change in last:
-            seconds = f"{change['step'] * 0.02:.2f} s"
+        changes_of_recording = changes(scores)
+        for change in changes_of_recording:
+            seconds = f"{change['step'] * STEP_SECONDS:.2f} s"
             assert next(lines) == (
-                f"recording {recording}  step {change['step']} of 250  {seconds}  "
+                f"recording {recording}  step {change['step']} of {TIME_STEPS}  {seconds}  "
                 f"class {change['prediction']}  lead {change['lead']:.3g}"
             )
+        last = changes_of_recording[-1]
         assert next(lines) == (
-            f"recording {recording}: class {last[-1]['prediction']}  label {recording}  since step {last[-1]['step']}"
+            f"recording {recording}: class {last['prediction']}  label {recording}  since step {last['step']}"
         )
     assert next(lines).startswith("accuracy 0.")
     assert next(lines).startswith("mean per recording: ")
@@ -131,12 +156,13 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
 
 
 @pytest.mark.slow
-def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
+def test_the_length_of_a_step_comes_from_an_option_or_is_left_out(build, capsys, tmp_path):
     assert run(build, "--stream", "--step-seconds", 0.5) == 2
     refused = (
         "step_seconds: program 'objects-hybrid' has another (got 0.5 against 0.02). Leave it out.\n"
     )
     assert capsys.readouterr() == ("", refused)
+    # A program that does not state the length; without the checksum at the end, it may be changed.
     text = (build / "out/program.yaml").read_text().replace("step_seconds: 0.02\n", "")
     (tmp_path / "program.yaml").write_text(text.rpartition(SEAL)[0])
     (tmp_path / "program.npz").write_bytes((build / "out/program.npz").read_bytes())
@@ -146,6 +172,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert main(silent) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "recording 0: all classes tie"
+    # Fifths of the 250 steps.
     assert lines[-2] == "already the last prediction: " + ", ".join(
         f"1.000 after step {step}" for step in (50, 100, 150, 200, 250)
     )
@@ -186,31 +213,30 @@ def test_lines_of_the_summary():
 
 def test_the_report_follows_predictions_with_a_psi(build, program, capsys):
     entry = json.loads((build / "out/report.json").read_text())["over_time"]
-    scores = hw.timestep_scores(program, spikes(build), 3.0)
-    shares = (scores.argmax(axis=2) == np.arange(3)[:, None]).mean(axis=0)
-    assert (entry["psi"], entry["steps"]) == (3.0, list(range(5, 251, 5)))
+    scores = hw.timestep_scores(program, spikes(build), PSI)
+    shares = (scores.argmax(axis=2) == np.arange(FEW)[:, None]).mean(axis=0)
+    # The report has every fifth step.
+    assert (entry["psi"], entry["steps"]) == (PSI, list(range(5, TIME_STEPS + 1, 5)))
     assert entry["right"]["time_weighted"] == shares[4::5].tolist()
     assert compile_main([str(MODEL), "--psi", "inf"]) == 2
     assert capsys.readouterr().err == "--psi inf: it is out of range. Give a number from 0 up.\n"
 
 
 def test_proven_stops(build, program, capsys):
-    found = as_json(build, capsys, "--stop", "proven")
+    document = as_json(build, capsys, "--stop", "proven")
     stops = hw.stop_when_proven(program, spikes(build))
-    stop = found["stop"]
-    assert (stop["kind"], stop["agreement"], stop["all_steps"], stop["recordings"]) == (
-        "proven",
-        1.0,
-        328,
-        3,
-    )
-    assert [row["stop"]["step"] for row in found["recordings"]] == stops.steps.tolist()
-    assert [row["stop"]["prediction"] for row in found["recordings"]] == [
-        row["prediction"] for row in found["recordings"]
-    ]
-    assert stop["all_synaptic_ops"] == found["counts"]["synaptic_ops"] / 3
-    assert stop["all_energy_pj"] == pytest.approx(sum(found["energy_pj"].values()) / 3)
-    assert stop["synaptic_ops"] == stops.counts.synaptic_ops / 3
+    stop = document["stop"]
+    assert stop["kind"] == "proven"
+    assert stop["agreement"] == 1.0
+    assert stop["all_steps"] == ALL_STEPS
+    assert stop["recordings"] == FEW
+    rows = document["recordings"]
+    assert [row["stop"]["step"] for row in rows] == stops.steps.tolist()
+    # A proven class is the one after the last step.
+    assert [row["stop"]["prediction"] for row in rows] == [row["prediction"] for row in rows]
+    assert stop["all_synaptic_ops"] == document["counts"]["synaptic_ops"] / FEW
+    assert stop["all_energy_pj"] == pytest.approx(sum(document["energy_pj"].values()) / FEW)
+    assert stop["synaptic_ops"] == stops.counts.synaptic_ops / FEW
     assert stop["profile"] == "davies2018"
     assert run(build, "--stop", "proven") == 0
     lines = capsys.readouterr().out.splitlines()
@@ -220,7 +246,7 @@ def test_proven_stops(build, program, capsys):
         "recording 2",
     ]
     assert re.fullmatch(
-        r"stopped \(proven\) after \d+ of 328 steps on average; saved [\d.]+ % of the steps, "
+        rf"stopped \(proven\) after \d+ of {ALL_STEPS} steps on average; saved [\d.]+ % of the steps, "
         r"[\d.]+ % of the synaptic operations, [\d.]+ % of the energy; "
         r"[\d.]+ µJ instead of [\d.]+ µJ, and [\d.]+ [µm]s instead of [\d.]+ [µm]s \(profile davies2018\)",
         lines[-2],
@@ -232,66 +258,64 @@ def test_proven_stops(build, program, capsys):
 
 
 def test_stops_in_silence(build, program, capsys):
-    given = spikes(build)
-    given = np.concatenate((given, np.zeros((3, 190, 78), dtype=np.uint8)), axis=1)
-    stops = hw.stop_in_silence(program, given, 9)
-    stop = as_json(build, capsys, "--stop", "silence", "--silence", 9)["stop"]
-    assert (stop["kind"], stop["steps"], stop["all_steps"]) == ("silence", stops.steps.mean(), 250)
-    assert 69 < stop["steps"] < 250
-    assert (stop["latency_ns"], stop["all_latency_ns"]) == (
-        pytest.approx(stops.latency_ns / 3), pytest.approx(stops.all_latency_ns / 3),
-    )  # fmt: skip
+    silent_steps = 9
+    silence = np.zeros((FEW, TIME_STEPS - RECORDED_STEPS, CHANNELS), dtype=np.uint8)
+    until_the_end = np.concatenate((spikes(build), silence), axis=1)
+    stops = hw.stop_in_silence(program, until_the_end, silent_steps)
+    stop = as_json(build, capsys, "--stop", "silence", "--silence", silent_steps)["stop"]
+    assert stop["kind"] == "silence"
+    assert stop["steps"] == stops.steps.mean()
+    assert stop["all_steps"] == TIME_STEPS
+    # Not before the events have ended and the silence has lasted, and the program is at rest.
+    assert RECORDED_STEPS + silent_steps < stop["steps"] < TIME_STEPS
+    assert stop["latency_ns"] == pytest.approx(stops.latency_ns / FEW)
+    assert stop["all_latency_ns"] == pytest.approx(stops.all_latency_ns / FEW)
     report = json.loads((build / "out/report.json").read_text())
     assert stop["all_latency_ns"] == pytest.approx(report["latency"]["per_sample_ns"])
     assert stop["latency_ns"] < stop["all_latency_ns"]
     assert stop["energy_pj"] < stop["all_energy_pj"]
     assert stop["agreement"] == 1.0
-    assert run(build, "--stop", "silence", "--silence", 9) == 0
+    assert run(build, "--stop", "silence", "--silence", silent_steps) == 0
     assert capsys.readouterr().out.splitlines()[-2].startswith("stopped (silence) after ")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 def test_a_calibrated_margin(build, program, capsys, psi):
-    weighted = () if psi is None else ("--psi", psi)
-    options = (
-        "--stop",
-        "margin",
-        "--calibrate",
-        build / "more.npy",
-        "--min-agreement",
-        0.5,
-        *weighted,
-    )
-    found = as_json(build, capsys, "--stream", *options)
+    psi_options = () if psi is None else ("--psi", psi)
+    calibration = ("--calibrate", build / "more.npy", "--min-agreement", 0.5)
+    options = ("--stop", "margin", *calibration, *psi_options)
+    document = as_json(build, capsys, "--stream", *options)
     margin = hw.calibrate_margin(program, spikes(build, "more"), 0.5, psi)
     stops = hw.stop_at_margin(program, spikes(build), margin, psi)
-    stop = found["stop"]
-    assert (stop["kind"], stop["margin"], stop["all_steps"]) == ("margin", margin, 250)
-    assert stop["steps"] == stops.steps.mean() < 250
+    stop = document["stop"]
+    assert (stop["kind"], stop["margin"], stop["all_steps"]) == ("margin", margin, TIME_STEPS)
+    assert stop["steps"] == stops.steps.mean() < TIME_STEPS
     assert stop["agreement"] == (stops.prediction == stops.final).mean()
-    assert stop["accuracy"] == (stops.prediction == np.arange(3)).mean()
-    calibrated = stop["calibrated_on"]
-    assert calibrated["agreement"] >= 0.5
-    assert {**calibrated, "agreement": 1} == {
+    assert stop["accuracy"] == (stops.prediction == np.arange(FEW)).mean()
+    calibrated_on = dict(stop["calibrated_on"])
+    assert calibrated_on.pop("agreement") >= 0.5
+    assert calibrated_on == {
         "source": "more.npy",
         "part": None,
-        "recordings": 6,
+        "recordings": MORE,
         "min_agreement": 0.5,
-        "agreement": 1,
     }
     scores = hw.timestep_scores(program, spikes(build), psi)
-    for row, step, one in zip(found["recordings"], stops.steps, scores, strict=True):
-        assert row["stop"] == {"step": step, "prediction": int(one[step - 1].argmax())}
-        assert row["changes"] == changes(one[:step])
+    by_recording = zip(document["recordings"], stops.steps, scores, strict=True)
+    for row, step, scores_of_recording in by_recording:
+        prediction = int(scores_of_recording[step - 1].argmax())
+        assert row["stop"] == {"step": step, "prediction": prediction}
+        assert row["changes"] == changes(scores_of_recording[:step])
     assert run(build, "--stream", *options) == 0
     lines = capsys.readouterr().out.splitlines()
     assert (
         f"margin: a lead of {margin:.4g} is enough for 50.0 % agreement on 6 recordings of more.npy"
         in lines
     )
-    ends = [line for line in lines if ", stopped after step " in line]
-    assert [int(line.split()[-1]) for line in ends] == stops.steps[stops.steps < 250].tolist()
+    stop_lines = [line for line in lines if ", stopped after step " in line]
+    stop_steps = [int(line.split()[-1]) for line in stop_lines]
+    assert stop_steps == stops.steps[stops.steps < TIME_STEPS].tolist()
 
 
 def test_a_margin_of_ones_own(build, program, capsys):
@@ -304,7 +328,7 @@ def test_no_lead_is_enough(build, capsys):
     """Silent recordings have no lead at all: nothing is stopped, and JSON knows no infinity."""
     options = ("--stop", "margin", "--calibrate", build / "silent.npy")
     stop = as_json(build, capsys, *options)["stop"]
-    assert (stop["margin"], stop["steps"], stop["agreement"]) == (None, 250.0, 1.0)
+    assert (stop["margin"], stop["steps"], stop["agreement"]) == (None, TIME_STEPS, 1.0)
     assert run(build, *options) == 0
     assert (
         "margin: no lead is enough for 99.0 % agreement on 2 recordings of silent.npy"
@@ -313,21 +337,23 @@ def test_no_lead_is_enough(build, capsys):
 
 
 def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, capsys, tmp_path):
-    for part, first in (("train", 0), ("test", 4)):
+    train_count = 4
+    more = spikes(build, "more")
+    for part, recordings in (("train", more[:train_count]), ("test", more[train_count:])):
         (tmp_path / part).mkdir()
-        for i, recording in enumerate(spikes(build, "more")[first : first + 4]):
-            np.save(tmp_path / part / f"sample_{i}_label_{i}.npy", recording.T.reshape(39, 2, 60))
+        for i, recording in enumerate(recordings):
+            # Files of single recordings are (taxels, polarities, steps).
+            by_taxel = recording.T.reshape(CHANNELS // 2, 2, RECORDED_STEPS)
+            np.save(tmp_path / part / f"sample_{i}_label_{i}.npy", by_taxel)
     options = ("--stop", "margin", "--calibrate", tmp_path, "--min-agreement", 1)
-    arguments = ["run", build / "out", "--events", tmp_path, *options, "--json"]
-    assert main([str(a) for a in arguments]) == 0
+    arguments = [str(word) for word in ("run", build / "out", "--events", tmp_path, *options)]
+    assert main([*arguments, "--json"]) == 0
     stop = json.loads(capsys.readouterr().out)["stop"]
-    assert (
-        stop["recordings"],
-        stop["calibrated_on"]["part"],
-        stop["calibrated_on"]["recordings"],
-    ) == (2, "train", 4)
-    assert stop["margin"] == hw.calibrate_margin(program, spikes(build, "more")[:4], 1.0)
-    assert main([str(a) for a in arguments[:-1]]) == 0
+    assert stop["recordings"] == MORE - train_count
+    assert stop["calibrated_on"]["part"] == "train"
+    assert stop["calibrated_on"]["recordings"] == train_count
+    assert stop["margin"] == hw.calibrate_margin(program, more[:train_count], 1.0)
+    assert main(arguments) == 0
     assert f"on 4 recordings of {tmp_path.name}, train part" in capsys.readouterr().out
 
 
@@ -370,21 +396,34 @@ def test_a_copy_of_what_is_played_calibrates_nothing(build, tmp_path, capsys):
 
 
 def test_a_recording_that_is_streamed():
-    leads, seen = [0.0, 2.0, 1.0, 0.0, 3.0], [0, 4, 4, 2, 4]
-    decided = np.array([-1, 4, 4, 2, 4])
-    found = Streamed(np.array(seen), np.array(leads), np.array([1.0, 1.0, 1.0, 1.0, 6.0]), decided)
-    assert found.changes == (Change(2, 4, 2.0), Change(4, 2, 0.0), Change(5, 4, 3.0))
-    assert found.filled(7).tolist() == [-1, 4, 4, 2, 4, 4, 4]
-    silent = Streamed(np.zeros(3, dtype=np.int64), np.zeros(3), np.full(3, 2.0), np.full(3, -1))
+    """Two recordings by hand: one whose prediction changes, and a silent one in which all classes tie."""
+    changing = Streamed(
+        prediction=np.array([0, 4, 4, 2, 4]),
+        lead=np.array([0.0, 2.0, 1.0, 0.0, 3.0]),
+        seconds=np.array([1.0, 1.0, 1.0, 1.0, 6.0]),
+        decided=np.array([-1, 4, 4, 2, 4]),
+    )
+    silent = Streamed(
+        prediction=np.zeros(3, dtype=np.int64),
+        lead=np.zeros(3),
+        seconds=np.full(3, 2.0),
+        decided=np.full(3, -1),
+    )
+    assert changing.changes == (Change(2, 4, 2.0), Change(4, 2, 0.0), Change(5, 4, 3.0))
+    assert changing.filled(7).tolist() == [-1, 4, 4, 2, 4, 4, 4]
     assert silent.changes == ()
-    assert right_over_time([found, silent], [4, 0], 5).tolist() == [0.0, 0.5, 0.5, 0.0, 0.5]
-    assert right_over_time([found, silent], [4, -1], 5).tolist() == [0.5, 1.0, 1.0, 0.5, 1.0]
-    latency = step_latency([found, silent])
+    both = [changing, silent]
+    assert right_over_time(both, [4, 0], 5).tolist() == [0.0, 0.5, 0.5, 0.0, 0.5]
+    # -1: to predict nothing is right.
+    assert right_over_time(both, [4, -1], 5).tolist() == [0.5, 1.0, 1.0, 0.5, 1.0]
+    latency = step_latency(both)
     assert (latency.mean, latency.worst) == (2.0, 6.0)
     assert latency.p99 == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
 
 
 class Terminal(io.StringIO):
+    """A stream that says that it is a terminal."""
+
     def isatty(self):
         return True
 
@@ -405,16 +444,21 @@ def test_streaming_to_a_terminal_shows_leads_as_they_grow(build, program, monkey
     stream = Terminal()
     monkeypatch.setattr("sys.stdout", stream)
     assert run(build, "--stream") == 0
-    shown = [part for part in re.split(r"\r\x1b\[K|\n", stream.getvalue()) if "  lead " in part]
-    wanted = 0
+    # Lines end in a line break, or in the code that clears a terminal's line.
+    lines = re.split(r"\r\x1b\[K|\n", stream.getvalue())
+    lead_lines = [line for line in lines if "  lead " in line]
+    expected_count = 0
     for scores in hw.timestep_scores(program, spikes(build)):
-        last = None
+        last_shown = None
         for row in scores:
-            first, second = sorted(row.tolist(), reverse=True)[:2]
-            now = (int(row.argmax()), first - second)
-            if now != last and (last is not None or first > second):
-                wanted, last = wanted + 1, now
-    assert len(shown) == wanted
+            best, second = sorted(row.tolist(), reverse=True)[:2]
+            prediction_and_lead = (int(row.argmax()), best - second)
+            is_first = last_shown is None and best > second
+            is_new = last_shown is not None and prediction_and_lead != last_shown
+            if is_first or is_new:
+                expected_count += 1
+                last_shown = prediction_and_lead
+    assert len(lead_lines) == expected_count
 
 
 @pytest.mark.parametrize(

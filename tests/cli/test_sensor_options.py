@@ -1,4 +1,7 @@
-"""What the channels of recordings are, on the command line: the same options on every command that reads recordings."""
+"""The options that say what the channels of recordings are: the same on every command that reads recordings.
+
+A network in which neuron i spikes for input i alone shows where a pixel arrives.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +40,7 @@ PYX = ("--channel-order", "pyx")
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Run every test in a folder of its own, so that files need no paths."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -80,17 +84,19 @@ def test_compile_and_run_play_a_pixel_to_its_neuron(
 ) -> None:
     write_graph((2, 4, 4) if kind == "an image" else (32,))
     write_event(*place)
-    told = () if kind == "an image" else (*PYX, "--grid", "4x4")
-    assert compile_main(["m.nir", "--events", "e.npy", *told, "--quiet", "-o", "built"]) == 0
+    order_options = () if kind == "an image" else (*PYX, "--grid", "4x4")
+    assert (
+        compile_main(["m.nir", "--events", "e.npy", *order_options, "--quiet", "-o", "built"]) == 0
+    )
     report = json.loads(Path("built/report.json").read_text("utf-8"))
-    assert not [said for said in report["assumptions"] if "number" in said]
+    assert not [sentence for sentence in report["assumptions"] if "number" in sentence]
     program = hw.load_program("built")
     assert (program.channel_order, program.polarities, program.columns) == ("pyx", 2, 4)
     capsys.readouterr()
     assert locsnn_main(["run", "built", "--events", "e.npy", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["recordings"][0]["prediction"] == neuron
-    assert not [said for said in result["assumptions"] if "number" in said]
+    assert not [sentence for sentence in result["assumptions"] if "number" in sentence]
 
 
 def test_a_program_that_does_not_know_says_so_and_is_told(capsys: Capture) -> None:
@@ -103,11 +109,11 @@ def test_a_program_that_does_not_know_says_so_and_is_told(capsys: Capture) -> No
         "assumed: The program does not say how its inputs are numbered: 2 * (4 * y + x) + polarity was taken "
         "(--channel-order yxp).\n"
     ) in capsys.readouterr().out
-    told = ("--grid", "4x4", *PYX, "--json")
-    assert locsnn_main(["run", "built", "--events", "e.npy", *told]) == 0
+    order_options = ("--grid", "4x4", *PYX, "--json")
+    assert locsnn_main(["run", "built", "--events", "e.npy", *order_options]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["recordings"][0]["prediction"] == 25
-    assert not [said for said in result["assumptions"] if "number" in said]
+    assert not [sentence for sentence in result["assumptions"] if "number" in sentence]
 
 
 def test_another_order_than_the_models_own_is_refused(capsys: Capture) -> None:
@@ -152,9 +158,9 @@ def test_merging_has_a_name_of_its_own(capsys: Capture) -> None:
     )
     merging = ("events", "e.npy", "--grid", "4x4", "--merge-polarities", "--to", "merged.npz")
     assert locsnn_main([*merging]) == 0
-    found = read_recordings("merged.npz")
-    assert found.spikes.shape == (1, 1, 16)
-    assert np.flatnonzero(found.spikes).tolist() == [1, 11]
+    merged = read_recordings("merged.npz")
+    assert merged.spikes.shape == (1, 1, 16)
+    assert np.flatnonzero(merged.spikes).tolist() == [1, 11]
 
 
 def test_a_file_keeps_the_size_of_its_sensor() -> None:
@@ -165,4 +171,4 @@ def test_a_file_keeps_the_size_of_its_sensor() -> None:
     write_graph((2, 4, 4))
     assert compile_main(["m.nir", "--events", "kept.npz", "--quiet", "-o", "built"]) == 0
     report = json.loads(Path("built/report.json").read_text("utf-8"))
-    assert not [said for said in report["assumptions"] if "number" in said]
+    assert not [sentence for sentence in report["assumptions"] if "number" in sentence]

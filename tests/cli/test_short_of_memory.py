@@ -1,4 +1,7 @@
-"""Limits that a process inherits, and too little memory: a good file stays good, and the exit code is 2."""
+"""Limits on memory and processor time, inherited from the shell (``ulimit``), and too little memory.
+
+A good file is never called damaged because of them, and the exit code is 2.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,7 @@ LIMITED = "memory: there is too little (1 MiB for this process). Raise the limit
 OUT_OF_TIME = "processor time: there is too little (2 s for this process). Raise the limit, as with ulimit -t, or give fewer recordings.\n"
 UNLIMITED = "memory: there is too little (no room for 9 TB). Give fewer recordings, or free some.\n"
 
+# By id: an error of a command, the limit on memory in bytes (None: no limit), and the line on standard error.
 FAULTS = {
     "an array": (MemoryError("no room for 9 TB"), None, UNLIMITED),
     "an array, within a limit": (MemoryError("no room for 9 TB"), 1 << 20, LIMITED),
@@ -39,7 +43,7 @@ FAULTS = {
 }
 
 
-def guarded(run):
+def run_as_command(run):
     """Run a function as a command is run, which turns errors into a line and an exit code."""
     return shell.run_guarded(shell.Parser("locsnn"), [], run)
 
@@ -51,7 +55,7 @@ def test_too_little_memory_is_one_line(fault, limit, line, monkeypatch, capsys):
     def run(args):
         raise fault
 
-    assert guarded(run) == 2
+    assert run_as_command(run) == 2
     assert capsys.readouterr() == ("", line)
 
 
@@ -61,7 +65,7 @@ def test_with_enough_memory_a_defect_is_shown_as_it_is(fault):
         raise fault
 
     with pytest.raises(type(fault), match=str(fault)):
-        guarded(run)
+        run_as_command(run)
 
 
 @pytest.mark.parametrize(("limit", "raised"), [(None, InputError), (1 << 20, MemoryError)])
@@ -72,13 +76,13 @@ def test_a_good_file_is_not_damaged_where_memory_runs_out(limit, raised, monkeyp
 
 
 @pytest.mark.parametrize(
-    "said", ["a.so: failed to map segment from shared object", "b.so: cannot allocate memory"]
+    "message", ["a.so: failed to map segment from shared object", "b.so: cannot allocate memory"]
 )
-def test_a_library_that_finds_no_room_is_too_little_memory_with_much_left(said, monkeypatch):
+def test_a_library_that_finds_no_room_is_too_little_memory_with_much_left(message, monkeypatch):
     """The largest, torch's, wants more than all others together."""
-    assert not memory.lacks_memory(ImportError(said))
+    assert not memory.lacks_memory(ImportError(message))
     monkeypatch.setattr(memory, "memory_limit", lambda: 1 << 50)
-    assert memory.lacks_memory(ImportError(said))
+    assert memory.lacks_memory(ImportError(message))
     assert not memory.lacks_memory(ImportError("no module"))
 
 
@@ -96,28 +100,28 @@ def test_files_are_read_within_inherited_limits(limit, tmp_path):
         file["spikes"] = np.ones((2, 3, 20), dtype=np.uint8)
     for path, recordings in ((tmp_path / "few.h5", 2), (CAMERA, 1)):
         command = f'{limit}; exec "$0" -m locsnn_compile events "$1"'
-        done = subprocess.run(
+        process = subprocess.run(
             ["bash", "-c", command, sys.executable, path],
             env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
             capture_output=True,
             text=True,
             timeout=300,
         )
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout.startswith(f"{path.name}")
-        assert f"{recordings} recording" in done.stdout
+        assert (process.returncode, process.stderr) == (0, "")
+        assert process.stdout.startswith(f"{path.name}")
+        assert f"{recordings} recording" in process.stdout
 
 
 def within(limit, *command):
     """Run a command within a limit of the shell; return its exit code, output and errors."""
-    done = subprocess.run(
+    process = subprocess.run(
         ["bash", "-c", f'{limit}; exec "$0" -m locsnn_compile "$@"', sys.executable, *command],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=300,
     )
-    return done.returncode, done.stdout, done.stderr
+    return process.returncode, process.stdout, process.stderr
 
 
 @limits
@@ -160,24 +164,24 @@ def test_a_command_whose_processor_time_ends_says_so(busy):
         f"def run(args):\n    {busy}\n"
         "sys.exit(shell.run_guarded(shell.Parser('locsnn'), [], run))"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         ["bash", "-c", 'ulimit -t 2; exec "$0" -c "$1"', sys.executable, script],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=300,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", OUT_OF_TIME)
+    assert (process.returncode, process.stdout, process.stderr) == (2, "", OUT_OF_TIME)
 
 
 @limits
 def test_the_processor_time_of_a_process_is_as_before_after_a_command(monkeypatch):
-    before = (1 << 20, 1 << 20)
-    monkeypatch.setattr(resource, "getrlimit", lambda kind: before)
-    asked = []
-    monkeypatch.setattr(resource, "setrlimit", lambda kind, limits: asked.append(limits))
-    assert guarded(lambda args: 0) == 0
-    assert asked == [((1 << 20) - 1, 1 << 20), before]
+    inherited = (1 << 20, 1 << 20)
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: inherited)
+    limits_set = []
+    monkeypatch.setattr(resource, "setrlimit", lambda kind, limits: limits_set.append(limits))
+    assert run_as_command(lambda args: 0) == 0
+    assert limits_set == [((1 << 20) - 1, 1 << 20), inherited]
     assert signal.getsignal(signal.SIGXCPU) is signal.SIG_DFL
 
 

@@ -1,4 +1,7 @@
-"""Commands wherever they run: locales, streams, terminals, homes, networks and names that are not the usual ones."""
+"""Commands in unusual surroundings: locales, streams, terminals, homes, networks and names.
+
+A build must have the same bytes everywhere.
+"""
 
 from __future__ import annotations
 
@@ -75,11 +78,11 @@ def folder(tmp_path):
 def run(folder, command, environment=None, redirect=""):
     """Run a command in a shell without a terminal; return its exit code, output and errors."""
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
-    given = shlex.join(
+    assignments = shlex.join(
         f"{name}={value}" for name, value in (environment or {}).items()
     )  # bash warns of locales
-    done = subprocess.run(
-        ["bash", "-c", f"exec env {given} {command} {redirect}"],
+    process = subprocess.run(
+        ["bash", "-c", f"exec env {assignments} {command} {redirect}"],
         cwd=folder,
         env={**PLAIN, "PATH": path, "PYTHONPATH": str(ROOT)},
         stdin=subprocess.DEVNULL,
@@ -87,7 +90,7 @@ def run(folder, command, environment=None, redirect=""):
         start_new_session=True,
         check=False,
     )
-    return done.returncode, done.stdout, done.stderr
+    return process.returncode, process.stdout, process.stderr
 
 
 @pytest.mark.slow
@@ -164,7 +167,7 @@ def test_the_surroundings_change_no_build(name, folder):
         for name in ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
     ]
     assert run(folder, "locsnn-compile net.nir --events few.npz -o build --quiet") == (0, b"", b"")
-    usual = [(folder / file).read_bytes() for file in files]
+    expected = [(folder / file).read_bytes() for file in files]
     shutil.rmtree(folder / "build")
     code, output, errors = run(
         folder, "locsnn-compile net.nir --events few.npz -o build", environment
@@ -174,7 +177,7 @@ def test_the_surroundings_change_no_build(name, folder):
         b"wrote build/: program.npz, program.yaml, report.json, report.md, report.html"
         in b" ".join(output.split())
     )
-    assert [(folder / file).read_bytes() for file in files] == usual
+    assert [(folder / file).read_bytes() for file in files] == expected
     code, output, errors = run(folder, "locsnn run build --events few.npz --stream", environment)
     assert (code, errors) == (0, b"")
     assert b"recording 3" in output
@@ -184,8 +187,8 @@ def test_the_surroundings_change_no_build(name, folder):
 @pytest.mark.parametrize("home", ["read-only home", "home of one's own"])
 def test_installed_where_nothing_can_be_written(home, folder):
     """The packages, and the home, are read-only, for root too: loops are compiled, and kept only where they can be."""
-    unable = ["setpriv", "--bounding-set=-all"] if os.geteuid() == 0 else []
-    if unable and not shutil.which("setpriv"):
+    without_rights = ["setpriv", "--bounding-set=-all"] if os.geteuid() == 0 else []
+    if without_rights and not shutil.which("setpriv"):
         pytest.skip("root may write anywhere, and there is no setpriv")
     site = folder / "site"
     for package in ("hw_model", "locsnn_compile"):
@@ -207,15 +210,15 @@ def test_installed_where_nothing_can_be_written(home, folder):
         "--events",
         "few.npz",
     ]
-    done = subprocess.run(
-        [*unable, *command],
+    process = subprocess.run(
+        [*without_rights, *command],
         cwd=folder,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
     assert (folder / "build/net/report.html").exists()
     assert not list(site.rglob("__pycache__"))
     assert bool(list((folder / "home").rglob("*.nbi"))) == (home != "read-only home")

@@ -1,4 +1,7 @@
-"""The options on steps, times and classes mean the same on every command that reads recordings."""
+"""The options on steps, times and classes mean the same on every command that reads recordings.
+
+Three events at known times are read by each command.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +33,11 @@ def test_every_command_that_reads_recordings_takes_them(command: str) -> None:
 def late_events(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """One event on each of three channels, 40 ms apart, from 1 s on; times are in milliseconds."""
     monkeypatch.chdir(tmp_path)
-    one = np.ones(2)
+    ones = np.ones(2)
     nodes = {
         "input": nir.Input(np.array([3])),
         "w": nir.Linear(np.array([[0.6, 0.6, 0.6], [0.1, 0.1, 0.1]])),
-        "out": nir.IF(r=one, v_threshold=one, v_reset=0 * one),
+        "out": nir.IF(r=ones, v_threshold=ones, v_reset=0 * ones),
         "output": nir.Output(np.array([2])),
     }
     edges = [("input", "w"), ("w", "out"), ("out", "output")]
@@ -47,14 +50,14 @@ def late_events(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_explore_reads_recordings_as_the_other_commands_do(
     late_events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = ["--time-unit", "ms", "--step-seconds", "0.01", "--start", "0.9"]
-    explored = ["--events", str(late_events), *given, "--weight-bits", "8", "-o", "found"]
+    options = ["--time-unit", "ms", "--step-seconds", "0.01", "--start", "0.9"]
+    explored = ["--events", str(late_events), *options, "--weight-bits", "8", "-o", "found"]
     assert locsnn(["explore", "g.nir", *explored, "--json"]) == 0
     points = json.loads(capsys.readouterr().out)["points"]
     command = points[0]["command"]
     assert "--step-seconds 0.01 --start 0.9 --time-unit ms" in command
-    compiled = command.removeprefix("locsnn-compile ").split()
-    assert locsnn(["compile", *compiled, "-o", "built", "--quiet"]) == 0
+    arguments = command.removeprefix("locsnn-compile ").split()
+    assert locsnn(["compile", *arguments, "-o", "built", "--quiet"]) == 0
     report = json.loads(Path("built/report.json").read_text())
     # The last of three events is at 1.08 s, 0.18 s after the start.
     assert report["latency"]["recording_ns"] == pytest.approx(19 * 10e6)
@@ -63,7 +66,7 @@ def test_explore_reads_recordings_as_the_other_commands_do(
 
 def test_calibration_is_read_as_the_other_recordings_are(late_events: Path) -> None:
     files = ["--events", str(late_events), "--calibration", str(late_events)]
-    given = [*files, "--time-unit", "ms", "--min-agreement", "0"]
-    assert locsnn(["compile", "g.nir", *given, "-o", "built", "--quiet"]) == 0
+    options = [*files, "--time-unit", "ms", "--min-agreement", "0"]
+    assert locsnn(["compile", "g.nir", *options, "-o", "built", "--quiet"]) == 0
     report = json.loads(Path("built/report.json").read_text())
     assert report["operations"]["per_sample"]["input_events"] == 3

@@ -1,4 +1,7 @@
-"""Options that would change nothing are refused: a table of option and mode, each in one line and with nothing written."""
+"""Options that would change nothing are refused, in one line and with nothing written.
+
+The table has a command for each option and mode in which it would be idle.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,7 @@ OTHER = (
     "recordings 'd.npz': their channels are not those of sensor '200 channels' (78 against 200). Say which sensor it was: "
     "--grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
 )
+# Each row: its id, a command, and the line on standard error.
 REFUSED = [
     ("train, bits in float", "locsnn train --data d.npz --weight-bits 4 -o new.pt", f"--weight-bits: {NO_CHIP}"),
     ("train, strategy in float", "locsnn train --data d.npz --strategy reset -o new.pt", f"--strategy: {NO_CHIP}"),
@@ -84,11 +88,13 @@ REFUSED = [
 
 
 def run(command):
+    """Run a command as typed; return its exit code."""
     program, *arguments = shlex.split(command)
     return (compile_main if program == "locsnn-compile" else locsnn_main)(arguments)
 
 
 def names(folder):
+    """Return what lies in a folder, with the bytes of its files."""
     return {
         path.relative_to(folder).as_posix(): path.is_file() and path.read_bytes()
         for path in folder.rglob("*")
@@ -112,6 +118,7 @@ def test_options_that_change_something_are_taken(folder, capsys):
     assert capsys.readouterr().err == ""
 
 
+# Each row: a key of a training configuration, a configuration in which it changes nothing, and one in which it does.
 CHANGES = [
     ("strategy", {}, {"target": "loihi-sim"}),
     ("weight_bits", {}, {"target": "loihi-sim"}),
@@ -156,6 +163,7 @@ def test_the_configurations_that_ship_hold_no_unused_keys(path):
 
 
 def commands_of_the_results():
+    """Return the arguments of all training commands that the documentation gives."""
     with (ROOT / "docs/research/results/commands.csv").open(encoding="utf-8", newline="") as file:
         lines = [row["command"].split(" && ") for row in csv.DictReader(file)]
     commands = [

@@ -1,4 +1,7 @@
-"""Everything but training works where torch is not installed; what needs it says in one line how to get it."""
+"""Everything but training works where torch is not installed; what needs it says in one line how to get it.
+
+Scripts run in processes in which importing torch fails.
+"""
 
 import json
 import os
@@ -48,11 +51,11 @@ def run(script, *arguments, folder, code=0):
         "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     }
     command = [sys.executable, "-c", WITHOUT + script, *map(str, arguments)]
-    done = subprocess.run(
+    process = subprocess.run(
         command, capture_output=True, text=True, cwd=folder, env=environment, check=False
     )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done.stdout if code == 0 else done.stderr
+    assert process.returncode == code, process.stdout + process.stderr
+    return process.stdout if code == 0 else process.stderr
 
 
 def test_torch_is_missing(tmp_path):
@@ -63,16 +66,16 @@ def test_torch_is_missing(tmp_path):
 @pytest.mark.parametrize("paths", first_quick([FIXTURES, SHIPPED]), ids=["of all kinds", "shipped"])
 def test_the_command_compiles_every_network(paths, tmp_path):
     """One after the other in one process, which spares seventeen starts."""
-    found = json.loads(run(EACH, *paths, folder=tmp_path))
+    outcome_of_model = json.loads(run(EACH, *paths, folder=tmp_path))
     for name in ARTIFICIAL:
-        if name in found:
-            code, line = found.pop(name)
+        if name in outcome_of_model:
+            code, line = outcome_of_model.pop(name)
             assert (code, line.partition(",")[0]) == (
                 1,
                 f"model '{name}': a '{name}' has no spiking neurons",
             )
-    assert found == {path.stem: [0, ""] for path in paths if path.stem not in ARTIFICIAL}
-    assert all((tmp_path / name / "report.json").is_file() for name in found)
+    assert outcome_of_model == {path.stem: [0, ""] for path in paths if path.stem not in ARTIFICIAL}
+    assert all((tmp_path / name / "report.json").is_file() for name in outcome_of_model)
 
 
 @pytest.mark.slow

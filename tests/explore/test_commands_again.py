@@ -1,4 +1,4 @@
-"""The commands that an exploration prints give its figures again, however the recordings were read."""
+"""The commands that an exploration prints reproduce its figures, however the recordings were read."""
 
 import json
 import shlex
@@ -18,11 +18,11 @@ STEP_MS = 20
 def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a graph of 4 inputs, next to folders of events of two polarities on 2 x 2 pixels."""
     monkeypatch.chdir(tmp_path)
-    one = np.ones(2)
+    ones = np.ones(2)
     nodes = {
         "input": nir.Input(np.array([4])),
         "w": nir.Linear(np.array([[0.7, 0.4, 0.3, 0.6], [0.2, 0.9, 0.8, 0.1]])),
-        "out": nir.IF(r=one, v_threshold=one, v_reset=0 * one),
+        "out": nir.IF(r=ones, v_threshold=ones, v_reset=0 * ones),
         "output": nir.Output(np.array([2])),
     }
     edges = [("input", "w"), ("w", "out"), ("out", "output")]
@@ -62,11 +62,11 @@ def test_commands_give_the_figures_of_their_points(
         for figures, command in (("figures", "command"), ("reported", "report_command")):
             if point[command] is None:
                 continue
-            again = shlex.split(point[command])[1:]
-            assert locsnn(["compile", *again, "--json", "-o", "built"]) == 0, point[command]
+            arguments = shlex.split(point[command])[1:]
+            assert locsnn(["compile", *arguments, "--json", "-o", "built"]) == 0, point[command]
             report = json.loads(capsys.readouterr().out)
-            wanted = point[figures]
-            assert report["match"]["spike_agreement"] == wanted["spike_agreement"]
-            assert report["energy"]["per_sample_pj"] == pytest.approx(wanted["energy_pj"])
+            expected = point[figures]
+            assert report["match"]["spike_agreement"] == expected["spike_agreement"]
+            assert report["energy"]["per_sample_pj"] == pytest.approx(expected["energy_pj"])
             compared += 1
     assert compared == 2

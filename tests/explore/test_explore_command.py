@@ -1,4 +1,8 @@
-"""``locsnn explore`` from the command line: figures, files, commands, what stops it, and going on."""
+"""``locsnn explore`` on one chip, from the command line: figures, files, commands, interruptions and resuming.
+
+A point is a setting of the compiler with its figures. Figures of points are compared with builds of ``locsnn-compile``
+by the printed commands.
+"""
 
 import csv
 import json
@@ -22,11 +26,15 @@ from locsnn_compile.settings import DIALS
 from tests.support.explored_model import explore, explored, figures_of, lasting, narrow
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
+RECORDINGS = 5
+"""Of the fixture ``events``."""
+CHANNELS = 78
+"""Of the fixture ``model``, which has 40 steps."""
 
 
 @pytest.fixture(scope="module")
 def small(model, events, tmp_path_factory):
-    """Two strategies, two widths."""
+    """The folder of an exploration of two strategies and two widths: four points."""
     folder = tmp_path_factory.mktemp("explored") / "out"
     grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, "-o", folder, "--quiet") == 0
@@ -34,21 +42,22 @@ def small(model, events, tmp_path_factory):
 
 
 def settings_of(document):
+    """Return (strategy, weight bits) of each point of explore.json."""
     return [
         (row["setting"]["strategy"], row["setting"]["weight_bits"]) for row in document["points"]
     ]
 
 
 def test_the_grid_is_complete_and_in_order(small):
-    found = explored(small)
-    assert settings_of(found) == [("dendrite", 4), ("dendrite", 8), ("reset", 4), ("reset", 8)]
-    assert found["schema"] == "locsnn-explore/1"
-    assert found["model"]["name"] == "small"
-    assert found["chosen_on"] == {
+    document = explored(small)
+    assert settings_of(document) == [("dendrite", 4), ("dendrite", 8), ("reset", 4), ("reset", 8)]
+    assert document["schema"] == "locsnn-explore/1"
+    assert document["model"]["name"] == "small"
+    assert document["chosen_on"] == {
         "source": "few.npz",
         "part": None,
-        "recordings": 5,
-        "available": 5,
+        "recordings": RECORDINGS,
+        "available": RECORDINGS,
     }
 
 
@@ -64,16 +73,16 @@ def test_the_printed_command_gives_the_same_figures(small, tmp_path, number):
 
 
 def test_recommended_is_one_of_the_front(small):
-    found = explored(small)
-    front = [row for row in found["points"] if row["on_front"]]
-    taken = [row for row in found["points"] if row["recommended"]]
-    assert len(taken) == 1
-    assert taken[0] in front
-    assert found["recommended"]["setting"] == taken[0]["setting"]
-    assert found["recommended"]["command"] == taken[0]["command"]
+    document = explored(small)
+    front = [row for row in document["points"] if row["on_front"]]
+    recommended = [row for row in document["points"] if row["recommended"]]
+    assert len(recommended) == 1
+    assert recommended[0] in front
+    assert document["recommended"]["setting"] == recommended[0]["setting"]
+    assert document["recommended"]["command"] == recommended[0]["command"]
     assert (
         " on the front within what auto keeps by default, --min-agreement "
-        in found["recommended"]["why"]
+        in document["recommended"]["why"]
     )
 
 
@@ -82,19 +91,19 @@ def test_recommended_is_one_of_the_front(small):
     "strategies", [("dendrite", "reset"), ("reset",)], ids=["on the grid", "not on the grid"]
 )
 def test_bounds_by_default_are_those_of_auto(model, events, tmp_path, strategies, capsys):
-    """What ``auto`` starts from is measured where the grid has it not."""
+    """The setting from which ``auto`` takes its bounds is measured if it is not on the grid."""
     options = (*narrow(*strategies, bits=(1,)), "--engines", "-o", tmp_path / "out")
     assert explore(model, "--events", events, *options, "--quiet") == 0
-    found = explored(tmp_path / "out")
+    document = explored(tmp_path / "out")
     compiled = lc.compile(lc.load(model), calibration=events, events=events, diagnosis=False)
     bounds = {
         name: compiled.report["strategy_choice"][name]
         for name in ("min_agreement", "max_spike_error")
     }
-    assert {name: found["recommended"][name] for name in bounds} == bounds
-    assert settings_of(found) == [(strategy, 1) for strategy in strategies]
-    assert found["recommended"]["setting"] is found["recommended"]["command"] is None
-    assert found["recommended"]["why"].startswith(
+    assert {name: document["recommended"][name] for name in bounds} == bounds
+    assert settings_of(document) == [(strategy, 1) for strategy in strategies]
+    assert document["recommended"]["setting"] is document["recommended"]["command"] is None
+    assert document["recommended"]["why"].startswith(
         "no setting keeps what auto keeps by default, --min-agreement "
     )
     assert capsys.readouterr() == ("", "")
@@ -104,9 +113,9 @@ def test_bounds_by_default_are_those_of_auto(model, events, tmp_path, strategies
 def test_a_chip_of_narrow_weights_is_explored_up_to_its_widest(model, events, tmp_path):
     """Its bounds by default are those of ``auto`` on this chip, which has no 8 bits to start from."""
     narrow_chip = tmp_path / "narrow.yaml"
-    document = hw.chip("loihi-sim").document
+    chip_document = hw.chip("loihi-sim").document
     narrow_chip.write_text(
-        document.replace("\n  delay_max:", "\n  weight_bits_max: 4\n  delay_max:")
+        chip_document.replace("\n  delay_max:", "\n  weight_bits_max: 4\n  delay_max:")
     )
     options = (
         "--strategy",
@@ -120,11 +129,11 @@ def test_a_chip_of_narrow_weights_is_explored_up_to_its_widest(model, events, tm
         "--quiet",
     )
     assert explore(model, "--target", narrow_chip, "--events", events, *options) == 0
-    found = explored(tmp_path / "out")
-    assert settings_of(found) == [
+    explored_document = explored(tmp_path / "out")
+    assert settings_of(explored_document) == [
         (strategy, bits) for strategy in ("dendrite", "reset") for bits in (1, 2, 3, 4)
     ]
-    assert all(row["figures"] for row in found["points"])
+    assert all(row["figures"] for row in explored_document["points"])
     compiled = lc.compile(
         lc.load(model), str(narrow_chip), calibration=events, events=events, diagnosis=False
     )
@@ -132,18 +141,16 @@ def test_a_chip_of_narrow_weights_is_explored_up_to_its_widest(model, events, tm
         name: compiled.report["strategy_choice"][name]
         for name in ("min_agreement", "max_spike_error")
     }
-    assert {name: found["recommended"][name] for name in bounds} == bounds
+    assert {name: explored_document["recommended"][name] for name in bounds} == bounds
 
 
 def test_nothing_is_recommended_where_no_neuron_spikes(model, tmp_path, capsys):
     silence = tmp_path / "silence.npz"
-    np.savez(silence, spikes=np.zeros((2, 78, 40), dtype=np.uint8))
-    assert (
-        explore(model, "--events", silence, *narrow("dendrite", "reset"), "-o", tmp_path / "out")
-        == 0
-    )
-    found = explored(tmp_path / "out")
-    for row in found["points"]:
+    np.savez(silence, spikes=np.zeros((2, CHANNELS, 40), dtype=np.uint8))
+    grid = narrow("dendrite", "reset")
+    assert explore(model, "--events", silence, *grid, "-o", tmp_path / "out") == 0
+    document = explored(tmp_path / "out")
+    for row in document["points"]:
         agreements = {
             name: row["figures"][name]
             for name in ("spike_agreement", "prediction_agreement", "spike_error")
@@ -154,7 +161,7 @@ def test_nothing_is_recommended_where_no_neuron_spikes(model, tmp_path, capsys):
             "spike_error": None,
         }
     why = "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
-    assert (found["recommended"]["setting"], found["recommended"]["why"]) == (None, why)
+    assert (document["recommended"]["setting"], document["recommended"]["why"]) == (None, why)
     lines = capsys.readouterr().out.splitlines()
     assert f"Recommended: none, {why}." in lines
     assert sum({"silent", "all", "tie"} <= set(line.split()) for line in lines) == 2
@@ -170,26 +177,28 @@ def test_nothing_is_recommended_where_no_neuron_spikes(model, tmp_path, capsys):
 def test_the_table_of_the_csv_has_the_figures_of_the_json(small):
     with (small / "explore.csv").open() as file:
         rows = list(csv.DictReader(file))
-    for row, wanted in zip(rows, explored(small)["points"], strict=True):
+    for row, point in zip(rows, explored(small)["points"], strict=True):
         assert {dial.name: row[dial.name] for dial in DIALS} == {
-            k: str(v) for k, v in wanted["setting"].items()
+            k: str(v) for k, v in point["setting"].items()
         }
-        assert float(row["energy_pj"]) == wanted["figures"]["energy_pj"]
-        assert float(row["spike_error"]) == wanted["figures"]["spike_error"]
+        assert float(row["energy_pj"]) == point["figures"]["energy_pj"]
+        assert float(row["spike_error"]) == point["figures"]["spike_error"]
         assert (row["on_front"] == "True", row["command"]) == (
-            wanted["on_front"],
-            wanted["command"],
+            point["on_front"],
+            point["command"],
         )
 
 
 def test_timings_are_a_file_of_their_own(small):
     with (small / "timings.csv").open() as file:
         rows = list(csv.DictReader(file))
+    # The slow reference engine is timed on a single recording.
     assert [(row["strategy"], row["engine"], row["recordings"]) for row in rows[:2]] == [
-        ("dendrite", "fast", "5"),
+        ("dendrite", "fast", str(RECORDINGS)),
         ("dendrite", "reference", "1"),
     ]
-    assert len(rows) == 8
+    points, engines = 4, 2
+    assert len(rows) == points * engines
     assert all(float(row["seconds_per_recording"]) > 0 for row in rows)
     assert "seconds" not in (small / "explore.json").read_text()
 
@@ -202,9 +211,12 @@ def test_pictures_are_whole_and_have_a_mark_for_each_point_and_panel(small, name
         for element in root.iter()
         if element.get("class") in ("mark", "mark front") and len(element)
     ]
-    assert len(marks) == 2 * 4
-    front = sum(row["on_front"] for row in explored(small)["points"])
-    assert sum(mark.get("class") == "mark front" for mark in marks) == 2 * front
+    # Both pictures have two panels: energy and time, and the two engines.
+    panels = 2
+    points = explored(small)["points"]
+    assert len(marks) == panels * len(points)
+    front = sum(row["on_front"] for row in points)
+    assert sum(mark.get("class") == "mark front" for mark in marks) == panels * front
 
 
 def test_finished_points_are_not_measured_again(model, events, small, monkeypatch):
@@ -233,54 +245,43 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["points"]
     assert len(list((tmp_path / "out/points").iterdir())) == 2
 
-    again = []
+    measured_later = []
 
     def counted(study, setting):
-        again.append(setting)
+        measured_later.append(setting)
         return point_module.measure(study, setting)
 
     monkeypatch.setattr("locsnn_compile.explore.sweep.measure", counted)
     assert explore(*arguments) == 0
-    assert [str(setting) for setting in again] == ["reset, 4-bit", "reset, 8-bit"]
+    assert [str(setting) for setting in measured_later] == ["reset, 4-bit", "reset, 8-bit"]
     assert lasting(tmp_path / "out") == lasting(small)
 
 
 def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, capsys):
     out = tmp_path / "out"
-    assert (
-        explore(
-            model,
-            "--events",
-            divided,
-            "--report-on",
-            divided,
-            *narrow("dendrite", "reset"),
-            "-o",
-            out,
-        )
-        == 0
-    )
-    printed = capsys.readouterr().out
-    found = explored(out)
-    assert found["chosen_on"] == {
+    files = ("--events", divided, "--report-on", divided)
+    assert explore(model, *files, *narrow("dendrite", "reset"), "-o", out) == 0
+    stdout = capsys.readouterr().out
+    document = explored(out)
+    assert document["chosen_on"] == {
         "source": "touches",
         "part": "train",
         "recordings": 6,
         "available": 6,
     }
-    assert found["reported_on"] == {
+    assert document["reported_on"] == {
         "source": "touches",
         "part": "test",
         "recordings": 4,
         "available": 4,
     }
-    assert "6 recordings of touches, train part" in printed
-    assert "The front on 4 recordings of touches, test part:" in printed
-    for row in found["points"]:
+    assert "6 recordings of touches, train part" in stdout
+    assert "The front on 4 recordings of touches, test part:" in stdout
+    for row in document["points"]:
         assert (
             (row["reported"] is not None) == (row["report_command"] is not None) == row["on_front"]
         )
-    row = next(row for row in found["points"] if row["on_front"])
+    row = next(row for row in document["points"] if row["on_front"])
     assert row["command"].endswith(f"--events {out / 'events.npz'}")
     for key, command in (("figures", row["command"]), ("reported", row["report_command"])):
         assert compile_main([*shlex.split(command)[1:], "-o", str(tmp_path / key), "--quiet"]) == 0
@@ -289,31 +290,23 @@ def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, cap
 
 
 def test_reporting_on_what_was_chosen_on_is_said(model, tmp_path, capsys):
-    np.save(
-        tmp_path / "few.npy", (np.random.default_rng(2).random((3, 78, 40)) < 0.1).astype(np.uint8)
-    )
     few = tmp_path / "few.npy"
-    assert (
-        explore(
-            model, "--events", few, "--report-on", few, *narrow("dendrite"), "-o", tmp_path / "out"
-        )
-        == 0
-    )
-    assert (
-        capsys.readouterr().out.splitlines()[1]
-        == "Reported on 3 recordings that settings were also chosen on."
-    )
+    np.save(few, (np.random.default_rng(2).random((3, CHANNELS, 40)) < 0.1).astype(np.uint8))
+    files = ("--events", few, "--report-on", few)
+    assert explore(model, *files, *narrow("dendrite"), "-o", tmp_path / "out") == 0
+    warning = capsys.readouterr().out.splitlines()[1]
+    assert warning == "Reported on 3 recordings that settings were also chosen on."
 
 
 def test_recordings_to_report_on_are_refused_before_all_the_work(model, divided, tmp_path, capsys):
     np.save(tmp_path / "long.npy", np.ones((1, 78, 4000), np.uint8))
     np.save(tmp_path / "odd.npy", np.ones((1, 78, 40), np.uint8))
     np.save(tmp_path / "odd_labels.npy", np.array([99]))
-    for name, said in (
+    for name, problem in (
         ("long.npy", "the recordings are longer than the model's"),
         ("odd.npy", "a label is not one of"),
     ):
-        given = (
+        options = (
             "--events",
             divided,
             "--report-on",
@@ -322,8 +315,8 @@ def test_recordings_to_report_on_are_refused_before_all_the_work(model, divided,
             "-o",
             tmp_path / "out",
         )
-        assert explore(model, *given) == 2
-        assert said in capsys.readouterr().err
+        assert explore(model, *options) == 2
+        assert problem in capsys.readouterr().err
         assert not (tmp_path / "out").exists()
 
 
@@ -387,17 +380,12 @@ def test_without_events_touches_are_made(model, tmp_path, capsys):
 
 
 def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
-    grid = (*narrow("dendrite"), "--engines")
-    assert (
-        explore(
-            model, "--events", events, "--recordings", 3, *grid, "-o", tmp_path / "out", "--quiet"
-        )
-        == 0
-    )
+    arguments = ("--recordings", 3, *narrow("dendrite"), "--engines", "-o", tmp_path / "out")
+    assert explore(model, "--events", events, *arguments, "--quiet") == 0
     assert explored(tmp_path / "out")["chosen_on"]["recordings"] == 3
-    played, given = np.load(tmp_path / "out/events.npz"), np.load(events)
-    assert np.array_equal(played["spikes"], given["spikes"][[0, 2, 4]])
-    assert np.array_equal(played["labels"], given["labels"][[0, 2, 4]])
+    played, available = np.load(tmp_path / "out/events.npz"), np.load(events)
+    assert np.array_equal(played["spikes"], available["spikes"][[0, 2, 4]])
+    assert np.array_equal(played["labels"], available["labels"][[0, 2, 4]])
 
 
 @pytest.mark.parametrize(
@@ -408,63 +396,54 @@ def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
 def test_a_budget_takes_the_cheapest_that_keeps_it(model, events, small, budget, capsys):
     grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, *budget, "-o", small, "--json") == 0
-    found = json.loads(capsys.readouterr().out)
-    rows = [row for row in found["points"] if row["on_front"]]
+    document = json.loads(capsys.readouterr().out)
+    front = [row for row in document["points"] if row["on_front"]]
     assert (
-        found["recommended"]["setting"]
-        == min(rows, key=lambda row: row["figures"]["energy_pj"])["setting"]
+        document["recommended"]["setting"]
+        == min(front, key=lambda row: row["figures"]["energy_pj"])["setting"]
     )
-    assert found["recommended"]["why"].startswith("the least energy, ")
+    assert document["recommended"]["why"].startswith("the least energy, ")
 
 
 def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, events, tmp_path, capsys):
     grid = (*narrow("reset", bits=(1,)), "--engines")
-    assert (
-        explore(
-            model,
-            "--events",
-            events,
-            *grid,
-            "--max-spike-error",
-            0,
-            "-o",
-            tmp_path / "out",
-            "--json",
-        )
-        == 3
-    )
+    arguments = (*grid, "--max-spike-error", 0, "-o", tmp_path / "out", "--json")
+    assert explore(model, "--events", events, *arguments) == 3
     printed = capsys.readouterr()
-    found = json.loads(printed.out)["recommended"]
-    assert found["setting"] is found["command"] is None
-    assert found["why"].startswith(
+    recommended = json.loads(printed.out)["recommended"]
+    assert recommended["setting"] is recommended["command"] is None
+    assert recommended["why"].startswith(
         "no setting keeps --max-spike-error 0; the least spike error is "
     )
-    assert printed.err == f"gate failed: {found['why']}.\n"
+    assert printed.err == f"gate failed: {recommended['why']}.\n"
 
 
 def test_refused_settings_are_rows_with_their_reason(model, events, tmp_path, capsys):
-    """A chip that three compartments a neuron do not fit."""
+    """A chip of a single small core, which three compartments per neuron do not fit."""
     text = hw.chip("loihi-sim").document
     chip = tmp_path / "tiny.yaml"
     tiny = text
-    for key, old, new in (
-        *(("compartments_per_core", 1024, 20), ("cores_per_chip", 128, 1)),
-        *(("columns", 8, 1), ("rows", 4, 1), ("cores_per_tile", 4, 1)),
+    for old, new in (
+        ("compartments_per_core: 1024", "compartments_per_core: 20"),
+        ("cores_per_chip: 128", "cores_per_chip: 1"),
+        ("columns: 8", "columns: 1"),
+        ("rows: 4", "rows: 1"),
+        ("cores_per_tile: 4", "cores_per_tile: 1"),
     ):
-        tiny = tiny.replace(f"{key}: {old}", f"{key}: {new}")
+        tiny = tiny.replace(old, new)
     chip.write_text(tiny)
     assert tiny != text
     grid = (*narrow("dendrite", "delay-line", "reset"), "--target", chip, "--engines")
     assert explore(model, "--events", events, *grid, "-o", tmp_path / "out") == 0
-    found = explored(tmp_path / "out")
-    said = [
+    document = explored(tmp_path / "out")
+    printed_refusals = [
         line
         for line in capsys.readouterr().out.splitlines()
         if line.startswith("dendrite, 8-bit: ")
     ]
-    refused = [row for row in found["points"] if row["refused"]]
+    refused = [row for row in document["points"] if row["refused"]]
     assert [row["setting"]["strategy"] for row in refused] == ["dendrite"]
-    assert said == [f"dendrite, 8-bit: {refused[0]['refused']}"]
+    assert printed_refusals == [f"dendrite, 8-bit: {refused[0]['refused']}"]
     assert refused[0]["figures"] is None
     assert not refused[0]["on_front"]
 
@@ -473,8 +452,8 @@ def test_what_all_settings_share_is_one_error(model, tmp_path, capsys):
     long = tmp_path / "long.npz"
     np.savez(long, spikes=np.zeros((2, 78, 41), dtype=np.uint8))
     assert explore(model, "--events", long, "-o", tmp_path / "out") == 2
-    wanted = f"events {str(long)!r}: the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps.\n"
-    assert capsys.readouterr() == ("", wanted)
+    line = f"events {str(long)!r}: the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps.\n"
+    assert capsys.readouterr() == ("", line)
     assert not (tmp_path / "out").exists()
 
 
@@ -506,18 +485,18 @@ def test_wrong_usage_is_one_line(model, arguments, line, tmp_path, capsys):
 def test_only_a_test_part_is_refused(model, divided, tmp_path, capsys):
     shutil.copytree(divided / "test", tmp_path / "some/test")
     assert explore(model, "--events", tmp_path / "some", "-o", tmp_path / "out") == 2
-    wanted = f"events {str(tmp_path / 'some')!r}: it has only a test part, and no setting may be chosen on that. Give other recordings, or say so with --part test.\n"
-    assert capsys.readouterr() == ("", wanted)
+    line = f"events {str(tmp_path / 'some')!r}: it has only a test part, and no setting may be chosen on that. Give other recordings, or say so with --part test.\n"
+    assert capsys.readouterr() == ("", line)
 
 
 def test_the_bar_moves_with_each_setting(model, events, tmp_path, monkeypatch):
-    moved = []
+    calls = []
 
     @contextmanager
     def bar(title, *, show):
-        yield lambda done, total: moved.append((title, done, total))
+        yield lambda done, total: calls.append((title, done, total))
 
     monkeypatch.setattr(explore_cli, "progress_bar", bar)
     grid = (*narrow("dendrite", bits=(4, 8)), "--engines")
     assert explore(model, "--events", events, *grid, "-o", tmp_path / "out", "--quiet") == 0
-    assert moved == [("exploring", 0, 2), ("exploring", 1, 2), ("exploring", 2, 2)]
+    assert calls == [("exploring", 0, 2), ("exploring", 1, 2), ("exploring", 2, 2)]

@@ -1,4 +1,8 @@
-"""The front and what is recommended on it, against their definitions."""
+"""The front and the recommended point, against their definitions.
+
+A point is on the front if none is at least as good in every objective and better in one. The definition is written here
+once more with numpy, and tried on random figures.
+"""
 
 import numpy as np
 import pytest
@@ -14,19 +18,25 @@ from locsnn_compile.verification.error_bounds import (
 )
 from tests.support.explored_model import figures, point
 
+# Few different values, so that points are often equal in some figures.
 FEW = st.sampled_from([0.25, 0.5, 0.75, 1.0])
-FOUND = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW, scores=FEW)
+ANY_FIGURES = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW, scores=FEW)
 NO_BUDGET = ErrorBudget()
 
 
-def costs(found):
-    errors = 1 - found.spike_agreement, 1 - found.prediction_agreement, found.score_error
-    return np.array([*errors, found.energy_pj, found.chip_time_ns])
+def costs(point_figures):
+    """Return the objectives of a point, all to be minimised."""
+    errors = (
+        1 - point_figures.spike_agreement,
+        1 - point_figures.prediction_agreement,
+        point_figures.score_error,
+    )
+    return np.array([*errors, point_figures.energy_pj, point_figures.chip_time_ns])
 
 
-@given(st.lists(FOUND, min_size=1, max_size=12))
+@given(st.lists(ANY_FIGURES, min_size=1, max_size=12))
 def test_the_front_is_what_no_other_beats(found):
-    table = np.array([costs(one) for one in found])
+    table = np.array([costs(point_figures) for point_figures in found])
     no_worse = (table[:, None] <= table[None]).all(axis=2)
     better = (table[:, None] < table[None]).any(axis=2)
     assert on_front(found) == [not beaten for beaten in (no_worse & better).any(axis=0)]
@@ -43,25 +53,34 @@ def test_equal_settings_are_both_on_the_front():
 BOUND = st.one_of(st.none(), FEW)
 
 
-@given(st.lists(FOUND, min_size=1, max_size=12), BOUND, BOUND, BOUND)
-def test_nothing_off_the_front_is_recommended(found, agreement, error, off):
-    points = [point(found=one) for one in found]
-    taken = recommend(points, ErrorBudget(agreement, error, off)).taken
+@given(st.lists(ANY_FIGURES, min_size=1, max_size=12), BOUND, BOUND, BOUND)
+def test_nothing_off_the_front_is_recommended(
+    found, min_agreement, max_spike_error, max_score_error
+):
+    points = [point(found=point_figures) for point_figures in found]
+    taken = recommend(points, ErrorBudget(min_agreement, max_spike_error, max_score_error)).taken
     front = on_front(found)
-    within = [
-        one
-        for one in found
-        if (agreement is None or one.prediction_agreement >= agreement)
-        and (error is None or one.spike_error <= error)
-        and (off is None or one.score_error <= off)
+    within_bounds = [
+        point_figures
+        for point_figures in found
+        if (min_agreement is None or point_figures.prediction_agreement >= min_agreement)
+        and (max_spike_error is None or point_figures.spike_error <= max_spike_error)
+        and (max_score_error is None or point_figures.score_error <= max_score_error)
     ]
     if taken is None:
-        assert not within or (agreement, error, off) == (None, None, None)
+        assert not within_bounds or (min_agreement, max_spike_error, max_score_error) == (
+            None,
+            None,
+            None,
+        )
         return
-    assert front[next(i for i, one in enumerate(points) if one is taken)]
-    assert taken.figures.energy_pj == min(one.energy_pj for one in within)
+    assert front[next(i for i, point_figures in enumerate(points) if point_figures is taken)]
+    assert taken.figures.energy_pj == min(
+        point_figures.energy_pj for point_figures in within_bounds
+    )
 
 
+# Strategy, weight bits and figures; an agreement of 1 is an error of 0. Energies are in pJ, times in ns.
 TABLE = [
     ("dendrite", 8, figures(spikes=0.9, predictions=1.0, energy=12e6, time=2e6)),
     ("delay-line", 8, figures(spikes=0.8, predictions=0.995, energy=7e6, time=1.1e6)),
@@ -84,8 +103,13 @@ TABLE = [
     ids=["nothing compared", "spikes", "predictions", "both", "scores", "none keeps it"],
 )  # fmt: skip
 def test_what_is_recommended_and_why(budget, taken, why):
-    found = recommend([point(name, bits, one) for name, bits, one in TABLE], budget)
-    assert (str(found.taken.setting) if found.taken else "none", found.why) == (taken, why)
+    recommendation = recommend(
+        [point(name, bits, point_figures) for name, bits, point_figures in TABLE], budget
+    )
+    assert (
+        str(recommendation.taken.setting) if recommendation.taken else "none",
+        recommendation.why,
+    ) == (taken, why)
 
 
 def test_a_cheaper_setting_whose_potentials_are_off_beats_none_and_is_not_recommended():
@@ -104,10 +128,12 @@ def test_a_cheaper_setting_whose_potentials_are_off_beats_none_and_is_not_recomm
 
 
 def test_what_auto_keeps_is_said():
-    points = [point(name, bits, one) for name, bits, one in TABLE]
-    found = recommend(points, ErrorBudget(min_agreement=1.0, max_spike_error=0.11), by_default=True)
-    assert str(found.taken.setting) == "dendrite, 8-bit"
-    assert found.why == (
+    points = [point(name, bits, point_figures) for name, bits, point_figures in TABLE]
+    recommendation = recommend(
+        points, ErrorBudget(min_agreement=1.0, max_spike_error=0.11), by_default=True
+    )
+    assert str(recommendation.taken.setting) == "dendrite, 8-bit"
+    assert recommendation.why == (
         "the best weighed energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within what auto "
         "keeps by default, --min-agreement 1 and --max-spike-error 0.11, with a percent of spikes worth 5 % of the cost"
     )
@@ -121,10 +147,10 @@ def test_a_bound_on_what_was_not_compared_is_not_kept():
         point(name, 8, figures(None, predictions, scores=None))
         for name, predictions in TIED.items()
     ]
-    assert on_front([one.figures for one in silent]) == [True, True]
-    found = recommend(silent, ErrorBudget(min_agreement=0.0, max_spike_error=1.0))
-    assert found.taken is None
-    assert found.why == (
+    assert on_front([silent_point.figures for silent_point in silent]) == [True, True]
+    recommendation = recommend(silent, ErrorBudget(min_agreement=0.0, max_spike_error=1.0))
+    assert recommendation.taken is None
+    assert recommendation.why == (
         "no setting keeps --min-agreement 0 and --max-spike-error 1; no neuron spikes on these recordings"
     )
 
@@ -163,9 +189,9 @@ def test_without_energy_the_setting_of_least_time_is_recommended():
         point("dendrite", found=figures(energy=None, time=2e6)),
         point("reset", found=figures(energy=None)),
     ]
-    found = recommend(points, ErrorBudget(min_agreement=0.5))
-    assert found.taken is points[1]
+    recommendation = recommend(points, ErrorBudget(min_agreement=0.5))
+    assert recommendation.taken is points[1]
     assert (
-        found.why
+        recommendation.why
         == "the least time, 1.00 ms per recording, of 1 setting on the front within --min-agreement 0.5"
     )

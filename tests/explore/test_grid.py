@@ -1,4 +1,7 @@
-"""The grid of settings is a table that agrees with the compiler."""
+"""The grid of settings follows the table of dials, which agrees with the options of the compiler.
+
+A dial is a choice of the compiler, such as the weight bits, and a setting is one value for each dial.
+"""
 
 import argparse
 import inspect
@@ -43,28 +46,28 @@ def test_a_setting_says_itself_three_ways(model):
 
 
 @pytest.mark.parametrize(
-    ("share", "said"),
+    ("share", "words"),
     [(0.0, ""), (0.07, ", 7% split"), (0.125, ", 12.5% split"), (1.0, ", 100% split")],
 )
-def test_a_share_of_split_weights_is_said_in_full(share, said):
-    assert str(Setting("dendrite", weight_bits=8, split_weights=share)) == f"dendrite, 8-bit{said}"
+def test_a_share_of_split_weights_is_said_in_full(share, words):
+    assert str(Setting("dendrite", weight_bits=8, split_weights=share)) == f"dendrite, 8-bit{words}"
 
 
 def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):
     network = lc.load(model)
-    wanted = {dial.name: dial.values[:1] for dial in DIALS} | {
+    values_to_try = {dial.name: dial.values[:1] for dial in DIALS} | {
         "weight_bits": [4, 8, 4],
         "strategy": ["reset", "dendrite"],
     }
-    found = [setting.values[:2] for setting in settings(network, wanted, 8)]
-    assert found == [("reset", 4), ("reset", 8), ("dendrite", 4), ("dendrite", 8)]
+    strategies_and_bits = [setting.values[:2] for setting in settings(network, values_to_try, 8)]
+    assert strategies_and_bits == [("reset", 4), ("reset", 8), ("dendrite", 4), ("dendrite", 8)]
 
 
 def test_options_that_change_nothing_are_not_tried():
     """A network of the chip's integers keeps its neurons and weights as they are."""
     network = lc.load("examples/models/objects-hybrid-loihi.pt")
     (setting,) = settings(network, {}, 8)
-    assert [one.weight_bits for one in settings(network, {}, 4)] == [4]
+    assert [tried.weight_bits for tried in settings(network, {}, 4)] == [4]
     assert setting.values == tuple(dial.neutral for dial in DIALS)
     assert setting.arguments(network) == []
 
@@ -85,6 +88,8 @@ PSI = Dial(
 
 @dataclass(frozen=True)
 class Late(Setting):
+    """A setting with a further dial."""
+
     psi: float = 10.0
 
 

@@ -1,4 +1,4 @@
-"""Models as the command line names them: what is loaded, said again, and hashed."""
+"""``ModelFile``: a model and its options as the command line names them, loaded, printed again, and hashed."""
 
 import inspect
 from dataclasses import fields, replace
@@ -23,7 +23,7 @@ def test_options_are_passed_on_and_said_again(model):
         config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut"
     )
     file = ModelFile(str(model), options)
-    wanted = [
+    arguments = [
         "--config",
         "a.yaml",
         "--dt",
@@ -35,7 +35,7 @@ def test_options_are_passed_on_and_said_again(model):
         "--kernels",
         "cut",
     ]
-    assert file.arguments() == [str(model), *wanted]
+    assert file.arguments() == [str(model), *arguments]
     with pytest.raises(InputError) as caught:
         replace(file, options=replace(options, config=None)).load()
     assert str(caught.value) == (
@@ -54,8 +54,8 @@ def test_it_has_every_argument_of_load_and_the_command_every_option():
 
 def test_the_command_passes_kernels_on(model, tmp_path, capsys):
     assert main(["explore", str(model), "--kernels", "cut", "-o", str(tmp_path / "out")]) == 2
-    said = f"model {str(model)!r}: kernels was given, but a checkpoint contains this itself. Leave kernels out.\n"
-    assert capsys.readouterr().err == said
+    line = f"model {str(model)!r}: kernels was given, but a checkpoint contains this itself. Leave kernels out.\n"
+    assert capsys.readouterr().err == line
 
 
 def test_the_digest_follows_files_and_options(tmp_path):

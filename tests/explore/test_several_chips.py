@@ -1,4 +1,7 @@
-"""``locsnn explore`` with several chips: what each loses and takes, and why others refuse the network."""
+"""``locsnn explore`` with several chips: figures of each chip, and why others refuse the network.
+
+Figures and refusals are compared with builds of ``locsnn-compile`` for the same chip.
+"""
 
 import csv
 import json
@@ -34,6 +37,7 @@ def tried(model, events, tmp_path_factory):
 
 
 def row_of(folder, chip):
+    """Return the row of a chip in explore.json."""
     (row,) = (row for row in explored(folder)["chips"] if row["target"] == chip)
     return row
 
@@ -91,6 +95,7 @@ WIDTH_ON_SPINNAKER = (
 
 @pytest.fixture(scope="module")
 def grid(model, events, tmp_path_factory):
+    """The folder of an exploration of two strategies and two widths on two chips."""
     folder = tmp_path_factory.mktemp("grid") / "out"
     arguments = (*GRID, *on("loihi-sim", "spinnaker1"), "-o", folder, "--quiet")
     assert explore(model, "--events", events, *arguments) == 0
@@ -120,7 +125,7 @@ def test_rows_of_one_chip_have_the_figures_of_its_own_exploration(grid, model, e
     rows = explored(grid)["chips"][:4]
     for point, row in zip(explored(tmp_path / "one")["points"], rows, strict=True):
         shared = set(point["figures"]) & set(row["figures"])
-        assert len(shared) == 10
+        assert len(shared) == 10  # so that the loop below compares something
         for name in shared:
             assert point["figures"][name] == row["figures"][name], name
 
@@ -188,9 +193,9 @@ def test_an_input_that_one_chip_cannot_use_leaves_the_others(model, events, tmp_
     monkeypatch.setattr(chip_points, "fulfil", refused_by_spinnaker)
     arguments = (*RESET, *on("spinnaker1", "loihi-sim"), "-o", tmp_path / "out", "--quiet")
     assert explore(model, "--events", events, *arguments) == 0
-    refused, able = explored(tmp_path / "out")["chips"]
+    refused, measured = explored(tmp_path / "out")["chips"]
     assert refused["refused"] == "events 'few.npz': too long for its memory. Cut them."
-    assert able["refused"] is None
+    assert measured["refused"] is None
 
 
 def test_recordings_that_fit_no_chip_are_refused_once(model, tmp_path, capsys):
@@ -221,12 +226,12 @@ def test_chips_that_keep_a_bound_are_named(
     assert [row["name"] for row in document["chips"] if row["keeps_bounds"]] == keeping
     assert document["bounds"]["max_spike_error"] == bound
     printed = capsys.readouterr()
-    said = (
+    sentence = (
         f"loihi-sim and spinnaker1 keep --max-spike-error {bound}."
         if keeping
         else (f"None keeps --max-spike-error {bound}.")
     )
-    assert said in printed.out.splitlines()
+    assert sentence in printed.out.splitlines()
     assert printed.err == line
 
 
@@ -236,14 +241,14 @@ def test_chips_that_run_are_also_reported_on_other_recordings(model, divided, tm
     document = explored(tmp_path / "out")
     assert (document["compared_on"]["part"], document["compared_on"]["recordings"]) == ("train", 6)
     assert (document["reported_on"]["part"], document["reported_on"]["recordings"]) == ("test", 4)
-    able, refused = document["chips"]
+    measured, refused = document["chips"]
     assert (refused["reported"], refused["report_command"]) == (None, None)
     assert "On 4 recordings of touches, test part:" in capsys.readouterr().out.splitlines()
-    arguments = shlex.split(able["report_command"])[1:]
+    arguments = shlex.split(measured["report_command"])[1:]
     assert compile_main([*arguments, "-o", str(tmp_path / "build"), "--quiet"]) == 0
     report = json.loads((tmp_path / "build" / "report.json").read_text())
-    assert able["reported"]["spike_error"] == 1 - report["match"]["spike_agreement"]
-    assert able["reported"]["accuracy"] == report["accuracy"]["chip"]
+    assert measured["reported"]["spike_error"] == 1 - report["match"]["spike_agreement"]
+    assert measured["reported"]["accuracy"] == report["accuracy"]["chip"]
 
 
 def test_engines_of_all_chips_are_timed(model, events, tmp_path, capsys):
@@ -258,8 +263,8 @@ def test_engines_of_all_chips_are_timed(model, events, tmp_path, capsys):
         ("spinnaker1", "reference", "1"),
     ]
     assert all(float(row["seconds_per_recording"]) > 0 for row in rows)
-    said = "fast and reference: time per recording in the simulator's engines, here."
-    assert said in capsys.readouterr().out.splitlines()
+    sentence = "fast and reference: time per recording in the simulator's engines, here."
+    assert sentence in capsys.readouterr().out.splitlines()
 
 
 def test_no_chip_that_can_run_it_is_an_error_with_every_sentence(model, tmp_path, capsys):
@@ -274,6 +279,7 @@ def test_no_chip_that_can_run_it_is_an_error_with_every_sentence(model, tmp_path
 
 
 def figures(spike_error, time_ns=None, energy_pj=None):
+    """Return figures of a chip, of which some are given."""
     return ChipFigures(
         strategy="reset",
         weight_bits=8,
@@ -292,6 +298,7 @@ def figures(spike_error, time_ns=None, energy_pj=None):
 
 
 def tried_chip(target, command, chip_figures=None, refused=None):
+    """Return a row of explore.json that has either figures or a refusal."""
     return TriedChip(
         target=target,
         name=target,
@@ -345,6 +352,9 @@ Commands:
 
 def test_the_picture_marks_what_no_other_chip_beats_and_where_least_is_lost():
     picture = chips_files(DOCUMENT, "5 recordings of few.npz")["explore.svg"].decode()
-    assert picture.count("<use ") - 3 == 2 + 2 + 1  # operations, times, one energy; a legend of 3
+    # A mark for each chip that runs: two panels of two marks, and one chip whose energy is known.
+    marks = 2 + 2 + 1
+    marks_of_legend = 3
+    assert picture.count("<use ") == marks + marks_of_legend
     assert "spinnaker1: 1.0 % of spikes differ, 350 ms" in picture
     assert "energy per recording" in picture

@@ -1,4 +1,7 @@
-"""Recordings spread over Dask workers give the bytes of one machine, whoever dies, and are held a few at a time."""
+"""Work spread over Dask workers: ``run`` and ``compile`` give the same bytes as on one machine, even if workers die.
+
+Only a few recordings are in memory at a time.
+"""
 
 import gc
 import io
@@ -21,7 +24,7 @@ from locsnn_compile.errors import InputError, TargetError
 from tests.support.explored_model import labelled, workers_of
 
 MANY = 70
-"""Recordings, in five chunks."""
+"""Recordings, in five parts of at most 16: so many are played together."""
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +35,7 @@ def many(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def compiled(model, many):
+    """The network, compiled and checked on the many recordings."""
     return lc.compile(lc.load(model), events=many, diagnosis=False, strategy="dendrite")
 
 
@@ -44,6 +48,7 @@ def build(compiled, tmp_path_factory):
 
 
 def files(folder):
+    """Return the bytes of all files in a folder, by path."""
     return {
         path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()
     }
@@ -54,10 +59,13 @@ def files(folder):
 def test_run_prints_the_same(build, many, cluster, capsys, options):
     arguments = ["run", str(build), "--events", str(many), *options]
     assert main(arguments) == 0
-    here = capsys.readouterr()
+    printed_here = capsys.readouterr()
     assert main([*arguments, "--scheduler", cluster.scheduler_address]) == 0
-    assert capsys.readouterr() == here
-    assert f"recording {MANY - 1}" in here.out or f'"recording": {MANY - 1}' in here.out
+    assert capsys.readouterr() == printed_here
+    assert (
+        f"recording {MANY - 1}" in printed_here.out
+        or f'"recording": {MANY - 1}' in printed_here.out
+    )
 
 
 @pytest.mark.slow
@@ -75,28 +83,29 @@ def test_compile_writes_the_same(model, many, cluster, tmp_path):
 
 @pytest.mark.slow
 def test_a_worker_killed_in_the_middle_loses_nothing(compiled, many, cluster):
-    before, killed, moved = workers_of(cluster), [], []
+    workers, killed, progress_calls = workers_of(cluster), [], []
 
     def progress(done, total):
-        moved.append((done, total))
+        progress_calls.append((done, total))
         if not killed:
-            killed.append(before[0])
-            os.kill(before[0], signal.SIGKILL)
+            killed.append(workers[0])
+            os.kill(workers[0], signal.SIGKILL)
 
-    found = lc.verify(compiled, many, progress=progress, scheduler=cluster.scheduler_address)
-    assert vars(found).keys() == vars(compiled.match).keys()
+    match = lc.verify(compiled, many, progress=progress, scheduler=cluster.scheduler_address)
+    assert vars(match).keys() == vars(compiled.match).keys()
     for name, value in vars(compiled.match).items():
-        assert repr(getattr(found, name)) == repr(value), name
-    assert killed == before[:1]
-    assert moved == [(16, MANY), (32, MANY), (48, MANY), (64, MANY), (MANY, MANY)]
+        assert repr(getattr(match, name)) == repr(value), name
+    assert killed == workers[:1]
+    assert progress_calls == [(16, MANY), (32, MANY), (48, MANY), (64, MANY), (MANY, MANY)]
 
 
 def test_no_more_is_taken_than_is_under_way(cluster):
     taken = []
     with spread_over(cluster.scheduler_address) as spread:
-        for i, found in enumerate(spread(abs, (taken.append(i) or -i for i in range(40)))):
-            assert found == i
-            assert len(taken) <= i + AHEAD * 2
+        for i, result in enumerate(spread(abs, (taken.append(i) or -i for i in range(40)))):
+            assert result == i
+            threads = 2  # of the fixture ``cluster``
+            assert len(taken) <= i + AHEAD * threads
     assert len(taken) == 40
 
 
@@ -104,10 +113,10 @@ def test_an_error_of_a_worker_is_the_line_it_is_here(build, cluster, tmp_path, c
     np.save(tmp_path / "wide.npy", np.zeros((3, 80, 40), dtype=np.uint8))
     arguments = ["run", str(build), "--events", str(tmp_path / "wide.npy")]
     assert main(arguments) == 2
-    here = capsys.readouterr()
+    printed_here = capsys.readouterr()
     assert main([*arguments, "--scheduler", cluster.scheduler_address]) == 2
-    assert capsys.readouterr() == here
-    assert here.err.count("\n") == 1
+    assert capsys.readouterr() == printed_here
+    assert printed_here.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("kind", [InputError, TargetError])
@@ -196,7 +205,7 @@ class Nowhere(io.StringIO):
         return len(text)
 
 
-def held(program, folder, recordings):
+def most_bytes_held(program, folder, recordings):
     """Most bytes that ``locsnn run`` held at a time, over what was held before."""
     file = folder / f"{recordings}.npy"
     np.save(file, (np.random.default_rng(0).random((recordings, 4, 50)) < 0.1).astype(np.uint8))
@@ -219,7 +228,7 @@ def held(program, folder, recordings):
     ],
 )
 def test_memory_does_not_grow_with_recordings(tiny, tmp_path, few, many, bytes_per_recording):
-    held(tiny, tmp_path, 32)
-    growth = held(tiny, tmp_path, many) - held(tiny, tmp_path, few)
+    most_bytes_held(tiny, tmp_path, 32)
+    growth = most_bytes_held(tiny, tmp_path, many) - most_bytes_held(tiny, tmp_path, few)
     # A recording has 200 bytes, its line of the result 400.
     assert growth / (many - few) < bytes_per_recording

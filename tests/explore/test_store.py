@@ -1,4 +1,4 @@
-"""The store gives back what was written, and nothing else."""
+"""The store of measured points gives back what was written, and treats any damaged file as missing."""
 
 import json
 
@@ -24,21 +24,25 @@ POINTS = {
 
 @pytest.fixture
 def store(tmp_path, monkeypatch):
+    """A store whose points are measured by code of version ``1+code``."""
     monkeypatch.setattr(store_module, "code_version", lambda: "1+code")
     return Store(tmp_path / "points", Point)
 
 
-@pytest.mark.parametrize("kept", POINTS.values(), ids=POINTS)
-def test_a_point_comes_back_exactly(store, kept):
-    store.write(KEY, kept)
-    assert store.read(KEY, kept.setting) == kept
+@pytest.mark.parametrize("stored", POINTS.values(), ids=POINTS)
+def test_a_point_comes_back_exactly(store, stored):
+    store.write(KEY, stored)
+    assert store.read(KEY, stored.setting) == stored
     assert [path.name for path in store.folder.iterdir()] == [f"{KEY}.json"]
 
 
 def test_a_refusal_is_the_same_error_again():
     error = TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it.")
-    again = point(refusal=vars(error)).refused
-    assert (type(again), str(again)) == (TargetError, "layer 'a': too large (2 against 1). Cut it.")
+    remade = point(refusal=vars(error)).refused
+    assert (type(remade), str(remade)) == (
+        TargetError,
+        "layer 'a': too large (2 against 1). Cut it.",
+    )
 
 
 def test_there_is_none_at_first(store):
@@ -46,6 +50,8 @@ def test_there_is_none_at_first(store):
 
 
 def edited(change):
+    """Return a function that changes the JSON document of a text."""
+
     def edit(text):
         document = json.loads(text)
         change(document)
@@ -84,11 +90,11 @@ def edited(change):
     ],
 )
 def test_a_damaged_point_is_none(store, damage):
-    kept = POINTS["figures"]
-    store.write(KEY, kept)
+    stored = POINTS["figures"]
+    store.write(KEY, stored)
     path = store.folder / f"{KEY}.json"
     path.write_text(damage(path.read_text()))
-    assert store.read(KEY, kept.setting) is None
+    assert store.read(KEY, stored.setting) is None
 
 
 @pytest.mark.parametrize(
@@ -102,21 +108,21 @@ def test_a_damaged_point_is_none(store, damage):
     ids=["a text for a number", "another key", "a list for a record", "no setting"],
 )
 def test_what_has_the_right_sum_and_is_not_a_point_is_none(store, change):
-    kept = POINTS["figures"]
-    store.write(KEY, kept)
+    stored = POINTS["figures"]
+    store.write(KEY, stored)
     path = store.folder / f"{KEY}.json"
     document = json.loads(path.read_text())
     change(document["point"])
     path.write_text(json.dumps(document | {"sha256": digest_of(document["point"])}))
-    assert store.read(KEY, kept.setting) is None
+    assert store.read(KEY, stored.setting) is None
 
 
 def test_a_point_of_another_setting_or_code_is_none(store, monkeypatch):
-    kept = POINTS["figures"]
-    store.write(KEY, kept)
-    assert store.read(KEY, Setting("reset", *kept.setting.values[1:])) is None
+    stored = POINTS["figures"]
+    store.write(KEY, stored)
+    assert store.read(KEY, Setting("reset", *stored.setting.values[1:])) is None
     monkeypatch.setattr(store_module, "code_version", lambda: "2+code")
-    assert store.read(KEY, kept.setting) is None
+    assert store.read(KEY, stored.setting) is None
 
 
 def test_corrupt_points_are_measured_again(model, events, tmp_path):

@@ -1,4 +1,7 @@
-"""Processes and Dask workers measure what one process does, byte for byte, and whoever dies takes nothing along."""
+"""Processes and Dask workers measure the same points as one process, byte for byte, even if they are killed.
+
+Schedulers that are missing, silent or gone, and workers of another version, end in one line.
+"""
 
 import logging
 import multiprocessing
@@ -50,8 +53,8 @@ def study(model, events):
 def grid(study):
     """Fourteen settings: two strategies, with every width of weights."""
     neutral = {dial.name: [dial.neutral] for dial in DIALS}
-    wanted = {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]}
-    return settings(study.network, neutral | wanted, 8)
+    values = {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]}
+    return settings(study.network, neutral | values, 8)
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +77,10 @@ def killed_after(first, pids):
 
 
 def test_a_packed_study_is_the_same(study):
-    one = setting("dendrite", 4)
-    assert work_packed(packed(partial(measure, study)), packed(one)) == measure(study, one)
+    some_setting = setting("dendrite", 4)
+    assert work_packed(packed(partial(measure, study)), packed(some_setting)) == measure(
+        study, some_setting
+    )
 
 
 @pytest.mark.slow
@@ -122,11 +127,11 @@ def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points,
 def test_dask_workers_killed_in_the_middle_take_nothing_along(
     study, grid, points, cluster, tmp_path, many
 ):
-    before = workers_of(cluster)
-    progress, killed = killed_after(2, lambda: before[:many])
+    worker_pids = workers_of(cluster)
+    progress, killed = killed_after(2, lambda: worker_pids[:many])
     with spread_over(cluster.scheduler_address) as workers:
         assert sweep(study, grid, Store(tmp_path, Point), workers, progress) == points
-    assert killed == before[:many]
+    assert killed == worker_pids[:many]
     assert len(list(tmp_path.iterdir())) == len(grid)
 
 
@@ -143,8 +148,8 @@ def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
 def test_without_dask_there_is_a_command_to_install_it(model, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert explore(model, "--scheduler", "tcp://127.0.0.1:8786", "-o", tmp_path / "out") == 2
-    wanted = "--scheduler: it needs distributed, which is not installed. Install it with: pip install 'dask[distributed]'.\n"
-    assert capsys.readouterr() == ("", wanted)
+    line = "--scheduler: it needs distributed, which is not installed. Install it with: pip install 'dask[distributed]'.\n"
+    assert capsys.readouterr() == ("", line)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +170,7 @@ def test_schedulers_that_do_not_answer(model, address, line, tmp_path, monkeypat
 def test_no_client_is_made_for_what_is_not_an_address(
     model, address, tmp_path, monkeypatch, capsys
 ):
-    """One that is made waits a minute for its end, and prints a traceback after the line."""
+    """A client would wait a minute for its end, and print a traceback after the line."""
     monkeypatch.setattr(distributed, "Client", None)
     assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
     assert capsys.readouterr().err.startswith(f"--scheduler {address}: it is not an address: ")
@@ -224,26 +229,35 @@ def test_a_service_that_speaks_and_stops_is_no_scheduler(
 
 
 class Futures:
-    """A client whose workers come and go: how many there are each time it is asked, the last for ever."""
+    """A client of Dask whose workers come and go.
+
+    ``workers`` has how many there are each time that it is asked; the last number stays.
+    """
 
     def __init__(self, workers, *, code=None):
-        self.workers, self.code = list(workers), code
+        self.workers = list(workers)
+        self.code = code
 
     def nthreads(self):
-        many = self.workers.pop(0) if self.workers[1:] else self.workers[0]
-        return dict.fromkeys(range(many), 1)
+        """Return the threads of each worker."""
+        is_last = len(self.workers) == 1
+        count = self.workers[0] if is_last else self.workers.pop(0)
+        return dict.fromkeys(range(count), 1)
 
-    def submit(self, work, code, *given, pure):
-        return Future(self, partial(work, self.code or code, *given))
+    def submit(self, work, code, *arguments, pure):
+        """Return a part that runs later, by the code of the workers."""
+        return Future(self, partial(work, self.code or code, *arguments))
 
 
 class Future:
     """A part that runs as soon as there is a worker."""
 
     def __init__(self, client, run):
-        self.client, self.run = client, run
+        self.client = client
+        self.run = run
 
     def result(self, timeout):
+        """Run the part, or end as a call that waited too long."""
         if self.client.workers[0]:
             return self.run()
         raise TimeoutError
@@ -344,8 +358,8 @@ def test_another_service_is_no_scheduler(model, tmp_path, monkeypatch, capsys):
 
 def test_dask_does_not_log_what_our_errors_say():
     with (
-        LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as one,
-        connected(one.scheduler_address),
+        LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as local_cluster,
+        connected(local_cluster.scheduler_address),
     ):
         assert {
             logging.getLogger(name).level for name in ("distributed", "distributed.client")
@@ -365,7 +379,7 @@ def test_a_cluster_without_workers(monkeypatch):
 
 @pytest.fixture
 def other_code(monkeypatch):
-    """This process runs another version than its workers, which it gives."""
+    """Let this process run another version than its workers, whose version is given."""
     theirs = spread.code_version()
     spread.code_version.cache_clear()
     monkeypatch.setattr(spread, "version", lambda name: "9")
@@ -377,10 +391,10 @@ def test_workers_with_other_code_are_refused(cluster, other_code):
     address = cluster.scheduler_address
     with pytest.raises(InputError) as caught, spread_over(address):
         pass
-    wanted = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
+    message = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
     assert (
         str(caught.value)
-        == f"--scheduler {address}: {wanted.format(other_code, spread.code_version())}"
+        == f"--scheduler {address}: {message.format(other_code, spread.code_version())}"
     )
 
 
@@ -390,6 +404,6 @@ def test_points_of_other_code_are_not_kept(study, grid, tmp_path):
 
     with pytest.raises(InputError) as caught:
         sweep(study, grid[:1], Store(tmp_path, Point), elsewhere)
-    wanted = "another version of locsnn-compile runs there (0+old against {}). Install the same one everywhere."
-    assert str(caught.value) == f"setting {grid[0]}: {wanted.format(spread.code_version())}"
+    message = "another version of locsnn-compile runs there (0+old against {}). Install the same one everywhere."
+    assert str(caught.value) == f"setting {grid[0]}: {message.format(spread.code_version())}"
     assert not list(tmp_path.iterdir())

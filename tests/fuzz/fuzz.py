@@ -22,12 +22,19 @@ from worker import run
 
 WALL_SECONDS = 100
 """A case that waits for something takes no processor; on a busy machine others wait too."""
-COUNTED, LARGEST = ("read", "refused", "faults"), ("slowest_ms", "peak_mib")
+COUNTED = ("read", "refused", "faults")
+"""Figures of a reader that are added over its cases."""
+LARGEST = ("slowest_ms", "peak_mib")
+"""Figures of which the largest counts."""
 
 
 @dataclass
 class Job:
-    """The cases of a reader that are left, and what came of those that are done."""
+    """The cases of a reader that are left, from ``first`` up to ``last``, and what came of those that are done.
+
+    ``at`` is the case that is being read, ``ended`` whether the process came to its end, and ``heard`` when its last
+    line came.
+    """
 
     reader: object
     first: int
@@ -56,13 +63,13 @@ class Job:
             )
 
     def end(self, status):
-        """Note the end of the process; tell whether cases are left, where one of them ended it."""
+        """Note the end of the process; return whether cases are left, because one of them ended it."""
         if self.ended:
             return False
         self.faults.append({"case": self.at, "fault": f"it ended the process: status {status}"})
         self.figures["faults"] += 1
         if self.at < self.first:
-            # It did not come as far as a case.
+            # It ended before its first case, and would do so again.
             return False
         self.first = self.at + 1
         return self.first < self.last
@@ -137,6 +144,7 @@ def table(jobs):
 
 
 def main():
+    """Read cases and print what came of them; return 1 if there is a fault."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=22_950, help="of all readers together")
     parser.add_argument(
@@ -147,7 +155,7 @@ def main():
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
     readers = [reader for reader in READERS if reader.name in (args.reader or [reader.name])]
-    share = -(-args.cases // len(readers))
+    share = -(-args.cases // len(readers))  # rounded up
     jobs = [Job(reader, args.first, args.first + share) for reader in readers]
     for job in jobs:
         job.figures["cases"] = share

@@ -11,6 +11,7 @@ import zipfile
 import h5py
 import numpy as np
 
+# Numbers at which widths of integers end: as sizes in a file they say too much or too little.
 SIZES = (
     0,
     1,
@@ -116,7 +117,7 @@ def mutated(data, kind, chance):
         "hdf5": (damage, regraph),
     }
     chosen = [chance.choice(ways[kind]) for _ in range(chance.choice((1, 1, 1, 2, 4)))]
-    # Libraries that write are not for damaged files: those come after.
+    # Faults by libraries that read and write whole files come first, random damage last.
     for way in sorted(chosen, key=lambda way: way is damage):
         data = way(data, chance)
     return data
@@ -124,29 +125,31 @@ def mutated(data, kind, chance):
 
 def damage(data, chance):
     """Flip bits, cut, splice, repeat, or write sizes, at random places."""
-    found = bytearray(data)
-    at, length = (chance.randrange(len(found) + 1) for _ in range(2)) if found else (0, 0)
+    damaged = bytearray(data)
+    position, length = (chance.randrange(len(damaged) + 1) for _ in range(2)) if damaged else (0, 0)
     length = min(length, chance.choice((1, 4, 16, 256, length)))
     way = chance.randrange(8)
     if way == 0:
-        del found[at:]
+        del damaged[position:]
     elif way == 1:
-        del found[at : at + length]
+        del damaged[position : position + length]
     elif way == 2:
-        found[at:at] = chance.randbytes(length)
+        damaged[position:position] = chance.randbytes(length)
     elif way == 3:
-        other = chance.randrange(len(found) + 1)
-        found[at : at + length] = found[other : other + length]
-    elif way == 4 and found:
+        other = chance.randrange(len(damaged) + 1)
+        damaged[position : position + length] = damaged[other : other + length]
+    elif way == 4 and damaged:
         size = struct.pack(chance.choice("<>") + "Q", chance.choice(SIZES))
         width = chance.choice((1, 2, 4, 8))
-        found[at : at + width] = size[:width] if chance.random() < 0.5 else size[-width:]
+        damaged[position : position + width] = (
+            size[:width] if chance.random() < 0.5 else size[-width:]
+        )
     elif way == 5:
-        found[at : at + length] = chance.choice((b"\x00", b"\xff", b" ")) * length
+        damaged[position : position + length] = chance.choice((b"\x00", b"\xff", b" ")) * length
     else:
-        for _ in range(chance.choice((1, 1, 2, 8, 64)) if found else 0):
-            found[chance.randrange(len(found))] ^= 1 << chance.randrange(8)
-    return bytes(found)
+        for _ in range(chance.choice((1, 1, 2, 8, 64)) if damaged else 0):
+            damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
+    return bytes(damaged)
 
 
 def retype(data, chance):
@@ -229,7 +232,7 @@ def rearrayed(content, chance):
 
 
 def regraph(data, chance):
-    """Change an HDF5 file by its own library: other types, shapes and links, and what is missing or twice."""
+    """Change an HDF5 file by its own library: other types, shapes and links, and items that are missing or twice."""
     stream = io.BytesIO(data)
     try:
         with h5py.File(stream, "a") as file:
@@ -243,8 +246,9 @@ def regraph(data, chance):
 
 
 def _change(file, path, other, chance):
+    """Change the item at a path of an HDF5 file; ``other`` is a path to copy or link from."""
     way = chance.randrange(9)
-    held = file[path]
+    item = file[path]
     if way == 0:
         del file[path]
     elif way == 1:
@@ -258,21 +262,21 @@ def _change(file, path, other, chance):
     elif way == 3:
         file.copy(other, f"{path}_{chance.randrange(9)}")
     elif way == 4:
-        file[f"{path}/deep" if isinstance(held, h5py.Group) else f"{path}_again"] = file[other]
+        file[f"{path}/deep" if isinstance(item, h5py.Group) else f"{path}_again"] = file[other]
     elif way == 5:
         del file[path]
         file[path] = chance.choice(
             (np.nan, "text", b"bytes", 2**63 - 1, -1, 0, [], h5py.Empty("f4"), "é" * 5000)
         )
-    elif isinstance(held, h5py.Dataset) and held.dtype.kind in "biuf":
-        array = chance.choice(ARRAYS)(np.asarray(held[()]))
+    elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf":
+        array = chance.choice(ARRAYS)(np.asarray(item[()]))
         del file[path]
         if chance.random() < 0.2:
             file.create_dataset(path, shape=(2**20, 2**20), chunks=(64, 64), dtype="f4")
         else:
             file[path] = array
-    elif isinstance(held, h5py.Dataset):
-        texts = np.asarray(held[()], dtype=object).reshape(-1)
+    elif isinstance(item, h5py.Dataset):
+        texts = np.asarray(item[()], dtype=object).reshape(-1)
         if texts.size:
             words = [
                 "",
@@ -291,11 +295,11 @@ def _change(file, path, other, chance):
             texts[chance.randrange(texts.size)] = chance.choice(
                 (*words, texts[chance.randrange(texts.size)])
             )
-        shape = held.shape
+        shape = item.shape
         del file[path]
         file.create_dataset(path, data=texts.reshape(shape), dtype=h5py.string_dtype())
 
 
 def case_chance(reader, number):
-    """Return the random state of a case."""
+    """Return the random state of a case: the same for the same reader and number, always."""
     return random.Random(f"{reader} {number}")

@@ -1,4 +1,7 @@
-"""All that reads files: how a whole one is made, which of its bytes are damaged, and how it is read."""
+"""Everything that reads files: how a whole file is made, which part of it is damaged, and how it is read.
+
+``fuzz.py`` damages the files and counts how the readers take it.
+"""
 
 import contextlib
 import hashlib
@@ -42,9 +45,12 @@ EXAMPLES = TESTS.parent / "examples"
 
 @dataclass(frozen=True)
 class Reader:
-    """``make`` writes whole sets of files into a folder and returns the damaged file's name, set by set.
+    """One thing that reads files.
 
-    ``kind`` is how it is damaged, ``read`` what reads the folder; ``mend`` makes the rest fit the damaged file.
+    - ``kind``: how a file is damaged: ``bytes``, ``text``, ``zip`` or ``hdf5``
+    - ``make``: writes whole files into a folder, and returns the names of those to damage, one in each case
+    - ``read``: reads a folder in which the file of this name is damaged
+    - ``mend``: makes the other files fit the damaged one, so that they do not reveal the damage at once
     """
 
     name: str
@@ -55,6 +61,7 @@ class Reader:
 
 
 def checkpoints(folder):
+    """Write a small checkpoint, a shipped one, and one in torch's old format."""
     layout = InputLayout(neutouch(1), steps=6, step_seconds=0.02)
     order = {"location_order": "arch", "location_taxels": LOCATION_ORDERS["arch"]}
     description = NetworkDescription("hybrid", layout, classes=3, hidden=4, name="small", **order)
@@ -69,7 +76,7 @@ def checkpoints(folder):
 
 
 class OldPickler(pickle.Pickler):
-    """Numbers storages as they come, where torch takes their addresses, which no case could be repeated with."""
+    """Numbers storages in their order: torch writes their addresses, with which no case could be repeated."""
 
     def persistent_id(self, held):
         if not isinstance(held, torch.storage.TypedStorage):
@@ -90,13 +97,14 @@ def as_before_torch_1_6(path):
         pickle.dump(
             [f"{number + 1:04}" for number in range(len(pickler.storages))], old, protocol=2
         )
-        for held in pickler.storages:
-            values = torch.tensor([], dtype=held.dtype).set_(held).numpy()
+        for storage in pickler.storages:
+            values = torch.tensor([], dtype=storage.dtype).set_(storage).numpy()
             old.write(len(values).to_bytes(8, "little") + values.tobytes())
     return old.name
 
 
 def nir_files(folder):
+    """Write one graph of each kind that the tests of NIR have."""
     names = []
     for name, (graph, *_) in graphs().items():
         nir.write(folder / f"{name}.nir", graph)
@@ -105,6 +113,7 @@ def nir_files(folder):
 
 
 def net_files(folder):
+    """Write lava-dl networks: dense layers with delays and biases, and a convolution."""
     rng = np.random.default_rng(2)
     write_net(
         folder / "a.net",
@@ -134,16 +143,19 @@ def net_files(folder):
 
 
 def slayer_files(folder, neuron):
+    """Write a checkpoint of slayerPytorch and its YAML."""
     rng = np.random.default_rng(3)
     write(folder, {"fc1": rng.normal(size=(4, 78)) * 3, "fc2": rng.normal(size=(3, 4)) * 3}, neuron)
 
 
 def slayer_checkpoints(folder):
+    """Write such files; the checkpoint is damaged, in both of torch's formats."""
     slayer_files(folder, SRM)
     return ["model.pt", as_before_torch_1_6(folder / "model.pt")]
 
 
 def slayer_configs(folder):
+    """Write such files; the YAML is damaged."""
     slayer_files(folder, LOIHI)
     return ["net.yaml"]
 
@@ -152,20 +164,24 @@ TOUCHES = synthetic_touches(2, steps=12, seed=1)
 
 
 def recordings(*names, members="npy", structured=False, one=False):
-    """Return what writes touches under these names, whose endings are the formats, and returns the names."""
+    """Return a ``make`` that writes touches under these names, whose endings are the formats.
+
+    ``one``: only one recording, for formats that hold no more.
+    """
 
     def make(folder):
         for name in names:
-            given = TOUCHES.subset([1]) if one else TOUCHES
+            touches = TOUCHES.subset([1]) if one else TOUCHES
             if name == "a.npy":
-                given = Recordings(given.spikes, labels=None, step_seconds=None, source="x")
-            write_recordings(folder / name, given, members=members, structured=structured)
+                touches = Recordings(touches.spikes, labels=None, step_seconds=None, source="x")
+            write_recordings(folder / name, touches, members=members, structured=structured)
         return list(names)
 
     return make
 
 
 def raw_text(folder):
+    """Write raw events of a touch as text, with the times of its phases; the events are damaged."""
     times = np.sort(np.random.default_rng(4).uniform(100, 101, 60))
     lines = [
         f"{i % 2} {cell} {t:.6f}"
@@ -179,22 +195,26 @@ def raw_text(folder):
 
 
 def phases(folder):
+    """Write the same files; the times of the phases are damaged."""
     raw_text(folder)
     return ["a.startend"]
 
 
 def labels_beside(folder):
+    """Write an array of recordings and the file of its labels, which is damaged."""
     np.save(folder / "a.npy", TOUCHES.spikes.transpose(0, 2, 1))
     np.save(folder / "a_labels.npy", np.array([1, 0]))
     return ["a_labels.npy"]
 
 
 def member_folder(folder):
+    """Write a folder with a file for each recording."""
     write_recordings(folder / "set", TOUCHES)
     return ["set/sample_0_label_0.npy", "set/sample_1_label_1.npy"]
 
 
 def spike_times(folder):
+    """Write HDF5 files: one of spike times, one of bins."""
     with h5py.File(folder / "a.h5", "w") as file:
         for name, top, kind in (("times", 1.0, np.float16), ("units", 78, np.uint16)):
             rows = file.create_dataset(f"spikes/{name}", (3,), dtype=h5py.vlen_dtype(kind))
@@ -212,6 +232,7 @@ def spike_times(folder):
 
 
 def class_folders(folder):
+    """Write a folder for each class, with recordings in the format of N-MNIST."""
     for name in ("left", "right"):
         (folder / "set" / name).mkdir(parents=True)
         write_recordings(folder / f"{name}_label_1.bs2", TOUCHES.subset([1]))
@@ -220,6 +241,7 @@ def class_folders(folder):
 
 
 def layouts(folder):
+    """Write the description of a sensor."""
     lines = [
         "name: glove",
         "polarities: 2",
@@ -232,6 +254,7 @@ def layouts(folder):
 
 
 def programs(folder):
+    """Write a small program for a chip, without the checksum of its text."""
     chip = hw.chip("loihi-sim")
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 4)
@@ -247,7 +270,7 @@ def programs(folder):
 
 
 def play_program(folder, _):
-    """Load a program, and play a few steps of it where it is small: compiled loops trust what was loaded."""
+    """Load a program, and play a few steps if it is small: compiled loops trust that loading checks everything."""
     program = hw.load_program(folder)
     if all(size <= 1000 for size in program.streams.values()) and all(
         (p.steps or 0) <= 1000 for p in program.phases
@@ -259,17 +282,19 @@ def play_program(folder, _):
 
 
 def program_texts(folder):
+    """Write a program; its text is damaged."""
     programs(folder)
     return ["program.yaml"]
 
 
 def program_arrays(folder):
+    """Write a program; its arrays are damaged."""
     programs(folder)
     return ["program.npz"]
 
 
 def mend_checksum(folder, name):
-    """Let the text name the damaged arrays' checksum: else no more than that is ever looked at."""
+    """Let the text name the checksum of the damaged arrays: otherwise the checksum is all that is ever checked."""
     digest = hashlib.sha256((folder / name).read_bytes()).hexdigest()
     text = (folder / "program.yaml").read_text()
     (folder / "program.yaml").write_text(
@@ -278,11 +303,13 @@ def mend_checksum(folder, name):
 
 
 def chip_files(folder):
+    """Write the description of a chip."""
     (folder / "chip.yaml").write_text(hw.chip("loihi-sim").document)
     return ["chip.yaml"]
 
 
 def training_configs(folder):
+    """Write a training configuration."""
     lines = [
         "model: hybrid",
         "order: whorl",
@@ -298,10 +325,12 @@ def training_configs(folder):
 
 
 def read_training_config(folder, name):
+    """Read a training configuration and check its values."""
     return config_from_mapping(read_config(folder / name))
 
 
 def reports(folder):
+    """Write two equal builds, the report of one of which is damaged."""
     report = {
         "schema": "locsnn-report/1",
         "model": {"name": "m", "sha256": "0"},
@@ -314,6 +343,7 @@ def reports(folder):
 
 
 def compare_builds(folder, _):
+    """Compare both builds, as a summary and figure by figure."""
     with contextlib.redirect_stdout(io.StringIO()):
         builds = {
             "before": folder / "before",
@@ -322,20 +352,21 @@ def compare_builds(folder, _):
             "html": None,
             "events": None,
         }
-        with contextlib.suppress(
-            InputError
-        ):  # the summary asks for figures that a report here has not
+        # The summary asks for figures that the small report here does not have.
+        with contextlib.suppress(InputError):
             diff.run(Namespace(**builds, all=False))
         diff.run(Namespace(**builds, all=True))
 
 
 def read_events(folder, name):
-    found = read_recordings(folder / Path(name).parts[0])
-    assert found.spikes.dtype == np.uint8
-    return found
+    """Read recordings from a file, or from the folder that holds it."""
+    recordings_read = read_recordings(folder / Path(name).parts[0])
+    assert recordings_read.spikes.dtype == np.uint8
+    return recordings_read
 
 
 def read_raw(folder, _):
+    """Read raw events, whichever of their two files is damaged."""
     return read_recordings(folder / "a.tact")
 
 

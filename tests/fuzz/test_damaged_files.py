@@ -15,18 +15,20 @@ import pytest
 FUZZ = Path(__file__).with_name("fuzz.py")
 PAGE = Path(__file__).parents[2] / "docs/research/robustness.md"
 CASES = 22_950
+"""All cases of the page: 850 for each of 27 readers."""
 
 
 def fuzz(*options):
-    done = subprocess.run(
+    """Run fuzz.py in a process of its own; return its JSON."""
+    process = subprocess.run(
         [sys.executable, str(FUZZ), "--json", *options],
         capture_output=True,
         text=True,
         check=False,
         timeout=1500,
     )
-    assert done.stderr == ""
-    return json.loads(done.stdout)
+    assert process.stderr == ""
+    return json.loads(process.stdout)
 
 
 @pytest.mark.slow
@@ -39,9 +41,9 @@ def fuzz(*options):
     ],
 )  # fmt: skip
 def test_damaged_files(options):
-    found = fuzz(*options)
-    assert found["faults"] == []
-    figures = found["figures"].values()
+    document = fuzz(*options)
+    assert document["faults"] == []
+    figures = document["figures"].values()
     assert sum(row["cases"] for row in figures) == int(options[1])
     assert all(row["cases"] == row["read"] + row["refused"] for row in figures)
     assert all(row["read"] for row in figures) or int(options[1]) < CASES

@@ -1,4 +1,7 @@
-"""All rows, a million steps included: minutes."""
+"""All cases of ``locsnn stress`` with their verdicts, including runs of a million steps: this takes minutes.
+
+The verdicts must be those of the table in the documentation.
+"""
 
 import csv
 import itertools

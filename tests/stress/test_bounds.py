@@ -1,4 +1,4 @@
-"""The derived bound of potentials, against arithmetic written here once more."""
+"""The bound that is derived for errors of potentials, against the same recursion written here once more for one neuron."""
 
 import numpy as np
 import pytest
@@ -73,21 +73,21 @@ def test_a_leaky_integrator_by_hand(tau):
     sides, bound = played(network)
     (pair,) = sides.phase.program_neurons.groups
     (synapses,) = sides.phase.program_neurons.synapses
-    kept, wanted = pair.chip.keep_v[0], pair.exact.keep_v[0]
+    chip_keeps, exact_keeps = pair.chip.keep_v[0], pair.exact.keep_v[0]
     v = 0.0
-    parts = np.zeros(3)
+    expected_parts = np.zeros(3)
     for step in range(1, 60):
         arrived = sides.lines["touch"][0, step - 1].astype(float)
-        before = parts.copy()
-        parts = kept * parts + [
+        before = expected_parts.copy()
+        expected_parts = chip_keeps * expected_parts + [
             arrived @ np.abs(synapses.chip - synapses.exact_fitted)[0],
             arrived @ np.abs(synapses.exact_fitted - synapses.exact.weights)[0]
-            + abs(kept - wanted) * abs(v),
+            + abs(chip_keeps - exact_keeps) * abs(v),
             1.0 if v or before.any() else 0.0,
         ]
-        v = wanted * v + arrived @ synapses.exact.weights[0]
-        found = [bound[source][0, step, 0] for source in SOURCES]
-        assert found == pytest.approx(parts.tolist(), rel=1e-9, abs=1e-12)
+        v = exact_keeps * v + arrived @ synapses.exact.weights[0]
+        bound_parts = [bound[source][0, step, 0] for source in SOURCES]
+        assert bound_parts == pytest.approx(expected_parts.tolist(), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
@@ -118,6 +118,6 @@ def test_a_spike_forgets_the_error_of_the_voltage():
     sides, bound = played(network)
     spikes = sides.float.spikes[0, :, 0]
     assert spikes.any()
-    after = np.flatnonzero(spikes)[0] + 1
-    quiet = sides.lines["touch"][0, after - 1, 0] == 0
-    assert (sum(bound.values())[0, after, 0] == 0) == bool(quiet)
+    step_after = np.flatnonzero(spikes)[0] + 1
+    quiet = sides.lines["touch"][0, step_after - 1, 0] == 0
+    assert (sum(bound.values())[0, step_after, 0] == 0) == bool(quiet)

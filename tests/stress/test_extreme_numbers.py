@@ -1,4 +1,4 @@
-"""Float numbers at the ends of what there is: represented, or refused in one line; never a crash, nan or infinity."""
+"""Numbers at the ends of float64 in a network: represented, or refused in one line; never a crash, nan or infinity."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ LIF = Cuba.of(1, decay_v=0.1, threshold=1.0)
 WITHIN = "against 1e-100 to 1e+100). Give it in other units."
 
 
-def one(neuron, weight=1.0):
+def network_of_one(neuron, weight=1.0):
     """A neuron behind one input."""
     return Network(
         name="one", channels=1, steps=30, step_seconds=None, sensor=None,
@@ -38,20 +38,21 @@ def one(neuron, weight=1.0):
     )  # fmt: skip
 
 
+# Each row: its id, the network, the strategy, and the message.
 REFUSED = [
-    ("least theta", one(replace(SRM, theta=5e-324)), "dendrite", f"population 'n': theta is too small a number to compute with (4.94066e-324 {WITHIN}"),
-    ("largest theta", one(replace(SRM, theta=1.7e308)), "reset", f"population 'n': theta is too large a number to compute with (1.7e+308 {WITHIN}"),
-    ("least tau", one(replace(SRM, tau_sr=1e-320)), "dendrite", f"population 'n': tau_sr is too small a number to compute with (9.99989e-321 {WITHIN}"),
-    ("largest tau", one(replace(SRM, tau_ref=1e300)), "reset", f"population 'n': tau_ref is too large a number to compute with (1e+300 {WITHIN}"),
-    ("least threshold", one(Cuba.of(1, decay_v=0.1, threshold=1e-300)), "dendrite", f"population 'n': threshold is too small a number to compute with (1e-300 {WITHIN}"),
-    ("largest weight", one(LIF, 1.7e308), "dendrite", "projection 'touch' -> 'n': a weight is too large a number to compute with (1.7e+308 against 1e+100). Give it in other units."),
-    ("largest bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=-1e300)), "dendrite", "population 'n': bias is too large a number to compute with (-1e+300 against 1e+100). Give it in other units."),
+    ("least theta", network_of_one(replace(SRM, theta=5e-324)), "dendrite", f"population 'n': theta is too small a number to compute with (4.94066e-324 {WITHIN}"),
+    ("largest theta", network_of_one(replace(SRM, theta=1.7e308)), "reset", f"population 'n': theta is too large a number to compute with (1.7e+308 {WITHIN}"),
+    ("least tau", network_of_one(replace(SRM, tau_sr=1e-320)), "dendrite", f"population 'n': tau_sr is too small a number to compute with (9.99989e-321 {WITHIN}"),
+    ("largest tau", network_of_one(replace(SRM, tau_ref=1e300)), "reset", f"population 'n': tau_ref is too large a number to compute with (1e+300 {WITHIN}"),
+    ("least threshold", network_of_one(Cuba.of(1, decay_v=0.1, threshold=1e-300)), "dendrite", f"population 'n': threshold is too small a number to compute with (1e-300 {WITHIN}"),
+    ("largest weight", network_of_one(LIF, 1.7e308), "dendrite", "projection 'touch' -> 'n': a weight is too large a number to compute with (1.7e+308 against 1e+100). Give it in other units."),
+    ("largest bias", network_of_one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=-1e300)), "dendrite", "population 'n': bias is too large a number to compute with (-1e+300 against 1e+100). Give it in other units."),
 ]  # fmt: skip
 TOO_MUCH = [
-    ("own spikes", one(replace(SRM, scale_ref=1e6)), "dendrite", "population 'n': no scale holds both the threshold and the refractory kernel (its own spike weighs 1e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
-    ("own taps", one(replace(SRM, scale_ref=1e6)), "delay-line", "population 'n': no scale holds both the threshold and the refractory kernel (its own spike weighs 1.07e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
-    ("bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=1e5)), "dendrite", "population 'n': no scale holds both the threshold and the largest bias (one bias reaches 100098 thresholds against 4095). Train with smaller biases, or a higher threshold."),
-    ("weight of rule >=", one(Cuba.of(1, decay_v=1.0, threshold=1.0, rule=">="), 32200.0), "dendrite", "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 3.22e+04 thresholds against 32138). Train with smaller weights, or a higher threshold."),
+    ("own spikes", network_of_one(replace(SRM, scale_ref=1e6)), "dendrite", "population 'n': no scale holds both the threshold and the refractory kernel (its own spike weighs 1e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
+    ("own taps", network_of_one(replace(SRM, scale_ref=1e6)), "delay-line", "population 'n': no scale holds both the threshold and the refractory kernel (its own spike weighs 1.07e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
+    ("bias", network_of_one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=1e5)), "dendrite", "population 'n': no scale holds both the threshold and the largest bias (one bias reaches 100098 thresholds against 4095). Train with smaller biases, or a higher threshold."),
+    ("weight of rule >=", network_of_one(Cuba.of(1, decay_v=1.0, threshold=1.0, rule=">="), 32200.0), "dendrite", "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 3.22e+04 thresholds against 32138). Train with smaller weights, or a higher threshold."),
 ]  # fmt: skip
 
 
@@ -79,7 +80,7 @@ def test_what_no_scale_holds_is_named(network, strategy, message):
 
 def test_few_bits_hold_smaller_weights():
     with pytest.raises(TargetError) as caught:
-        lower(one(Cuba.of(1, decay_v=1.0, threshold=1.0), 2e4), CHIP, weight_bits=1)
+        lower(network_of_one(Cuba.of(1, decay_v=1.0, threshold=1.0), 2e4), CHIP, weight_bits=1)
     assert str(caught.value) == (
         "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 2e+04 thresholds "
         "against 16384). Train with smaller weights, or a higher threshold."
@@ -97,7 +98,7 @@ def test_few_bits_hold_smaller_weights():
 )  # fmt: skip
 def test_faint_kernels_are_none(neuron, strategy):
     """A kernel that the registers cannot tell from none is lowered as none, and its fit is a number."""
-    levels = lower(one(neuron, neuron.theta), CHIP, weight_bits=8, strategy=strategy)
+    levels = lower(network_of_one(neuron, neuron.theta), CHIP, weight_bits=8, strategy=strategy)
     fit = levels.quantized.population("n").fit
     assert fit.input_max < 1e-2
     assert fit.refractory_max is None or np.isfinite(fit.refractory_max)
@@ -106,14 +107,16 @@ def test_faint_kernels_are_none(neuron, strategy):
 @pytest.mark.parametrize("bias", [5e-324, -1e-310, 1e-50])
 def test_denormal_biases_and_weights_are_0(bias):
     levels = lower(
-        one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=bias), bias), CHIP, weight_bits=8
+        network_of_one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=bias), bias), CHIP, weight_bits=8
     )
     assert levels.quantized.population("n").neuron.bias_mantissa.tolist() == [0]
     assert levels.quantized.projections[0].mantissa.tolist() == [[0]]
 
 
 def test_the_strongest_reset_is_finite():
-    levels = lower(one(replace(SRM, scale_ref=1e100)), CHIP, weight_bits=8, strategy="reset")
+    levels = lower(
+        network_of_one(replace(SRM, scale_ref=1e100)), CHIP, weight_bits=8, strategy="reset"
+    )
     assert levels.quantized.population("n").neuron.refractory.tolist() == [63]
     assert np.isfinite(levels.quantized.population("n").fit.refractory_rms)
 
@@ -125,13 +128,16 @@ def test_a_kernel_that_is_over_at_once_has_no_gain(tau):
 
 def test_delay_line_holds_a_refractory_kernel_that_hardly_matters():
     """A millionth of a threshold is less than any tap; none is taken, and nothing is refused."""
-    levels = lower(one(replace(SRM, scale_ref=1e-6)), CHIP, weight_bits=8, strategy="delay-line")
+    levels = lower(
+        network_of_one(replace(SRM, scale_ref=1e-6)), CHIP, weight_bits=8, strategy="delay-line"
+    )
     assert len(levels.quantized.population("n").neuron.refractory.delay) == 0
 
 
+# Each row: its id, a network whose weights all round to 0, and the message.
 HEARD = [
-    ("srm", one(replace(SRM, tau_sr=4000.0), 0.01), "population 'n': every weight rounds to 0, so no input reaches it (one input that spikes in every step could reach 1.88 thresholds). Use larger weights, a shorter tau_sr, or a smaller scale_ref."),
-    ("integrator", one(Cuba.of(1, decay_v=0.0, threshold=1e-3, bias=1.0), 1e-6), "population 'n': every weight rounds to 0, so no input reaches it (one input that spikes in every step could reach 3 thresholds). Use larger weights, or smaller biases."),
+    ("srm", network_of_one(replace(SRM, tau_sr=4000.0), 0.01), "population 'n': every weight rounds to 0, so no input reaches it (one input that spikes in every step could reach 1.88 thresholds). Use larger weights, a shorter tau_sr, or a smaller scale_ref."),
+    ("integrator", network_of_one(Cuba.of(1, decay_v=0.0, threshold=1e-3, bias=1.0), 1e-6), "population 'n': every weight rounds to 0, so no input reaches it (one input that spikes in every step could reach 3 thresholds). Use larger weights, or smaller biases."),
 ]  # fmt: skip
 
 
@@ -145,13 +151,21 @@ def test_a_population_that_would_hear_nothing(network, message):
 
 
 def test_weights_that_are_nothing_to_the_float_network_either_may_be_lost():
-    assert not lower(one(LIF, 1e-6), CHIP, weight_bits=8).quantized.projections[0].mantissa.any()
-    assert not lower(one(SRM, 0.0), CHIP, weight_bits=8).quantized.projections[0].mantissa.any()
+    assert (
+        not lower(network_of_one(LIF, 1e-6), CHIP, weight_bits=8)
+        .quantized.projections[0]
+        .mantissa.any()
+    )
+    assert (
+        not lower(network_of_one(SRM, 0.0), CHIP, weight_bits=8)
+        .quantized.projections[0]
+        .mantissa.any()
+    )
 
 
 def test_a_threshold_in_three_spikes_is_met_exactly():
     """10 / 3 is a third of 10 but for float rounding; the scale is one in which the chip's integers are thirds too."""
-    network = one(Cuba.of(1, decay_v=0.0, threshold=10.0, rule=">="), 10.0 / 3.0)
+    network = network_of_one(Cuba.of(1, decay_v=0.0, threshold=10.0, rule=">="), 10.0 / 3.0)
     levels = lower(network, CHIP, weight_bits=8)
     (weight,) = (
         64
@@ -163,7 +177,7 @@ def test_a_threshold_in_three_spikes_is_met_exactly():
 
 def test_one_tap_alone_is_the_kernel_in_the_error_budget():
     """With equal time constants one tap is the whole refractory kernel: the neuron model alone changes nothing."""
-    network = one(replace(SRM, tau_sr=1.0), 20.0)
+    network = network_of_one(replace(SRM, tau_sr=1.0), 20.0)
     levels = lower(network, CHIP, weight_bits=8, strategy="delay-line")
     assert set(levels.quantized.population("n").neuron.refractory.delay.tolist()) == {0}
     played = np.ones((1, network.steps, 1), dtype=np.uint8)
@@ -175,10 +189,11 @@ def test_one_tap_alone_is_the_kernel_in_the_error_budget():
 
 def test_a_network_without_weights_is_refused():
     with pytest.raises(InputError) as caught:
-        lower(replace(one(LIF), projections=()), CHIP, weight_bits=8)
+        lower(replace(network_of_one(LIF), projections=()), CHIP, weight_bits=8)
     assert str(caught.value) == "model 'one': it has no weights. Connect an input to a population."
 
 
+# Each row: its id, the value, and how the message shows it.
 NOT_WHOLE = [("fraction", 0.5, "0.5"), ("nan", np.nan, "nan"), ("huge", 1e300, "1e+300"), ("infinite", -np.inf, "-inf"), ("unsigned", np.uint64(2**64 - 2), "18446744073709551614")]  # fmt: skip
 
 
@@ -243,7 +258,7 @@ def test_a_weight_exponent_by_hand_is_whole():
 def test_lost_biases_are_counted_in_the_report():
     neuron = Cuba.of(3, decay_v=0.1, threshold=1.0, bias=np.array([0.0, 1e-9, 0.05]))
     network = replace(
-        one(neuron), projections=(Projection("touch", "n", matrix(np.ones((3, 1)), np.float64)),),
+        network_of_one(neuron), projections=(Projection("touch", "n", matrix(np.ones((3, 1)), np.float64)),),
         populations=(Population("n", "time", 3, neuron),),
     )  # fmt: skip
     report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).figures
@@ -251,6 +266,7 @@ def test_lost_biases_are_counted_in_the_report():
     assert "- biases lost: 1, which round to 0\n" in render_markdown(compose(report))
 
 
+# Each row: its id, the neuron, and the weight of its only input.
 FAINT = [
     ("no weight", SRM, 0.0),
     ("least scale_ref", replace(SRM, scale_ref=5e-324), 10.0),
@@ -266,7 +282,7 @@ FAINT = [
 @pytest.mark.filterwarnings("error")
 def test_rounding_for_recordings_takes_what_is_nearly_nothing(neuron, weight):
     played = np.ones((1, 30, 1), dtype=np.uint8)
-    compiled = lc.compile(one(neuron, weight), strategy="dendrite", events=played)
+    compiled = lc.compile(network_of_one(neuron, weight), strategy="dendrite", events=played)
     assert (
         compiled.levels.quantized.population("n").neuron.threshold[0]
         <= CHIP.registers.threshold_mantissa_max
@@ -284,7 +300,9 @@ def test_rounding_for_recordings_takes_what_is_nearly_nothing(neuron, weight):
 )
 def test_networks_are_checked_before_anything_is_evaluated(changes, what):
     with pytest.raises(InputError) as caught:
-        lc.compile(one(replace(SRM, **changes)), events=np.ones((1, 30, 1), dtype=np.uint8))
+        lc.compile(
+            network_of_one(replace(SRM, **changes)), events=np.ones((1, 30, 1), dtype=np.uint8)
+        )
     assert (
         str(caught.value)
         == f"population 'n': {what} against 1e-100 to 1e+100). Give it in other units."

@@ -1,4 +1,7 @@
-"""``locsnn stress`` end to end: verdicts, JSON, the page between its marks; and the rows that the short run has."""
+"""``locsnn stress`` end to end: verdicts, JSON, and the page between its marks; and the cases of ``--quick``.
+
+A case is a network with extreme numbers or inputs, and a row is a case with its verdict.
+"""
 
 import csv
 import json
@@ -19,15 +22,16 @@ CHIP = hw.chip("loihi-sim")
 
 @pytest.fixture(scope="module")
 def rows():
+    """The rows of a quick run."""
     return run_stress(CHIP, quick=True)
 
 
 @pytest.fixture
 def few(monkeypatch):
     """A run of three rows: one ok, one limited, one refused."""
-    wanted = {("one spike", "native"), ("tau_sr 0.001", "dendrite"), ("delay 63", "native")}
-    chosen = tuple(case for case in cases() if (case.name, case.strategy) in wanted)
-    monkeypatch.setattr(run_module, "cases", lambda quick: chosen)
+    names = {("one spike", "native"), ("tau_sr 0.001", "dendrite"), ("delay 63", "native")}
+    three_cases = tuple(case for case in cases() if (case.name, case.strategy) in names)
+    monkeypatch.setattr(run_module, "cases", lambda quick: three_cases)
     monkeypatch.setattr(run_module, "long_runs", list)
 
 
@@ -48,13 +52,11 @@ def test_the_rows_that_every_run_has_exist():
         (case.group, case.strategy, case.name)
         for case in (*cases(), *(run.case for run in long_runs()))
     }
-    wanted = {
-        (group, *row)
-        for group, of in QUICK.items()
-        for strategy in of
-        for row in ((strategy, n) for n in of[strategy])
-    }
-    assert wanted <= names
+    quick_names = set()
+    for group, names_by_strategy in QUICK.items():
+        for strategy, names_of_strategy in names_by_strategy.items():
+            quick_names |= {(group, strategy, name) for name in names_of_strategy}
+    assert quick_names <= names
 
 
 def test_cases_have_names_of_their_own():
@@ -125,22 +127,25 @@ def test_cases_have_names_of_their_own():
         ("a million steps", "leak of 10 steps", "native", "ok", ""),
     ],
 )
-def test_rows(rows, group, name, strategy, verdict, cause):
-    (row,) = [
-        r for r in rows if (r.case.group, r.case.name, r.case.strategy) == (group, name, strategy)
-    ]
+def test_a_case_has_its_verdict_and_a_cause_with_these_words(
+    rows, group, name, strategy, verdict, cause
+):
+    row_of_case = {(row.case.group, row.case.name, row.case.strategy): row for row in rows}
+    row = row_of_case[group, name, strategy]
     assert row.verdict == verdict
     assert cause in "; ".join(row.causes)
 
 
 @pytest.mark.slow
 def test_scale_is_all_that_differs_over_twelve_orders_of_magnitude(rows):
-    alike = [row.measured for row in rows if row.case.group == "threshold and weights together"]
+    measured = [row.measured for row in rows if row.case.group == "threshold and weights together"]
     by_strategy = {
         row.case.strategy for row in rows if row.case.group == "threshold and weights together"
     }
-    assert len(alike) >= 4
-    assert len({(m.spikes, round(m.error_thresholds, 9)) for m in alike}) == len(by_strategy)
+    assert len(measured) >= 4
+    assert len(
+        {(figures.spikes, round(figures.error_thresholds, 9)) for figures in measured}
+    ) == len(by_strategy)
 
 
 @pytest.mark.slow
@@ -190,8 +195,8 @@ def test_weights_are_as_wide_as_the_chip_holds(few, tmp_path, capsys):
     narrow = tmp_path / "narrow.yaml"
     narrow.write_text(CHIP.document.replace("  delay_max:", "  weight_bits_max: 4\n  delay_max:"))
     assert main(["stress", "--json", "--quick", "--target", str(narrow)]) == 0
-    found = json.loads(capsys.readouterr().out)["rows"]
-    assert [(row["verdict"], row["weight_bits"]) for row in found] == [
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [(row["verdict"], row["weight_bits"]) for row in rows] == [
         ("limited", 4),
         ("ok", 4),
         ("refused", 4),
@@ -288,6 +293,6 @@ def test_files_next_to_a_new_page_are_not_overwritten(name, monkeypatch, tmp_pat
     (tmp_path / name).write_text("mine")
     page = tmp_path / "p.md"
     assert main(["stress", "-o", str(page)]) == 2
-    said = f"page {str(page)!r}: {name!r} next to it would be replaced, but belongs to no page. Give the page another name.\n"
-    assert capsys.readouterr() == ("", said)
+    line = f"page {str(page)!r}: {name!r} next to it would be replaced, but belongs to no page. Give the page another name.\n"
+    assert capsys.readouterr() == ("", line)
     assert (tmp_path / name).read_text() == "mine"

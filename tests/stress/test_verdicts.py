@@ -1,4 +1,4 @@
-"""What is said of what was measured: one cause at a time, and the words for it."""
+"""The verdict on what was measured of a case, and the sentences on its causes: one cause at a time."""
 
 from dataclasses import replace
 
@@ -20,12 +20,14 @@ from locsnn_compile.verification.matching import PopulationMatch
 
 CHIP = hw.chip("loihi-sim")
 CASE = Case("case", "reset", network_of(srm(), random_weights()), random_input())
+# Figures of a case that is ok: every row of the table below changes some of them.
 FINE = Measured(
     spikes=PopulationMatch(reference_spikes=10, chip_spikes=10, common_spikes=9), error_thresholds=0.05, bound_thresholds=0.2,
     bound_parts_thresholds={"weights": 0.15, "decays": 0.04, "states": 0.01}, model_error_thresholds=0.0, decisions=100,
     decisions_otherwise=1, of_these_ties=0, wraps=0, clips=0, weights=Lost(lost=0, of=24), biases=Lost(lost=0, of=4), overflowed=0, outside=0,
     coarse_decays=(), odd_engine=None,
 )  # fmt: skip
+# Each row: its id, what differs from FINE, the verdict, and the causes.
 CAUSES = [
     ("fine", {}, "ok", ()),
     ("wraps", {"wraps": 2, "overflowed": 3, "error_thresholds": 9.0}, "limited", ("2 wraps: a charge or current leaves its register",)),
