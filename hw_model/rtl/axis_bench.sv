@@ -9,6 +9,7 @@
 // The run ends after `patience` cycles (+patience=N, 65,536 unless given) in which no stream has moved.
 `timescale 1ns / 1ps
 module axis_bench #(
+    // The sizes of the core, from here to GROUPS: locsnn_core.sv says what they are.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

@@ -11,6 +11,7 @@
 // `patience` cycles (+patience=N, 2^20 unless given) in which nothing happened.
 `timescale 1ns / 1ps
 module bench #(
+    // The sizes of the core, from here to GROUPS: locsnn_core.sv says what they are.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

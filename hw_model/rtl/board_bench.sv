@@ -9,6 +9,7 @@
 // With BIT 0 there is no line: bytes pass directly to and from locsnn_bytes, one per cycle.
 `timescale 1ns / 1ps
 module board_bench #(
+    // The sizes of the core, from here to GROUPS: locsnn_core.sv says what they are.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

@@ -9,6 +9,7 @@
 //
 // Numbers have their highest byte first. A frame is replied to once it has been carried out, or with what is wrong with it.
 module commands #(
+    // Words of each memory, which addresses of loads are checked against.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

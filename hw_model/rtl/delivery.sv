@@ -28,6 +28,7 @@
 // A device with so much memory is large: a signal to all memories of synapses takes most of a cycle, and must come straight
 // from a register. So with LATER these memories are written a cycle late, and for an empty list a word is read that is not used.
 module delivery #(
+    // Sizes of the core, as locsnn_core.sv has them.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

@@ -8,6 +8,7 @@
 // A recording's last beat may also be of kind 2, which is an end and nothing else, or 3, which drops the recording without an
 // answer. Kinds 2 and 3 anywhere else, and bits above the kind, are answered with error 6 at the end of their recording.
 module locsnn_axis #(
+    // The sizes of the core, from here to GROUPS: locsnn_core.sv says what they are.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

@@ -4,6 +4,7 @@
 //     bytes -> frame_receiver -> commands -> load port, stream -> locsnn_core
 //     bytes <- frame_sender   <- replies  <- answer, spike_report <----'
 module locsnn_bytes #(
+    // The sizes of the core, from here to GROUPS: locsnn_core.sv says what they are.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,

@@ -3,6 +3,7 @@
 module top_uart #(
     parameter integer CLOCK = 12000000,  // Hz
     parameter integer BAUD = 1000000,    // bits per second; CLOCK is at least 8 times as much
+    // The sizes of the core, from here to GROUPS: locsnn_core.sv says what they are.
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,
