@@ -197,15 +197,15 @@ def _shared(key: str, networks: Sequence[Network]) -> Any:
     Raises ``InputError`` for values that differ.
     """
     values = [(network.name, getattr(network, key)) for network in networks]
-    known = [(name, value) for name, value in values if value is not None]
-    for (earlier, expected), (name, value) in pairwise(known):
+    stated = [(name, value) for name, value in values if value is not None]
+    for (earlier, expected), (name, value) in pairwise(stated):
         if value != expected:
             what = f"it differs from {earlier!r} in {key.replace('_', ' ')}"
             measured = f"{_short(value)} against {_short(expected)}"
             raise InputError(
                 f"model {name!r}", what, measured=measured, fix="Join networks of one input."
             )
-    return known[0][1] if known else None
+    return stated[0][1] if stated else None
 
 
 def _short(value: Any) -> str:
@@ -227,9 +227,9 @@ def _free(name: str, taken: Collection[str]) -> str:
 def _input(views: list[InputView], view: InputView) -> str:
     """Return the name of the view that plays the same spikes in the same phase; add this view if there is none."""
     what_it_plays = [field.name for field in fields(view) if field.name != "name"]
-    for known in views:
-        if all(np.array_equal(getattr(view, key), getattr(known, key)) for key in what_it_plays):
-            return known.name
-    name = _free(view.name, [known.name for known in views])
+    for shared in views:
+        if all(np.array_equal(getattr(view, key), getattr(shared, key)) for key in what_it_plays):
+            return shared.name
+    name = _free(view.name, [shared.name for shared in views])
     views.append(replace(view, name=name))
     return name

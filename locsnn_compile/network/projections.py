@@ -159,18 +159,18 @@ def with_values(m: Matrix, values: Values) -> Matrix:
     return sealed_values
 
 
-def of_target(m: Matrix, each: ArrayLike) -> Values:
+def of_target(m: Matrix, per_target: ArrayLike) -> Values:
     """Broadcast one number per target, (n_target,), to a shape that multiplies with the values of ``m``."""
-    column = np.asarray(each)
+    column = np.asarray(per_target)
     if not sparse.issparse(m):
         return column[:, None]
     entries_of_row = np.diff(m.indptr)
     return np.repeat(column, entries_of_row)
 
 
-def of_source(m: Matrix, each: AnyArray) -> Values:
+def of_source(m: Matrix, per_source: AnyArray) -> Values:
     """Broadcast one number per source, (n_source,), in the same way; a sparse matrix must be in canonical order."""
-    return each[m.indices] if sparse.issparse(m) else each
+    return per_source[m.indices] if sparse.issparse(m) else per_source
 
 
 def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:

@@ -168,13 +168,16 @@ def _vmin_text(vmin: IntArray | None) -> str:
     return "" if vmin is None else f", vmin {_number_text(vmin)}"
 
 
-def _refractory_text(part: Refractory) -> str:
-    taps = zip(part.delay.tolist(), part.mantissa, part.exponent.tolist(), strict=True)
+def _refractory_text(refractory: Refractory) -> str:
+    taps = zip(
+        refractory.delay.tolist(), refractory.mantissa, refractory.exponent.tolist(), strict=True
+    )
     weights = [
         (f"{array_text(mantissa)} * 2^{exponent}", delay) for delay, mantissa, exponent in taps
     ]
-    if part.decay is not None:
-        return f"refractory dendrite of decay {array_text(part.decay)} and weight {weights[0][0]}"
+    if refractory.decay is not None:
+        decay = array_text(refractory.decay)
+        return f"refractory dendrite of decay {decay} and weight {weights[0][0]}"
     after = [f"{weight} after {delay}" for weight, delay in weights]
     return f"{len(weights)} refractory taps: {', '.join(after) or 'none'}"
 

@@ -44,11 +44,11 @@ class Metric(Frozen, eq=False):
 
 
 def round_together(
-    metric: Metric, ideal: FloatArray, step: IntArray, most: IntArray, beam: int
+    metric: Metric, ideal: FloatArray, step: IntArray, largest: IntArray, beam: int
 ) -> IntArray:
     """Return weights of m neurons with n inputs, (m, n), near ``ideal`` (m, n) in the metric G.
 
-    They are whole multiples of ``step`` (m, n), at most ``most`` (m, n) in magnitude, which is such a multiple itself.
+    They are whole multiples of ``step`` (m, n), at most ``largest`` (m, n) in magnitude, which is such a multiple itself.
     A step of 0 marks an input without a synapse, whose weight is 0. ``beam`` candidates per neuron are continued.
     """
     rounded = np.empty(ideal.shape, dtype=np.int64)
@@ -59,7 +59,7 @@ def round_together(
             metric.factor,
             ideal[rows, metric.order].astype(np.float64),
             step[rows, metric.order].astype(np.float64),
-            most[rows, metric.order].astype(np.float64),
+            largest[rows, metric.order].astype(np.float64),
         )
         rounded[rows, metric.order] = search.run(beam)
     return rounded
@@ -78,11 +78,11 @@ class _Search:
     """
 
     def __init__(
-        self, factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray
+        self, factor: FloatArray, ideal: FloatArray, step: FloatArray, largest: FloatArray
     ) -> None:
         self.factor = factor
         self.step = step
-        self.most = most
+        self.largest = largest
         self.targets = ideal[:, None]
         self.cost = np.zeros((len(ideal), 1))
         self.neuron = np.arange(len(ideal))
@@ -125,11 +125,11 @@ class _Search:
     def _neighbours(self, column: int) -> FloatArray:
         """Return the multiples of the step below and above each target, (m, candidates, 2)."""
         step = self.step[:, None, column]
-        most = self.most[:, None, column, None]
+        largest = self.largest[:, None, column, None]
         # A step of 0 only has the multiple 0; dividing by 1 instead avoids a division by 0.
         steps_below = np.floor(self.targets[:, :, 0] / np.where(step > 0, step, 1.0))
         below = steps_below * step
-        return np.clip(np.stack((below, below + step), axis=2), -most, most)
+        return np.clip(np.stack((below, below + step), axis=2), -largest, largest)
 
     def _trace_best(self) -> IntArray:
         """Return the values of the cheapest candidate of every neuron, by tracing it back from the last column.
