@@ -48,7 +48,7 @@ def round_together(
 ) -> IntArray:
     """Return weights of m neurons with n inputs, (m, n), near ``ideal`` (m, n) in the metric G.
 
-    They are whole multiples of ``step`` (m, n), and at most ``largest`` (m, n) in magnitude, which is a multiple itself.
+    They are whole multiples of ``step`` (m, n), and ``largest`` (m, n) at most, a multiple itself, in magnitude.
     A step of 0 marks an input without a synapse, whose weight is 0. ``beam`` candidates per neuron are continued.
     """
     rounded = np.empty(ideal.shape, dtype=np.int64)
