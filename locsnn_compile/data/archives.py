@@ -52,7 +52,7 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
     with open_members(path) as members:
         names = _chosen(members, split)
         members.check_sizes(names)
-        read = _read(members, names, binning)
+        bins = _read(members, names, binning)
         # Classes of all parts: one may be missing from this part.
         class_names, class_of = classes_of(members.recordings)
         labels = _labels_in_names(members, names)
@@ -61,14 +61,14 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
     elif class_names is not None:
         labels = np.array([class_names.index(class_of(name)) for name in names], dtype=np.int64)
     return Recordings(
-        read.spikes,
+        bins.spikes,
         labels,
-        read.step_seconds,
-        path.name,
-        binned=read.binned,
+        step_seconds=bins.step_seconds,
+        source=path.name,
+        binned=bins.binned,
         class_names=class_names,
-        channels=read.channels,
-        assumed=read.assumed,
+        channels=bins.channels,
+        assumed=bins.assumed,
     )
 
 
@@ -91,13 +91,13 @@ def _chosen(members: Members, split: str | None) -> list[str]:
     """Return the sorted names of the recordings of a part; ``InputError`` for none, and for several kinds."""
     chosen = members.of_part(members.known_part(split))
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
-    others = members.other_arrays
+    misnamed = members.other_arrays
     # A .npy file of another name next to .npy recordings is more likely misnamed than meant to be left
     # out. Next to files of events, it may be anything.
-    if others and set(kinds) <= {".npy"}:
+    if misnamed and set(kinds) <= {".npy"}:
         fix = "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away."
         raise InputError(
-            members.where, f"{others[0][:80]!r} is not named as recordings are", fix=fix
+            members.where, f"{misnamed[0][:80]!r} is not named as recordings are", fix=fix
         )
     if not chosen:
         fix = "Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file."
@@ -150,7 +150,7 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
     spikes = np.zeros((len(arrays), max(map(len, arrays)), arrays[0].shape[1]), dtype=np.uint8)
     for row, array in zip(spikes, arrays, strict=True):
         row[: len(array)] = array
-    return Bins(spikes, binning.step_seconds, None, channels)
+    return Bins(spikes, step_seconds=binning.step_seconds, binned=None, channels=channels)
 
 
 def _check_times(binning: Binning, file: PurePosixPath, row: EventFormat) -> None:

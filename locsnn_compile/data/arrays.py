@@ -69,8 +69,8 @@ def read_arrays(
     return Recordings(
         bins.spikes,
         labels,
-        bins.step_seconds,
-        path.name,
+        step_seconds=bins.step_seconds,
+        source=path.name,
         binned=bins.binned,
         class_names=names,
         channels=bins.channels,
@@ -157,13 +157,13 @@ def _fields(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
     return array
 
 
-def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
+def _order(entries: Mapping[str, AnyArray], stated: Order | None, where: str) -> Order | None:
     """Return the order of axes that an option or the file states; ``InputError`` if they differ, None if none does."""
     names = _texts(entries, "axes", where)
     if names is None:
-        return asked
+        return stated
     stored = parse_axes(" ".join(names), f"{where}, 'axes'")
-    if asked not in (None, stored):
+    if stated not in (None, stored):
         raise InputError(
             "axes", f"{where} gives another order", measured=",".join(stored), fix="Leave it out."
         )
@@ -201,8 +201,8 @@ def _sensor_of(
     if "sensor_size" not in entries:
         return of_axes
     sizes = entries["sensor_size"].reshape(-1)
-    whole = sizes.dtype.kind in "iu" and len(sizes) == 3 and bool((sizes > 0).all())
-    stated = Channels(*sizes.tolist()) if whole else None
+    are_sizes = sizes.dtype.kind in "iu" and len(sizes) == 3 and bool((sizes > 0).all())
+    stated = Channels(*sizes.tolist()) if are_sizes else None
     if stated is None or stated.count != count or (of_axes and of_axes != stated):
         what = "its entry 'sensor_size' is not that of its channels"
         measured = f"{sizes.tolist()[:4]} for {counted(count, 'channel')}"[:80]
@@ -214,10 +214,12 @@ def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
     """Return the entry ``spikes``, or the only entry that may be the recordings; ``InputError`` if it is not clear."""
     if "spikes" in entries:
         return entries["spikes"]
-    others = [name for name in entries if name not in BESIDE]
-    if len(others) == 1:
-        return entries[others[0]]
-    what = "it is not clear which entry holds the recordings" if others else "no recordings inside"
+    candidates = [name for name in entries if name not in BESIDE]
+    if len(candidates) == 1:
+        return entries[candidates[0]]
+    what = (
+        "it is not clear which entry holds the recordings" if candidates else "no recordings inside"
+    )
     measured = f"entries: {', '.join(sorted(entries)) or 'none'}"[:200]
     raise InputError(where, what, measured=measured, fix="Name the entry 'spikes'.")
 

@@ -103,10 +103,10 @@ def order_of(array: AnyArray, where: str, channels: int | None, order: Order | N
         order = accepted[-1] if is_one(array.shape, channels) else accepted[0]
     if not order or array.ndim != len(order):
         measured = f"{counted(array.ndim, 'axis', 'axes')} against {len(order) or '2 to 4'}"
-        wanted = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
+        expected = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
         if order:
-            wanted = f"({', '.join(order)})"
-        fix = f"Give {wanted}."
+            expected = f"({', '.join(order)})"
+        fix = f"Give {expected}."
         raise InputError(where, "its shape is not one of recordings", measured=measured, fix=fix)
     return order
 

@@ -77,16 +77,16 @@ class Channels(Frozen):
             return images.transpose(1, 2, 0)
         return channels.reshape(self.rows, self.columns, self.polarities)
 
-    def places_in(self, whole: "Channels") -> IntArray:
-        """Return for each channel of these pixels its number in ``whole``, (count,).
+    def places_in(self, sensor: "Channels") -> IntArray:
+        """Return for each channel of these pixels its number in ``sensor``, (count,).
 
-        ``whole`` is a sensor of at least this size, with the same pixel (0, 0) and any numbering. If these events have
-        a single polarity (see ``polarity``) and ``whole`` has two, they become events of that polarity.
+        ``sensor`` is a sensor of at least this size, with the same pixel (0, 0) and any numbering. If these events have
+        a single polarity (see ``polarity``) and ``sensor`` has two, they become events of that polarity.
         """
         first = 0
-        if whole.polarities > 1 and self.polarity is not None:
+        if sensor.polarities > 1 and self.polarity is not None:
             first = self.polarity
-        corner = whole.numbers()[: self.rows, : self.columns, first : first + self.polarities]
+        corner = sensor.numbers()[: self.rows, : self.columns, first : first + self.polarities]
         places = np.empty(self.count, dtype=np.int64)
         places[self.numbers().ravel()] = corner.ravel()
         return sealed(places)

@@ -45,15 +45,15 @@ def number_order(names: Collection[str]) -> list[str] | None:
     if all(_is_digits(name) for name in names):
         return _without_gaps({int(name): name for name in names}, str)
     places = {name: _PLACE_OF_WORD.get(name.lower()) for name in names}
-    known = [place for place in places.values() if place is not None]
-    if len(known) < len(names):
+    number_places = [place for place in places.values() if place is not None]
+    if len(number_places) < len(names):
         return None
-    languages = {language for language, _ in known}
+    languages = {language for language, _ in number_places}
     # Words of one language, each once, are numbered like digits. "One" and "one" would be one number,
     # and two languages are two classes per number: both are only sorted.
-    if len(languages) == 1 and len(set(known)) == len(names):
+    if len(languages) == 1 and len(set(number_places)) == len(names):
         words = _NUMBER_WORDS[languages.pop()].split()
-        numbered = {number: name for (_, number), name in zip(known, places, strict=True)}
+        numbered = {number: name for (_, number), name in zip(number_places, places, strict=True)}
         return _without_gaps(numbered, words.__getitem__)
     return sorted(places, key=lambda name: (places[name], name))
 

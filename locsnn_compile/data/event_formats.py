@@ -301,12 +301,12 @@ def from_tonic(
     columns, rows, polarities = getattr(dataset, "sensor_size", None) or (None, None, None)
     channels = None if columns is None else columns * rows * polarities
     binning = Binning(
-        step_seconds,
-        threshold,
-        channels,
-        steps,
-        polarities,
-        columns,
+        step_seconds=step_seconds,
+        threshold=threshold,
+        channels=channels,
+        steps=steps,
+        polarities=polarities,
+        columns=columns,
         start=start,
         max_steps=max_steps,
     )
@@ -318,14 +318,14 @@ def from_tonic(
             fix="Give a target_transform that gives them.",
         )
     names = getattr(dataset, "classes", None)
-    named = None if names is None else tuple(map(str, names))
+    class_names = None if names is None else tuple(map(str, names))
     return Recordings(
         bins.spikes,
         np.array(labels),
-        bins.step_seconds,
-        source,
+        step_seconds=bins.step_seconds,
+        source=source,
         binned=bins.binned,
-        class_names=named,
+        class_names=class_names,
         channels=bins.channels,
         assumed=bins.assumed,
     )

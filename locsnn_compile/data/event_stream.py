@@ -208,11 +208,11 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
         lost += _fill(row, events_of_recording, steps, channels, binning.threshold or 0)
     elsewhere = sum(stream.elsewhere for stream in streams)
     binned = Binned(
-        binning.threshold or 0,
-        events + elsewhere,
-        lost.outside,
-        lost.below,
-        elsewhere,
+        threshold=binning.threshold or 0,
+        events=events + elsewhere,
+        outside=lost.outside,
+        below=lost.below,
+        elsewhere=elsewhere,
         step_is_default=stated_width is None,
     )
     only_number_channels = all(stream.polarity is None for stream in streams)

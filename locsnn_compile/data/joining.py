@@ -110,28 +110,28 @@ def described(recordings: Recordings, sensor: SensorLayout) -> Recordings:
     where = f"recordings {recordings.source!r}"
     sensor.check_channels(recordings.spikes.shape[2], where)
     stated = sensor.inputs
-    own = recordings.channels
+    of_file = recordings.channels
     if stated is None:
         return recordings
-    if own is not None and own.is_grid and stated.is_grid and own != stated:
+    if of_file is not None and of_file.is_grid and stated.is_grid and of_file != stated:
         what = f"their axes are not those of sensor {sensor.name!r}"
         fix = "Correct --axes, or the sensor."
-        raise InputError(where, what, measured=f"{own.words} against {stated.words}", fix=fix)
+        raise InputError(where, what, measured=f"{of_file.words} against {stated.words}", fix=fix)
     return replace(recordings, channels=stated)
 
 
 def merged(recordings: Recordings) -> Recordings:
     """Return recordings in which both polarities of a pixel are one channel, which spikes whenever either does."""
-    own = recordings.channels
-    if own is None:
+    sensor = recordings.channels
+    if sensor is None:
         what = "it is not known which channels are the polarities of a pixel, so none can be merged"
         fix = "Give --grid WxH, or --channels N, with --polarities 2."
         raise InputError(f"recordings {recordings.source!r}", what, fix=fix)
-    if own.polarities == 1:
+    if sensor.polarities == 1:
         return recordings
-    channels_of_pixel = own.numbers().reshape(own.pixels, own.polarities)
+    channels_of_pixel = sensor.numbers().reshape(sensor.pixels, sensor.polarities)
     spikes = recordings.spikes[:, :, channels_of_pixel].max(axis=3)
-    of_pixels = Channels(own.columns, own.rows, 1, reached=own.reached)
+    of_pixels = Channels(sensor.columns, sensor.rows, 1, reached=sensor.reached)
     return replace(recordings, spikes=spikes, channels=of_pixels)
 
 
@@ -143,20 +143,20 @@ def _taken_as_numbered(recordings: Recordings, model: Expected) -> Recordings:
     """
     if recordings.spikes.shape[2] != model.channels:
         return recordings
-    known = model.inputs
-    if known is not None and known.is_grid:
+    inputs = model.inputs
+    if inputs is not None and inputs.is_grid:
         sentence = (
             f"The recordings do not say which pixel a channel is: their numbers were taken for those of the "
-            f"{model.kind}, {known.formula} (--grid or --axes)."
+            f"{model.kind}, {inputs.formula} (--grid or --axes)."
         )
-        return replace(recordings, channels=known).assuming(sentence)
+        return replace(recordings, channels=inputs).assuming(sentence)
     if model.numbering == "pyx":
         sentence = (
             f"The recordings do not say which pixel a channel is: their numbers were taken for those of the "
             f"{model.kind}, in which polarities come first (--grid or --axes)."
         )
         return recordings.assuming(sentence)
-    if known is None and model.numbering is None:
+    if inputs is None and model.numbering is None:
         sentence = (
             f"Neither the recordings nor the {model.kind} say what a channel is: channel i was taken for input i "
             "(--grid with --channel-order)."
@@ -184,8 +184,12 @@ def _inputs_for(channels: Channels, model: Expected, where: str) -> Channels:
         raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
     # A row of taxels: the model may have more of them only if the recordings' size is just the reach
     # of their events.
-    places, rest = divmod(model.channels, channels.polarities)
-    if rest or (not channels.reached and places != channels.columns) or places < channels.columns:
+    places, remainder = divmod(model.channels, channels.polarities)
+    if (
+        remainder
+        or (not channels.reached and places != channels.columns)
+        or places < channels.columns
+    ):
         measured = f"{channels.words} against {counted(model.channels, 'channel')}"
         what = f"their channels are not those of {model.whose}"
         raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")

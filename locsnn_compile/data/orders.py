@@ -187,16 +187,16 @@ def check_location_taxels(taxels: Sequence[int], count: int) -> None:
     The ``InputError`` names the first number that is out of range, repeated or missing.
     """
     fix = f"Give every taxel from 1 to {count} exactly once."
-    seen: set[int] = set()
+    visited: set[int] = set()
     for position, taxel in enumerate(taxels, start=1):
         # Not isinstance: True would pass as 1.
         if type(taxel) is not int or not 1 <= taxel <= count:
             what = f"entry {position} is not a taxel of the sensor"
             raise InputError(_WHERE, what, measured=f"got {taxel!r} against 1..{count}", fix=fix)
-        if taxel in seen:
+        if taxel in visited:
             raise InputError(_WHERE, f"taxel {taxel} is repeated at entry {position}", fix=fix)
-        seen.add(taxel)
-    missing = [taxel for taxel in range(1, count + 1) if taxel not in seen]
+        visited.add(taxel)
+    missing = [taxel for taxel in range(1, count + 1) if taxel not in visited]
     if missing:
-        measured = f"{len(seen)} of {count} taxels given"
+        measured = f"{len(visited)} of {count} taxels given"
         raise InputError(_WHERE, f"taxel {missing[0]} is missing", measured=measured, fix=fix)

@@ -279,21 +279,21 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
         # Polarities to be merged are two, if only the number of channels is given.
         polarities = 2
     order = None if axes is None else parse_axes(axes, "axes")
-    binning_asked = Binning(
-        step_seconds,
-        threshold,
-        channels,
-        steps,
-        polarities,
-        columns,
+    binning_options = Binning(
+        step_seconds=step_seconds,
+        threshold=threshold,
+        channels=channels,
+        steps=steps,
+        polarities=polarities,
+        columns=columns,
         axes=order,
         start=start,
         time_unit=time_unit,  # type: ignore[arg-type]  # checked in the next line
         max_steps=MAX_STEPS if max_steps is None else max_steps,
     )
-    binning_asked.check()
+    binning_options.check()
     check_known("split", f"{split!r} is not known", split, PARTS)
-    binning = _binning_for(model, binning_asked, selection)
+    binning = _binning_for(model, binning_options, selection)
     if sensor is not None:
         _check_sensor(sensor, model, selection)
     elif selection == ChannelSelection():
@@ -314,7 +314,7 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
     # they are not selected a second time.
     if trained is None or not _has_inputs_of(model, recordings):
         if channels is not None and (recordings.threshold is None or recordings.channels is None):
-            recordings = described(recordings, sensor or _layout(binning_asked))
+            recordings = described(recordings, sensor or _layout(binning_options))
         if merge:
             recordings = merged(recordings)
         recordings = selected(recordings, selection, polarities or POLARITIES)
@@ -325,13 +325,13 @@ def read_recordings(  # noqa: C901, PLR0913 - public: each is an option of its o
     return recordings if steps is None else recordings.with_steps(steps)
 
 
-def _binning_for(model: Expected, asked: Binning, selection: ChannelSelection) -> Binning:
-    """Return ``asked``, completed by what a model expects where the options leave it open.
+def _binning_for(model: Expected, options: Binning, selection: ChannelSelection) -> Binning:
+    """Return the binning that ``options`` ask for, completed by what a model expects where they leave it open.
 
     Raises ``InputError`` for an option that contradicts the model.
     """
     agreed = model.agreed(
-        step_seconds=asked.step_seconds, threshold=asked.threshold, steps=asked.steps
+        step_seconds=options.step_seconds, threshold=options.threshold, steps=options.steps
     )
     # Events are read in the channels of the whole sensor, and only then picked and merged. So while
     # they are read, the model's number of channels says nothing about them.
@@ -340,10 +340,10 @@ def _binning_for(model: Expected, asked: Binning, selection: ChannelSelection) -
         read_for = replace(model, channels=None, inputs=None)
     merge = selection.merge_polarities
     return replace(
-        asked,
+        options,
         step_seconds=agreed["step_seconds"],
         threshold=agreed["threshold"],
-        channels=_channels_of_events(asked, read_for, merge=merge),
+        channels=_channels_of_events(options, read_for, merge=merge),
         most_steps=model.steps,
         model_channels=read_for.channels,
         model_inputs=read_for.inputs,
@@ -481,16 +481,18 @@ def _check_file(path: Path) -> None:
         )
 
 
-def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> Iterator[Recordings]:
+def read_in_chunks(
+    path: str, many: int, *, model: Expected, **options: Any
+) -> Iterator[Recordings]:
     """Yield what :func:`read_recordings` returns, but ``many`` recordings at a time where possible.
 
     It is possible for a ``.npy`` file of bins that no option changes. Other files are read at once,
     because their longest recording decides the length of all. A faulty recording raises its
     ``InputError`` only when its chunk is read.
     """
-    as_they_are = {*asked.values()} == {None} and model.recorded is None
+    as_they_are = {*options.values()} == {None} and model.recorded is None
     chunks = _chunks(Path(path), many, model) if as_they_are else None
-    return iter([read_recordings(path, model=model, **asked)]) if chunks is None else chunks
+    return iter([read_recordings(path, model=model, **options)]) if chunks is None else chunks
 
 
 def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | None:
@@ -522,15 +524,17 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
             count = min(many, shape[0] - start)
             offset = begin + start * bins_each * dtype.itemsize
             # Not a slice of the mapped array, which would end the process if the file became shorter.
-            read = np.fromfile(path, dtype, count * bins_each, offset=offset)
-            if len(read) < count * bins_each:
+            values = np.fromfile(path, dtype, count * bins_each, offset=offset)
+            if len(values) < count * bins_each:
                 raise InputError(
                     f"file {path.name!r}", "it became shorter while it was read", fix="Start again."
                 )
             # From (samples, [taxels, polarities or] channels, steps) to (samples, steps, channels).
-            bins = read.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
+            bins = values.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
             chunk_labels = None if labels is None else labels[start : start + count]
-            recordings = Recordings(bins, chunk_labels, model.step_seconds, path.name, first=start)
+            recordings = Recordings(
+                bins, chunk_labels, step_seconds=model.step_seconds, source=path.name, first=start
+            )
             yield join_channels(recordings, model)
 
     return chunks()

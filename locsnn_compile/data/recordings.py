@@ -308,12 +308,12 @@ class Expected(Frozen):
         """``model`` or ``program``: ``whose`` without an article and the quoted name."""
         return self.whose.partition(" '")[0].removeprefix("the ")
 
-    def agreed(self, **asked: float | None) -> dict[str, Any]:
+    def agreed(self, **options: float | None) -> dict[str, Any]:
         """Return the value of each option, or the model's where the option is None.
 
         The names of the options are names of fields. Raises ``InputError`` if an option and the model differ.
         """
-        for name, value in asked.items():
+        for name, value in options.items():
             expected = getattr(self, name)
             if value is not None and expected is not None and not same(value, expected):
                 raise InputError(
@@ -323,7 +323,7 @@ class Expected(Frozen):
                     fix="Leave it out.",
                 )
         return {
-            name: getattr(self, name) if value is None else value for name, value in asked.items()
+            name: getattr(self, name) if value is None else value for name, value in options.items()
         }
 
     def check(self, recordings: Recordings) -> None:

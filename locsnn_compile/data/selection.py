@@ -85,11 +85,11 @@ def _positions(layout: SensorLayout, places: _Places) -> tuple[tuple[float, floa
 
     Also None for a row, whose ``columns`` already say where its places lie.
     """
-    known = layout.places
+    taxel_positions = layout.places
     in_a_row = layout.columns == layout.taxels
-    if known is None or layout.surfaces > 1 or in_a_row:
+    if taxel_positions is None or layout.surfaces > 1 or in_a_row:
         return None
-    middles = [_middle(known[members]) for members in places.taxels]
+    middles = [_middle(taxel_positions[members]) for members in places.taxels]
     return tuple(middles) if len(set(middles)) == len(middles) else None
 
 
@@ -123,7 +123,9 @@ def selected(
         fix = "Give --grid WxH, --layout FILE, or --channels N, with --polarities."
         raise InputError(f"recordings {recordings.source!r}", what, fix=fix)
     polarities = merged_polarities if selection.merge_polarities else sensor.polarities
-    recorded = RecordedChannels(sensor.columns, sensor.rows, polarities, selection)
+    recorded = RecordedChannels(
+        columns=sensor.columns, rows=sensor.rows, polarities=polarities, selection=selection
+    )
     if selection.merges_polarities_at_most:
         # Where only events show how large the sensor is, another recording may show more of it, so
         # its size is not stored for later recordings.
@@ -193,8 +195,8 @@ def _merged_places(channels: int, taxels: int, polarities: int) -> int:
     most = taxels * polarities
     fix = "Give fewer, or leave it out."
     check_most(channels, most, "merge_channels", "there are fewer channels to merge", fix=fix)
-    count, rest = divmod(channels, polarities)
-    if rest:
+    count, remainder = divmod(channels, polarities)
+    if remainder:
         what = f"each place has {polarities} polarities, so channels are a multiple of that"
         fix = "Give another number, or add --merge-polarities."
         raise InputError("merge_channels", what, measured=f"got {channels}", fix=fix)

@@ -72,10 +72,10 @@ class SensorLayout(Frozen):
     names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        most = {"polarities": 2, "columns": self.taxels}
+        limits = {"polarities": 2, "columns": self.taxels}
         for what in ("taxels", "polarities", "surfaces", "columns", "channels"):
             value = getattr(self, what)
-            limit = most.get(what, MAX_CHANNELS)
+            limit = limits.get(what, MAX_CHANNELS)
             if value is not None and not 1 <= value <= limit:
                 raise self._refused(
                     f"its {what} are out of range", f"got {value} against 1..{limit}"
@@ -181,9 +181,9 @@ def asked_layout(
         what = "the grid or the layout has columns of its own"
         raise InputError("columns", what, measured=f"got {columns}", fix="Leave it out.")
     options = {"grid": grid, "channels": channels, "layout": layout}
-    given = [name for name, value in options.items() if value is not None]
-    if len(given) > 1 or (polarities is not None and not given):
-        measured = " and ".join(given) or "polarities alone"
+    options_given = [name for name, value in options.items() if value is not None]
+    if len(options_given) > 1 or (polarities is not None and not options_given):
+        measured = " and ".join(options_given) or "polarities alone"
         fix = "Give one of --grid, --channels and --layout."
         raise InputError("sensor", "its layout is not clear", measured=measured, fix=fix)
     if grid is not None:
@@ -195,8 +195,8 @@ def asked_layout(
         columns, rows = int(match[1]), int(match[2])
         return SensorLayout(f"grid {grid}", columns * rows, polarities or 2, columns=columns)
     if channels is not None:
-        taxels, rest = divmod(channels, polarities or 1)
-        if rest:
+        taxels, remainder = divmod(channels, polarities or 1)
+        if remainder:
             raise InputError(
                 "channels",
                 "2 polarities need an even number",

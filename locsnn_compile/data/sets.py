@@ -38,12 +38,12 @@ def read_sets(
     with open_members(path) as members:
         names = members.sets_of_part(members.known_part(split))
         members.check_total(names)
-        read = [_read(path, members, name, binning, asked_seconds) for name in names]
+        parts = [_read(path, members, name, binning, asked_seconds) for name in names]
     file_names = [PurePosixPath(name).name for name in names]
-    if len(read) == 1:
-        return replace(read[0], source=f"{path.name}, {file_names[0]}")
-    joined = _joined(read, file_names, members.where)
-    return replace(joined, source=f"{path.name}, {len(read)} files")
+    if len(parts) == 1:
+        return replace(parts[0], source=f"{path.name}, {file_names[0]}")
+    joined = _joined(parts, file_names, members.where)
+    return replace(joined, source=f"{path.name}, {len(parts)} files")
 
 
 def _read(
@@ -87,10 +87,10 @@ def _joined(parts: Sequence[Recordings], names: Sequence[str], where: str) -> Re
 
 def _check_alike(first: Recordings, part: Recordings, names: tuple[str, str], where: str) -> None:
     """Refuse two files, called ``names``, that differ in channels, in labels or none, or in the width of bins."""
-    channels, others = first.spikes.shape[2], part.spikes.shape[2]
-    if channels != others:
+    channels, other_channels = first.spikes.shape[2], part.spikes.shape[2]
+    if channels != other_channels:
         what = "its files hold recordings of different sensors"
-        measured = f"{others} channels in {names[1]} against {channels} in {names[0]}"
+        measured = f"{other_channels} channels in {names[1]} against {channels} in {names[0]}"
         raise InputError(where, what, measured=measured, fix="Give recordings of one sensor.")
     labelled = [
         name for name, file in zip(names, (first, part), strict=True) if file.labels is not None

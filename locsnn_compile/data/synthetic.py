@@ -47,6 +47,7 @@ def synthetic_touches(  # noqa: PLR0913 - public: each is an option of its own
     of its strokes, their number, and the step at which the contact comes down. Where and how hard it touches varies
     between recordings. Equal arguments give equal recordings. Raises ``InputError`` for numbers out of range.
     """
+    # Name -> (value, least, most).
     limits = {
         "samples": (samples, 1, 100_000),
         "steps": (steps, 1, 20_000),
@@ -73,7 +74,7 @@ def synthetic_touches(  # noqa: PLR0913 - public: each is an option of its own
         # named because numpy may change its default generator.
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, sample])))
         spikes[sample] = _touch(int(label), classes, steps, sensor, rng)
-    return Recordings(spikes, labels, step_seconds, "synthetic touches", "made up")
+    return Recordings(spikes, labels, step_seconds, source="synthetic touches", origin="made up")
 
 
 def _places_mm(sensor: SensorLayout) -> FloatArray:

@@ -63,9 +63,9 @@ def _nearest(distance: FloatArray, neighbours: int) -> Iterator[tuple[int, int]]
     # A stable sort, so that of equally near taxels the one with the lowest number comes first.
     by_distance = np.argsort(to_others, axis=1, kind="stable")
     count = min(neighbours, len(distance) - 1)
-    for taxel, others in enumerate(by_distance[:, :count].tolist()):
-        for other in others:
-            yield taxel, other
+    for taxel, neighbours_of_taxel in enumerate(by_distance[:, :count].tolist()):
+        for neighbour in neighbours_of_taxel:
+            yield taxel, neighbour
 
 
 def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:

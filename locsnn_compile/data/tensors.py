@@ -154,16 +154,16 @@ class Tensor(Frozen, eq=False):
         )
 
 
-def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> Tensor:
+def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *dtype_and_flags: Any) -> Tensor:
     """Return a tensor of a shape and strides inside a storage; stands for torch's ``_rebuild_tensor`` functions.
 
-    ``whole`` is the storage as a tensor, and ``offset`` the number of values before the first one. ``more`` may hold a
-    dtype, if it is not that of the storage, and a dict of flags (see ``bits``). Raises ``ValueError`` if it does not
-    lie within the storage.
+    ``whole`` is the storage as a tensor, and ``offset`` the number of values before the first one. ``dtype_and_flags``
+    may hold a dtype, if it is not that of the storage, and a dict of flags (see ``bits``). Raises ``ValueError`` if the
+    tensor does not lie within the storage.
     """
     if whole.storage is None or type(offset) is not int or offset < 0 or len(size) != len(strides):
         raise ValueError("no part of a storage")
-    (dtype,) = [part.text for part in more if isinstance(part, Name)] or [whole.dtype]
+    (dtype,) = [part.text for part in dtype_and_flags if isinstance(part, Name)] or [whole.dtype]
     shape = _sizes(size)
     strides = _sizes(strides)
     if dtype not in _KINDS:
@@ -181,7 +181,7 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
     is_beyond = start + (last_value + 1) * width > whole.storage.size
     if is_beyond or start % width or math.prod(shape) > MAX_VALUES:
         raise ValueError("a tensor that is not within its storage")
-    flags = more[-1] if more and isinstance(more[-1], dict) else {}
+    flags = dtype_and_flags[-1] if dtype_and_flags and isinstance(dtype_and_flags[-1], dict) else {}
     bits = tuple(bit for bit in ("conj", "neg") if flags.get(bit))
     return Tensor(dtype, shape, storage=whole.storage, start=start, strides=steps, bits=bits)
 

@@ -73,10 +73,10 @@ def _storage(
         raise ValueError("no storage")
     if key not in storages:
         storages[key] = read_storage(key, count, width_of(dtype.text))
-    whole = Tensor(dtype.text, (), storage=storages[key])
+    all_values = Tensor(dtype.text, (), storage=storages[key])
     # Before torch 1.0, a storage could be a part of another.
     _, offset, size = views[0] if views and views[0] is not None else (key, 0, count)
-    return rebuilt(whole, offset, (size,), (1,))
+    return rebuilt(all_values, offset, (size,), (1,))
 
 
 def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
@@ -134,13 +134,16 @@ def _from_stream(data: bytes, budget: Budget) -> object:
         raise ValueError("another version, or storages that are missing")
     # Behind the pickles, the storages follow in the order of their keys: the number of values in 8
     # bytes, then the values. A memoryview, so that slices do not copy.
-    rest = memoryview(data)[stream.tell() :]
+    remaining = memoryview(data)[stream.tell() :]
     for key in keys:
         storage = storages[key]
-        storage.data = rest[8 : 8 + storage.size]
-        if struct.unpack_from("<q", rest) != (storage.count,) or len(storage.data) < storage.size:
+        storage.data = remaining[8 : 8 + storage.size]
+        if (
+            struct.unpack_from("<q", remaining) != (storage.count,)
+            or len(storage.data) < storage.size
+        ):
             raise ValueError("a storage that is cut short")
-        rest = rest[8 + storage.size :]
+        remaining = remaining[8 + storage.size :]
     return value
 
 

@@ -151,7 +151,7 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
         width = events.step_seconds
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
-    more = {
+    further = {
         "labels": recordings.labels,
         "step_seconds": width,
         "class_names": recordings.class_names,
@@ -159,8 +159,8 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
     }
     # Only where readers might take the sizes of the axes for those of another order.
     if kind != "events" and not is_clear(entries["spikes"].shape):
-        more["axes"] = ("samples", "channels", "steps")
-    return entries | {name: np.array(value) for name, value in more.items() if value is not None}
+        further["axes"] = ("samples", "channels", "steps")
+    return entries | {name: np.array(value) for name, value in further.items() if value is not None}
 
 
 def _sensor_size(recordings: Recordings) -> tuple[int, int, int] | None:

@@ -121,7 +121,15 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     weights = _weights(where, values["weights"], description, chip or of_xylo)
     training = _training(where, values["training"])
     recordings = _recordings(where, values["recordings"], description, source, _origin(training))
-    return Checkpoint(description, weights, recordings, training, sha256, chip, of_xylo)
+    return Checkpoint(
+        description=description,
+        weights=weights,
+        recordings=recordings,
+        training=training,
+        sha256=sha256,
+        chip=chip,
+        xylo=of_xylo,
+    )
 
 
 def _checked_version(values: dict[Any, Any], where: str) -> int:

@@ -315,9 +315,13 @@ class NetworkDescription(Frozen):
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
             # Whoever asks wants to train on a chip's integers, which networks of windows can do as well.
-            others = (name for name, a in ARCHITECTURES.items() if a.neurons in ("srm", "windows"))
+            architectures = (
+                name
+                for name, structure in ARCHITECTURES.items()
+                if structure.neurons in ("srm", "windows")
+            )
             raise self._refused(
-                "it has no spike response neurons", fix=f"Use one of: {', '.join(others)}."
+                "it has no spike response neurons", fix=f"Use one of: {', '.join(architectures)}."
             )
         return neuron
 

@@ -199,7 +199,7 @@ class GraphParameters(Checked):
 
     def check(self, taxels: int) -> None:
         """Raise ``InputError`` for an edge that is not a pair of ``taxels`` taxels."""
-        seen: set[tuple[int, int]] = set()
+        edges: set[tuple[int, int]] = set()
         for a, b in self.taxel_edges:
             if not rises((a, b), 1, taxels):
                 what = "an edge is not a pair of taxels with the lower number first"
@@ -207,11 +207,11 @@ class GraphParameters(Checked):
                 raise InputError(
                     "taxel graph", what, measured=f"got {a!r}-{b!r} against 1..{taxels}", fix=fix
                 )
-            if (a, b) in seen:
+            if (a, b) in edges:
                 raise InputError(
                     "taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once."
                 )
-            seen.add((a, b))
+            edges.add((a, b))
 
 
 def hop_powers(

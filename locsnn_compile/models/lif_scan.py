@@ -122,7 +122,7 @@ def _add_active(row, active, weight, total):  # type: ignore[no-untyped-def]  # 
 def scan_active(x, ends, inputs, weight, constants, potential, spikes):  # type: ignore[no-untyped-def]  # pragma: no cover  # noqa: PLR0913 - a compiled loop takes arrays
     """Fill ``potential`` and ``spikes`` for x (batch * steps, inputs) and ``weight`` (inputs, n).
 
-    ``ends`` and ``inputs`` are the active inputs of each row of x, as :func:`list_active` returns them.
+    ``ends`` and ``inputs`` are the active inputs of each row of x, as :func:`list_active` fills them.
     """
     batch, steps, size = potential.shape
     voltage = np.empty(size, potential.dtype)

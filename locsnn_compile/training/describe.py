@@ -222,11 +222,11 @@ def class_for_ties(
         number = int(config.tie)
         if number < description.classes:
             return number
-    known = f"{', '.join(names)[:80]}; " if names else ""
+    choices = f"{', '.join(names)[:80]}; " if names else ""
     raise InputError(
         "training option 'tie'",
         f"no class is called {config.tie[:40]!r}",
-        fix=f"Give a class: {known}numbers from 0 to {description.classes - 1}.",
+        fix=f"Give a class: {choices}numbers from 0 to {description.classes - 1}.",
     )
 
 

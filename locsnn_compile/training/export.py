@@ -185,6 +185,8 @@ def export_checkpoint(  # noqa: PLR0913 - what earlier steps made, each used onc
     if start is not None:
         training |= {"start": start.description.name, "start_sha256": start.sha256}
     numbers = picked(network, "chip", "xylo")
-    checkpoint = Checkpoint(network.description, weights, carried_recordings, training, **numbers)
+    checkpoint = Checkpoint(
+        network.description, weights, recordings=carried_recordings, training=training, **numbers
+    )
     checkpoint.save(path)
     return Measured(confused, comparison)

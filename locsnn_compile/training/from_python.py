@@ -90,13 +90,13 @@ def _parts_to_read(data: str | Path, test_share: float | None) -> list[str | Non
 
 def _in_same_channels(parts: Sequence[Recordings]) -> list[Recordings]:
     """Return the train and the test part with the same channels; ``InputError`` if their sensors differ."""
-    train_part, *others = on_one_sensor(parts)
+    train_part, *further_parts = on_one_sensor(parts)
     channels = train_part.spikes.shape[2]
-    for part in others:
+    for part in further_parts:
         what = f"their channels are not those of recordings {train_part.source!r}"
         fix = "Give recordings of one sensor."
         check_same(part.spikes.shape[2], channels, f"recordings {part.source!r}", what, fix=fix)
-    return [train_part, *others]
+    return [train_part, *further_parts]
 
 
 def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
@@ -107,7 +107,7 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
     return max([*by_names, *by_labels], default=None)
 
 
-def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
+def _adapted_to_options(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory, padded or cut to the option ``steps``.
 
     Raises ``InputError`` for options that only apply to files, and for options that contradict the recordings.
@@ -152,7 +152,7 @@ def _recordings_of(
     if isinstance(recordings, Recordings):
         return recordings
     label_array = None if labels is None else np.asarray(labels)
-    return Recordings(np.asarray(recordings), label_array, step_seconds, "array")
+    return Recordings(np.asarray(recordings), label_array, step_seconds, source="array")
 
 
 _log = logging.getLogger("locsnn")
@@ -194,7 +194,9 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
         train_part, test_of_file = read_parts(recordings, config, None)
         test = test or test_of_file
     else:
-        train_part = _as_asked(_recordings_of(recordings, labels, config.step_seconds), config)
+        train_part = _adapted_to_options(
+            _recordings_of(recordings, labels, config.step_seconds), config
+        )
     if test is not None:
         train_part, test = _in_same_channels([train_part, test])
         if config.steps:

@@ -113,7 +113,12 @@ def choose_windows(
     best = best_of(judged, len(rows))
     folds_used = int(folds.max()) + 1
     return WindowChoice(
-        best.windows, best.smoothing, best.accuracy, len(judged), folds_used, len(rows)
+        windows=best.windows,
+        smoothing=best.smoothing,
+        accuracy=best.accuracy,
+        candidates=len(judged),
+        folds=folds_used,
+        recordings=len(rows),
     )
 
 

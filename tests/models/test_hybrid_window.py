@@ -145,10 +145,10 @@ def test_a_checkpoint_keeps_the_windows(tmp_path: Path) -> None:
     description = described()
     weights = random_network(description).weights()
     Checkpoint(description, weights).save(tmp_path / "h.pt")
-    found = read_checkpoint(tmp_path / "h.pt")
-    assert found.description == description
-    assert list(found.weights) == list(description.weight_shapes)
-    assert all(np.array_equal(found.weights[name], weights[name]) for name in weights)
+    checkpoint = read_checkpoint(tmp_path / "h.pt")
+    assert checkpoint.description == description
+    assert list(checkpoint.weights) == list(description.weight_shapes)
+    assert all(np.array_equal(checkpoint.weights[name], weights[name]) for name in weights)
 
 
 @pytest.mark.parametrize(

@@ -162,10 +162,10 @@ def test_networks_without_windows_have_no_prototypes() -> None:
 
 
 def test_a_label_without_recordings_has_no_prototype() -> None:
-    made = touches()
-    assert made.labels is not None
+    recordings = touches()
+    assert recordings.labels is not None
     with pytest.raises(InputError) as refused:
-        train(made.subset(np.flatnonzero(made.labels != 1)), config())
+        train(recordings.subset(np.flatnonzero(recordings.labels != 1)), config())
     assert str(refused.value) == (
         "label 1: it has no recording to learn from, so it has no prototype. Use another optimizer, or number the labels "
         "without a gap."
@@ -173,10 +173,10 @@ def test_a_label_without_recordings_has_no_prototype() -> None:
 
 
 def test_a_single_class_has_no_prototype() -> None:
-    made = touches()
-    assert made.labels is not None
+    recordings = touches()
+    assert recordings.labels is not None
     with pytest.raises(InputError) as refused:
-        train(made.subset(np.flatnonzero(made.labels == 0)), config())
+        train(recordings.subset(np.flatnonzero(recordings.labels == 0)), config())
     assert str(refused.value) == (
         "training option 'optimizer': prototypes tell classes apart, and there is one. Use another optimizer, or "
         "recordings of several classes."

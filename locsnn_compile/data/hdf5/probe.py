@@ -61,9 +61,9 @@ def outcome(data: bytes) -> int:
         # Exceptions do not matter here: the process that reads the file after this reports them.
         with contextlib.suppress(BaseException), h5py.File(io.BytesIO(data), "r") as file:
             _read(file, MAX_BYTES, set())
-        more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * KIB
+        added_bytes = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * KIB
         # Ends at once, without the parent's exit handlers, which the fork has copied.
-        os._exit(int(more > MAX_MEMORY_BYTES))
+        os._exit(int(added_bytes > MAX_MEMORY_BYTES))
     # In the parent: kill the child after WALL_SECONDS, and wait for it.
     signal.signal(signal.SIGALRM, lambda *_: os.kill(pid, signal.SIGKILL))
     signal.alarm(WALL_SECONDS)
@@ -80,8 +80,8 @@ def outcome(data: bytes) -> int:
 
 def lower(kind: int, limit: int) -> None:
     """Lower a limit of this process, unless it inherited a lower one already, which cannot be raised."""
-    most = min([limit, *inherited_limits(kind)])
-    resource.setrlimit(kind, (most, most))
+    lowest = min([limit, *inherited_limits(kind)])
+    resource.setrlimit(kind, (lowest, lowest))
 
 
 def inherited_limits(kind: int) -> list[int]:
@@ -89,11 +89,11 @@ def inherited_limits(kind: int) -> list[int]:
     return [bound for bound in resource.getrlimit(kind) if bound != resource.RLIM_INFINITY]
 
 
-def _read(group: h5py.Group, left: int, seen: set[object]) -> int:
+def _read(group: h5py.Group, bytes_left: int, groups_read: set[object]) -> int:
     """Read all datasets of a group that are stored in the file itself; return how many bytes may still be read.
 
-    ``left`` bytes may be read; ``seen`` are the ids of the groups that were read, because hard links
-    can make a group contain itself.
+    ``bytes_left`` is how many there were before; ``groups_read`` are the ids of the groups that were read, because
+    hard links can make a group contain itself.
     """
     for name in group:
         # A damaged entry must not hide those after it.
@@ -102,16 +102,16 @@ def _read(group: h5py.Group, left: int, seen: set[object]) -> int:
                 continue
             member = group[name]
             if isinstance(member, h5py.Group):
-                if member.id not in seen:
-                    seen.add(member.id)
-                    left = _read(member, left, seen)
+                if member.id not in groups_read:
+                    groups_read.add(member.id)
+                    bytes_left = _read(member, bytes_left, groups_read)
             elif member.shape is not None and not member.is_virtual and not member.external:
                 # The reader turns numbers into int64 or float64, so each takes 8 bytes or more.
                 size = int(member.size) * max(8, member.dtype.itemsize)
-                if size <= left:
-                    left -= size
+                if size <= bytes_left:
+                    bytes_left -= size
                     member[()]  # reads all values
-    return left
+    return bytes_left
 
 
 if __name__ == "__main__":
