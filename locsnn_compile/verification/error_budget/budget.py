@@ -207,7 +207,7 @@ def error_budget(
     levels = observed.levels
     network = levels.network
     # Twins have whole kernels, as the chip has; the network's own may be cut.
-    whole = _with_neurons(network, methodcaller("whole"))
+    whole_network = _with_neurons(network, methodcaller("whole"))
     cuts_kernels = network.cuts_kernels
     phases = phases_of(levels)
     stages = working(phases)
@@ -217,23 +217,25 @@ def error_budget(
     twins = [(phase, _twins(phase, variants)) for phase in phases]
     unexplained = 0
     # One more for networks with kernels: the tails of their kernels.
-    deviations = [Deviation()] * (len(variants) + whole.by_strategy)
-    recordings_at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(whole)))
+    deviations = [Deviation()] * (len(variants) + whole_network.by_strategy)
+    recordings_at_once = max(
+        1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(whole_network))
+    )
     done = 0
     for observation in observed.closely(numbers):
         for start in range(0, len(observation), recordings_at_once):
             chunk = _Chunk(levels, observation, slice(start, start + recordings_at_once))
             network_result = chunk.reference()
-            whole_result = chunk.evaluate(whole) if cuts_kernels else network_result
-            played = _play(whole, levels.quantized, twins, chunk.recordings)
+            whole_result = chunk.evaluate(whole_network) if cuts_kernels else network_result
+            played = _play(whole_network, levels.quantized, twins, chunk.recordings)
             no_stage, all_stages = played[:2]
             unexplained += _count_differences(no_stage.spikes, whole_result.spikes)
             unexplained += _count_differences(all_stages.spikes, chunk.chip_spikes())
-            if whole.by_strategy and cuts_kernels:
+            if whole_network.by_strategy and cuts_kernels:
                 # The chip without the tails: compared with the network of whole kernels.
                 played.append(all_stages)
-            elif whole.by_strategy:
-                cut = chunk.evaluate(_with_neurons(whole, methodcaller("cut")))
+            elif whole_network.by_strategy:
+                cut = chunk.evaluate(_with_neurons(whole_network, methodcaller("cut")))
                 played.append(_Played(cut.spikes, cut.scores))
             # Each variant has its reference. A stage alone, and the tails, are compared with whole kernels.
             references = [network_result] * 2
@@ -241,14 +243,14 @@ def error_budget(
             references += [network_result] * len(stages)
             references.append(whole_result)
             deviations = [
-                so_far + _deviation(whole, reference, variant)
+                so_far + _deviation(whole_network, reference, variant)
                 for so_far, reference, variant in zip(deviations, references, played, strict=False)
             ]
             done += len(chunk.recordings)
             if progress:
                 progress(done, len(numbers))
     exact, together, *of_variants = deviations
-    tails = of_variants.pop() if whole.by_strategy else None
+    tails = of_variants.pop() if whole_network.by_strategy else None
     alone = dict[AnyStage, Deviation](zip(stages, of_variants, strict=False))
     without = dict[AnyStage, Deviation](zip(stages, of_variants[len(stages) :], strict=True))
     kernel_tail = tails
