@@ -192,7 +192,9 @@ def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Ten
     return torch.from_numpy(weights.astype(np.float32)).to(config.device)
 
 
-def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
+def _results_by_batch(
+    network: TouchModel, spikes: ByteArray
+) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
     """Yield (rows, result of ``forward`` on these rows) for spikes (samples, steps, channels), batch by batch.
 
     The network computes in its own float type.
@@ -206,7 +208,9 @@ def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Map
 @torch.no_grad()
 def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
     """Return the class scores (samples, classes), added over all branches."""
-    scores = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
+    scores = [
+        network.total(activity).cpu().numpy() for _, activity in _results_by_batch(network, spikes)
+    ]
     return np.concatenate(scores).astype(np.float64)
 
 
@@ -232,7 +236,7 @@ def evaluate(
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
     total_loss = 0.0
     right = 0
-    for rows, activity in _played(network, spikes):
+    for rows, activity in _results_by_batch(network, spikes):
         scores = network.total(activity)
         y = torch.from_numpy(labels[rows].copy()).to(scores.device)
         # The mean of a batch times its size, because the last batch may be smaller.

@@ -136,7 +136,8 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
     chip = _numbers(config, description, weights_at_start)
     state = _state_to_continue(state_path, key, build_network(description, chip=chip))
 
-    def saved() -> None:
+    def save_progress() -> None:
+        """Write the state, the log and its picture, if there are files for them."""
         if state_path is not None:
             save_state(state_path, state, key)
         if log_path is not None:
@@ -154,7 +155,7 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
         labels=labels,
         chip=chip,
         start=weights_at_start,
-        saved=saved,
+        save_progress=save_progress,
         save_every=save_every,
         progress=progress,
         tie_class=tie_class,
@@ -171,18 +172,19 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
                 state.weights = {}
                 state.averages = {}
                 state.optimizer = {}
-            saved()
+            save_progress()
         weights = state.chosen_weights
         if state.phase == "refit":
             all_rows = np.arange(len(labels))
             no_rows = validation[:0]
             _run_phase(run, state, all_rows, no_rows, state.chosen_epoch)
-            saved()
+            save_progress()
             # Averages, if there are any, in place of the weights of the last step.
             weights = state.weights | state.averages
         network = build_network(description, seed=config.seed, chip=chip)
         network.load_state_dict(weights)
         network.tie_class = tie_class
+        # The network that is measured from here on is exactly the one that the checkpoint stores.
         network.snap()
         reach = reach_of(config, len(training), config.epochs)
         remarks_on_result = result_remarks(network, recordings, advice(config, reach))
@@ -238,7 +240,7 @@ class _Run(Frozen, eq=False):
     chip: ChipNumbers | XyloNumbers | None
     start: Mapping[str, Float32Array] | None
     """Weights [out, in] by name that every phase begins with; None: those of the seed."""
-    saved: Callable[[], None]
+    save_progress: Callable[[], None]
     """Writes the state and the log, if there are files for them."""
     save_every: int
     progress: Progress | None
@@ -360,7 +362,7 @@ def _run_phase(
             done, expected = _progress_of(state.phase, epoch, epochs, config, validates=validates)
             run.progress(done, expected, record)
         if epoch % run.save_every == 0:
-            run.saved()
+            run.save_progress()
         # Only if there are epochs left, in which the user could stop the run.
         is_time_to_look = state.phase == "select" and epoch == epoch_to_look_at(epochs) < epochs
         if run.notice is not None and is_time_to_look:
