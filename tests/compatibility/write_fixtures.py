@@ -1,7 +1,8 @@
 """Write the fixtures of a version: ``python write_fixtures.py FOLDER``, with that version's packages on the path.
 
-Checkpoints of every network that is trained, programs in every strategy, the recordings that were played, and what came of
-it: all that a later version must find again. Run once for each version, before it changes; nothing here is ever rewritten.
+Trains and writes a checkpoint of every network, compiles them with every strategy, plays the programs on drawn recordings,
+and keeps spikes, scores and counts: a later version must give the same (`test_earlier_files.py`). It is run once for each
+version, before the format of a file changes. Fixtures are never written again.
 """
 
 from __future__ import annotations
@@ -18,23 +19,25 @@ from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.data.synthetic import synthetic_touches
 
 SMALL = "hidden: 6\nfeatures: 3\nstep_features: 2\nepochs: 12\nvalidation_fraction: 0.0\nbatch_size: 6\n"
+"""A training configuration that takes seconds: the fixtures need spikes, not accuracy."""
+WITHOUT_SPIKES = ("gru-mlp", "cnn-3d")
 NETWORKS = (
-    *(
-        "hybrid",
-        "tactile-snn",
-        "location-tactile-snn",
-        "hybrid-lif",
-        "hybrid-graph",
-        "window-snn",
-        "gru-mlp",
-    ),
-    "cnn-3d",
+    "hybrid",
+    "tactile-snn",
+    "location-tactile-snn",
+    "hybrid-lif",
+    "hybrid-graph",
+    "window-snn",
+    *WITHOUT_SPIKES,
 )
 STRATEGIES = ("dendrite", "delay-line", "reset", "paired-dendrite")
+"""With which the hybrid is compiled; other networks take the one that the compiler chooses."""
 TRAINED_STRATEGIES = ("dendrite", "delay-line", "reset")
+"""For which the hybrid is also trained on the chip's integers."""
 
 
 def main(folder: Path) -> None:
+    """Write all fixtures into a folder that does not exist."""
     folder.mkdir()
     os.chdir(folder)
     touches = synthetic_touches(6, steps=30, classes=3, fingertips=1)
@@ -61,31 +64,30 @@ def main(folder: Path) -> None:
         ]
         assert locsnn([*train, *target, "-o", f"hybrid-loihi-{strategy}.pt"]) == 0
 
-    played = touches.spikes
     expected: dict[str, np.ndarray] = {}
-    spiking = [
-        path.stem for path in sorted(Path().glob("*.pt")) if path.stem not in ("gru-mlp", "cnn-3d")
-    ]
+    checkpoints = [path.stem for path in sorted(Path().glob("*.pt"))]
+    spiking = [name for name in checkpoints if name not in WITHOUT_SPIKES]
     for name in spiking:
         network = lc.load(f"{name}.pt")
         for strategy in STRATEGIES if name == "hybrid" else ("auto",):
-            made = lc.compile(network, strategy=strategy, events=touches, diagnosis=False)
+            compiled = lc.compile(network, strategy=strategy, events=touches, diagnosis=False)
             program = f"{name}-{strategy}"
-            made.program.save(program)
-            keep(expected, program, hw.simulate(made.program, played))
-            expected[f"{program}/reference"] = made.match.reference_prediction
+            compiled.program.save(program)
+            keep(expected, program, hw.simulate(compiled.program, touches.spikes))
+            expected[f"{program}/reference"] = compiled.match.reference_prediction
     by_hand().save("by-hand")
     rng = np.random.default_rng(3)
     inputs = (rng.random((4, 40, 12)) < 0.3).astype(np.uint8)
     np.savez_compressed("inputs.npz", spikes=inputs)
     keep(expected, "by-hand", hw.simulate(by_hand(), inputs))
     np.savez_compressed("expected.npz", **expected)
+    # Training wrote curves of its progress, which no later version reads.
     for path in (*Path().glob("*.csv"), *Path().glob("*.svg"), Path("small.yaml")):
         path.unlink()
 
 
 def keep(expected: dict[str, np.ndarray], program: str, result: hw.SimulationResult) -> None:
-    """Keep the spikes of every population, the scores and the counts of every recording."""
+    """Add a result to `expected`: spikes of every population, scores, and counts of every recording."""
     for name, spikes in result.spikes.items():
         expected[f"{program}/spikes/{name}"] = np.packbits(spikes, axis=1)
     if result.scores is not None:
@@ -96,7 +98,11 @@ def keep(expected: dict[str, np.ndarray], program: str, result: hw.SimulationRes
 
 
 def by_hand() -> hw.ChipProgram:
-    """Return a program of what networks seldom have: bias, refractory period, delays, a fan of joins, recurrence."""
+    """Return a program with what the trained networks lack.
+
+    It has biases, a refractory period, delays up to the longest (62), three dendrites joined to one
+    soma, recurrence, and limits of voltages. Its numbers are chosen by hand.
+    """
     rng = np.random.default_rng(1)
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), "by-hand")
     x = b.add_input("x", 12)

@@ -1,6 +1,6 @@
-"""Play the main job with the lowest and with the newest versions of everything that the project asks for.
+"""Compile and run a shipped model with the lowest and with the newest supported versions of all dependencies.
 
-Each set of versions has an environment of its own, in a temporary folder, that ``uv`` fills. Both must compile the
+``uv`` installs each set of versions into an environment of its own, in a temporary folder. Both must compile the
 shipped hybrid into the same program, check every spike, and write a report whose figures are the same.
 """
 
@@ -16,21 +16,25 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[2]
 UV = Path(sys.executable).with_name("uv")
-LOWEST, NEWEST = "lowest-direct", "highest"
-"""How uv chooses versions: of what the project itself asks for, or of everything."""
+LOWEST = "lowest-direct"
+"""uv's way to choose the lowest versions that ``pyproject.toml`` allows, and any of their own dependencies."""
+NEWEST = "highest"
+"""uv's way to choose the newest versions of everything."""
 NAMES = ("llvmlite", "numba", "numpy", "scipy", "h5py", "pyyaml", "rich", "argcomplete", "pyvcd")
-MODEL, EVENTS = "examples/models/objects-hybrid.pt", "examples/recordings/touches.npz"
+"""Packages whose versions are printed."""
+MODEL = "examples/models/objects-hybrid.pt"
+EVENTS = "examples/recordings/touches.npz"
 FIGURES = ("match", "operations", "resources")
-"""Parts of report.json that are made of integers, or of one division."""
+"""Parts of report.json that hold integers, or one division of integers, so that no version may round differently."""
 
 
 def play(resolution: str, folder: Path) -> tuple[bytes, dict[str, object]]:
-    """Install into a new environment, run the main job there, and return its program and its figures."""
+    """Install into a new environment, compile and run the model there, and return its program and its figures."""
     python = folder / "bin/python"
     run([UV, "venv", "--quiet", "--python", sys.executable, folder])
     run([UV, "pip", "install", "--quiet", "--python", python, "--resolution", resolution, ROOT])
-    shown = run([UV, "pip", "list", "--quiet", "--python", python, "--format", "json"])
-    versions = {package["name"]: package["version"] for package in json.loads(shown)}
+    installed = run([UV, "pip", "list", "--quiet", "--python", python, "--format", "json"])
+    versions = {package["name"]: package["version"] for package in json.loads(installed)}
     print(f"{resolution}:", *(f"{name} {versions[name]}" for name in NAMES), flush=True)
 
     build = folder / "build"
@@ -43,24 +47,29 @@ def play(resolution: str, folder: Path) -> tuple[bytes, dict[str, object]]:
 
 
 def run(command: list[str | Path]) -> str:
-    """Run a command outside of the checkout, and return what it prints; end with its error where it fails."""
-    usual = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    done = subprocess.run(
-        command, cwd=ROOT.parent, env=usual, capture_output=True, text=True, check=False
+    """Run a command outside of the checkout, and return what it prints; end this program if it fails.
+
+    In the checkout, or with its PYTHONPATH, the sources would be imported instead of the installed packages.
+    """
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("PYTHON")
+    }
+    process = subprocess.run(
+        command, cwd=ROOT.parent, env=environment, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        said = (done.stderr or done.stdout).strip()
-        sys.exit(f"{' '.join(map(str, command))}: exit code {done.returncode}\n{said}")
-    return done.stdout
+    if process.returncode:
+        message = (process.stderr or process.stdout).strip()
+        sys.exit(f"{' '.join(map(str, command))}: exit code {process.returncode}\n{message}")
+    return process.stdout
 
 
 def main() -> None:
-    """Play with the versions that are asked for, and compare what they give."""
+    """Run with both sets of versions, or with the lowest alone, and compare programs and figures."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--lowest", action="store_true", help="leave out the newest versions")
     resolutions = [LOWEST] if parser.parse_args().lowest else [LOWEST, NEWEST]
-    with TemporaryDirectory() as place:
-        outcomes = [play(resolution, Path(place) / resolution) for resolution in resolutions]
+    with TemporaryDirectory() as folder:
+        outcomes = [play(resolution, Path(folder) / resolution) for resolution in resolutions]
     if any(outcome != outcomes[0] for outcome in outcomes):
         sys.exit("the lowest and the newest versions do not give the same program and figures")
 

@@ -1,7 +1,8 @@
-"""Faults planted from the syntax tree: each changes one expression or drops one statement of a function.
+"""Generate faults from the syntax tree of a module: each changes one expression or drops one statement of a function.
 
-Nothing here quotes the code that is tested, so that code may be rewritten without a table that follows. What a fault is
-called names its module, its function, what it changes and into what.
+A fault (a mutant) shows whether the tests of a module notice a change; `run_mutants.py` plants faults and runs the tests.
+Faults are found anew from the source each time, so code may be rewritten without changing a list here. The name of a fault
+says its module, its function, the code that it replaces, and the code that it puts there.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 MODULE = "module"
-"""The scope of what stands in no function."""
+"""The scope of code outside all functions."""
 COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.Lt: ast.LtE,
     ast.LtE: ast.Lt,
@@ -29,6 +30,7 @@ COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.In: ast.NotIn,
     ast.NotIn: ast.In,
 }
+"""By the kind of a comparison, the comparison that takes its place."""
 CALCULATED: dict[type[ast.operator], type[ast.operator]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -42,6 +44,7 @@ CALCULATED: dict[type[ast.operator], type[ast.operator]] = {
     ast.BitOr: ast.BitAnd,
     ast.Pow: ast.Mult,
 }
+"""By an operator, the operator that takes its place."""
 CALLED = {
     "min": "max",
     "max": "min",
@@ -57,15 +60,20 @@ CALLED = {
     "cumsum": "asarray",
     "abs": "int",
 }
+"""By the name of a function that is called, the name that takes its place."""
 NOT_TESTED = (ast.Raise, ast.Assert, ast.JoinedStr, ast.Import, ast.ImportFrom, ast.ClassDef)
-"""Words of messages, and what only the type checker reads. Functions of a class are scopes of their own."""
+"""Kinds of nodes without faults: messages, imports and classes, whose functions are scopes of their own."""
 Site = tuple[ast.AST, ast.AST]
-"""A node of the tree, and what stands in its place."""
+"""A node of the tree, and the node that takes its place."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """The ``number``-th place in a scope of a module where ``old`` becomes ``new``."""
+    """A place in a scope of a module where the code ``old`` becomes ``new``.
+
+    A scope is a function, or ``module`` for code outside all. Where the same change is possible at
+    several places of a scope, ``number`` counts them from 0.
+    """
 
     module: str
     scope: str
@@ -75,20 +83,19 @@ class Fault:
 
     @property
     def name(self) -> str:
-        """What it is called; no other fault has the same name."""
-        again = f" ({self.number + 1})" if self.number else ""
-        return f"{self.module} {self.scope}: {self.old} -> {self.new}{again}"
+        """Its name, which no other fault has."""
+        repetition = f" ({self.number + 1})" if self.number else ""
+        return f"{self.module} {self.scope}: {self.old} -> {self.new}{repetition}"
 
     def path(self, root: Path = ROOT) -> Path:
         """Return the module's file."""
         return path_of(self.module, root)
 
     def applied(self, root: Path = ROOT) -> str:
-        """Return the module's text with the fault in it; ``KeyError`` where it has no such place."""
+        """Return the module's text with the fault in it. Raise ``KeyError`` if it has no such place."""
         source = self.path(root).read_text()
-        return _spliced(
-            source, *_sites_by_name(source)[self.scope, self.old, self.new, self.number]
-        )
+        old, new = _sites_by_name(source)[self.scope, self.old, self.new, self.number]
+        return _spliced(source, old, new)
 
     def scope_text(self, root: Path = ROOT) -> str:
         """Return the text of the function without the fault."""
@@ -98,9 +105,13 @@ class Fault:
         return ast.unparse(next(node for name, node in _scopes(source) if name == self.scope))
 
     def is_in(self, share: float) -> bool:
-        """Tell whether a draw of this share of all faults holds it: by its name alone, so always alike."""
-        drawn = int(hashlib.sha256(self.name.encode()).hexdigest()[:8], 16)
-        return drawn < share * 2**32
+        """Return whether the fault belongs to a random sample of this share of all faults.
+
+        The first 32 bits of a hash of its name decide, so the sample is the same in every run, and a
+        larger sample holds all faults of a smaller one.
+        """
+        first_32_bits = int(hashlib.sha256(self.name.encode()).hexdigest()[:8], 16)
+        return first_32_bits < share * 2**32
 
 
 def path_of(module: str, root: Path = ROOT) -> Path:
@@ -116,22 +127,24 @@ def faults_of(module: str, root: Path = ROOT) -> list[Fault]:
 
 @lru_cache(maxsize=256)
 def _sites_by_name(source: str) -> dict[tuple[str, str, str, int], Site]:
-    found: dict[tuple[str, str, str, int], Site] = {}
+    """Return every place that a fault can change, by scope, old code, new code, and number among equal ones."""
+    sites: dict[tuple[str, str, str, int], Site] = {}
     for scope, node in _scopes(source):
-        seen: Counter[tuple[str, str]] = Counter()
+        repetitions: Counter[tuple[str, str]] = Counter()
         for old, new in _sites(node):
-            texts = _in_line(old), _in_line(new)
-            found[scope, *texts, seen[texts]] = old, new
-            seen[texts] += 1
-    return found
+            texts = (_in_line(old), _in_line(new))
+            sites[scope, *texts, repetitions[texts]] = (old, new)
+            repetitions[texts] += 1
+    return sites
 
 
 def _in_line(node: ast.AST) -> str:
+    """Return the code of a node in one line."""
     return " ".join(ast.unparse(node).split())
 
 
 def _scopes(source: str) -> Iterator[tuple[str, ast.AST]]:
-    """Yield every function by its name, with those inside it, and what stands outside of all."""
+    """Yield the code outside all functions, and every function by its name, with the functions inside it."""
     tree = ast.parse(source)
     outside = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
     yield MODULE, ast.Module(list(outside), [])
@@ -139,6 +152,7 @@ def _scopes(source: str) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _functions(tree: ast.AST, prefix: str) -> Iterator[tuple[str, ast.AST]]:
+    """Yield the functions and methods below a node by name; methods are called ``Class.method``."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.FunctionDef):
             if not _is_declared_only(node):
@@ -148,7 +162,7 @@ def _functions(tree: ast.AST, prefix: str) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _is_declared_only(function: ast.FunctionDef) -> bool:
-    """Tell what has no body of its own to be tested, or is not the only one of its name."""
+    """Return whether a function has no body to be tested (an overload), or shares its name (a setter)."""
     decorators = {ast.unparse(each) for each in function.decorator_list}
     return bool(decorators & {"overload", "abstractmethod"}) or any(
         each.endswith(".setter") for each in decorators
@@ -156,7 +170,7 @@ def _is_declared_only(function: ast.FunctionDef) -> bool:
 
 
 def _sites(node: ast.AST) -> Iterator[Site]:
-    """Yield the places inside a node that a fault can change."""
+    """Yield the places inside a node that a fault can change. Only the type checker reads annotations."""
     for field, value in ast.iter_fields(node):
         if field in ("annotation", "returns", "decorator_list", "type_params"):
             continue
@@ -171,7 +185,7 @@ def _sites(node: ast.AST) -> Iterator[Site]:
 
 
 def _changes(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield what a fault puts in the place of a node."""
+    """Yield the nodes that faults put in the place of a node."""
     for kind, change in CHANGES:
         if isinstance(node, kind):
             yield from change(node)
@@ -183,6 +197,7 @@ def _compared_otherwise(node: ast.Compare) -> Iterator[ast.AST]:
 
 
 def _calculated_otherwise(node: ast.BinOp) -> Iterator[ast.AST]:
+    # A string with % or * is text that is formatted, not a number.
     operands = (node.left, node.right)
     if any(isinstance(each, ast.Constant) and isinstance(each.value, str) for each in operands):
         return
@@ -192,8 +207,8 @@ def _calculated_otherwise(node: ast.BinOp) -> Iterator[ast.AST]:
 
 def _one_of_several(node: ast.BoolOp) -> Iterator[ast.AST]:
     for left_out in range(len(node.values)):
-        rest = [value for place, value in enumerate(node.values) if place != left_out]
-        yield rest[0] if len(rest) == 1 else ast.BoolOp(node.op, rest)
+        remaining = [value for place, value in enumerate(node.values) if place != left_out]
+        yield remaining[0] if len(remaining) == 1 else ast.BoolOp(node.op, remaining)
 
 
 def _without_sign(node: ast.UnaryOp) -> Iterator[ast.AST]:
@@ -224,6 +239,7 @@ def _always_the_first(node: ast.IfExp) -> Iterator[ast.AST]:
 
 
 def _left_out(node: ast.Expr | ast.AugAssign) -> Iterator[ast.AST]:
+    # A text that stands alone is a docstring.
     is_text = isinstance(node.value, ast.Constant | ast.JoinedStr)
     if not is_text or isinstance(node, ast.AugAssign):
         yield ast.Pass()
@@ -239,23 +255,23 @@ CHANGES: tuple[tuple[type | tuple[type, ...], Callable[..., Iterator[ast.AST]]],
     (ast.IfExp, _always_the_first),
     ((ast.Expr, ast.AugAssign), _left_out),
 )
-"""By the kind of a node: what a fault makes of it."""
+"""For each kind of node, the function that yields its replacements."""
 
 
 def _spliced(source: str, old: ast.AST, new: ast.AST) -> str:
-    """Return a text with one of its nodes changed; all other lines keep their numbers."""
+    """Return a source with one of its nodes replaced; all other lines keep their numbers."""
     assert isinstance(old, ast.expr | ast.stmt)
     assert old.end_lineno is not None
     assert old.end_col_offset is not None
-    lines = source.encode().splitlines(keepends=True)
+    # The syntax tree counts columns in bytes of UTF-8, so the text is cut as bytes.
+    encoded = source.encode()
     starts = [0]
-    for line in lines:
+    for line in encoded.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
     start = starts[old.lineno - 1] + old.col_offset
     stop = starts[old.end_lineno - 1] + old.end_col_offset
     text = ast.unparse(new)
     if isinstance(old, ast.expr):
-        # As many lines as before, so that what follows keeps its numbers.
+        # As many lines as before, so that the lines that follow keep their numbers.
         text = f"({text}" + "\n" * (old.end_lineno - old.lineno) + ")"
-    whole = source.encode()
-    return (whole[:start] + text.encode() + whole[stop:]).decode()
+    return (encoded[:start] + text.encode() + encoded[stop:]).decode()

@@ -1,7 +1,8 @@
-"""A plugin of pytest: the compiled loops run as the Python that they are written in, so that nothing has to be compiled.
+"""A plugin of pytest that runs the compiled loops as plain Python, so that a planted fault need not be compiled.
 
-Their integers are the same: numpy's scalars wrap as the machine's do. A place beyond an array is an error here. It takes a
-hundred times as long, so that few examples are drawn.
+It replaces the decorators that compile loops, and the functions on lanes (the compartments that one vector instruction
+handles together) by functions on numpy arrays. Integers are the same, because numpy's scalars wrap as the machine's do. An
+index beyond an array is an error here. Tests take about a hundred times as long, so few examples are drawn.
 """
 
 from contextlib import nullcontext
@@ -13,39 +14,44 @@ from hypothesis import settings
 from hw_model.engine import compiled, packed
 
 EXAMPLES = 4
+"""Examples that Hypothesis draws for a test; chosen by hand."""
 
-np.seterr(over="ignore")
+np.seterr(over="ignore")  # wrapping integers are meant to wrap
 for name in ("compiled", "shared", "inner", "absorbed"):
-    setattr(compiled, name, lambda given: given)
+    setattr(compiled, name, lambda function: function)
 compiled.entry = compiled.address = lambda function, *arguments: function
 packed.pack = lambda record: record
 compiled.call_at = lambda function, arguments: function(*arguments)
 
+# These modules compile their loops while they are imported, so the decorators are replaced before.
 from hw_model.engine import lanes, private_numba  # noqa: E402
 from hw_model.engine.layout import LANES  # noqa: E402
 
 
 class Place:
-    """What a kernel is given in place of an array and the index of its first element."""
+    """A position in an array, where the compiled loops have a pointer.
 
-    def __init__(self, array, *at, lanes=LANES):
-        self.flat, self.first = (
-            array.reshape(-1),
-            int(np.ravel_multi_index([int(i) for i in at], array.shape)),
-        )
-        self.row_size, self.lanes = array.size // len(array), lanes
+    A field is a group of as many elements as there are lanes; field 0 begins at the position.
+    """
+
+    def __init__(self, array, *indices, lanes=LANES):
+        self.flat = array.reshape(-1)
+        self.first = int(np.ravel_multi_index([int(index) for index in indices], array.shape))
+        self.row_size = array.size // len(array)
+        self.lanes = lanes
 
     def of(self, lanes):
+        """Return the same position with fields of another number of lanes."""
         return Place(self.flat, self.first, lanes=lanes)
 
-    def _of(self, field):
+    def _elements_of(self, field):
         return slice(self.first + field * self.lanes, self.first + (field + 1) * self.lanes)
 
     def __getitem__(self, field):
-        return self.flat[self._of(field)].copy()
+        return self.flat[self._elements_of(field)].copy()
 
     def __setitem__(self, field, values):
-        self.flat[self._of(field)] = values
+        self.flat[self._elements_of(field)] = values
 
     def each(self, number):
         return np.full(LANES, number, self.flat.dtype)
@@ -67,33 +73,41 @@ class Place:
 
 
 def kernel(given, returns):
-    def made(function):
+    """Stand in for the decorator of kernels: calls pass each array with its indices, the function gets a place."""
+
+    def decorate(function):
         def call(*values):
-            rest, places = list(values), []
-            while rest:
-                value = rest.pop(0)
+            remaining = list(values)
+            arguments = []
+            while remaining:
+                value = remaining.pop(0)
                 if isinstance(value, np.ndarray):
-                    at, rest = rest[: value.ndim], rest[value.ndim :]
-                    value = Place(value, *at)
-                places.append(value)
-            return function(*places)
+                    # The indices of an element follow its array, one for each axis.
+                    indices = remaining[: value.ndim]
+                    remaining = remaining[value.ndim :]
+                    value = Place(value, *indices)
+                arguments.append(value)
+            return function(*arguments)
 
         return call
 
-    return made
+    return decorate
 
 
 def put(place, mask, numbers):
-    found = numbers[mask]
-    place.flat[place.first : place.first + len(found)] = found
-    return np.int32(len(found))
+    """Write the numbers of the lanes in a mask one after the other; return how many."""
+    chosen = numbers[mask]
+    place.flat[place.first : place.first + len(chosen)] = chosen
+    return np.int32(len(chosen))
 
 
 def of_numbers(given, returns):
-    def made(function):
+    """Stand in for the decorator of functions of 32-bit integers."""
+
+    def decorate(function):
         return lambda *numbers: tuple(map(np.int32, function(*map(np.int32, numbers))))
 
-    return made
+    return decorate
 
 
 private_numba.kernel, private_numba.of_numbers = kernel, of_numbers
@@ -116,7 +130,8 @@ lanes.before = lambda values, many: np.where(values < 0, (1 << many) - 1, 0).ast
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Draw few examples, also in tests that ask for more: a profile would not change those."""
     for item in items:
-        given = getattr(item.obj, "_hypothesis_internal_use_settings", None)
-        if given is not None and given.max_examples > EXAMPLES:
-            item.obj._hypothesis_internal_use_settings = settings(given, max_examples=EXAMPLES)
+        of_test = getattr(item.obj, "_hypothesis_internal_use_settings", None)
+        if of_test is not None and of_test.max_examples > EXAMPLES:
+            item.obj._hypothesis_internal_use_settings = settings(of_test, max_examples=EXAMPLES)

@@ -1,4 +1,8 @@
-"""A plugin of pytest for mutants: the packages are the tree's own, examples are the same every time and not made smaller."""
+"""A plugin of pytest for runs with a fault planted.
+
+Hypothesis draws the same examples in every run, and does not search for a smaller example that fails,
+because only whether a test fails matters. The packages must come from the copied tree.
+"""
 
 from pathlib import Path
 

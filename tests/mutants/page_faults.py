@@ -1,10 +1,12 @@
-"""Plant every fault of the Loihi page, and ask the oracle and the open core's SystemVerilog whether they tell it.
+"""Plant every fault of Loihi's arithmetic, and find out which of two independent witnesses detects it.
 
     python tests/mutants/page_faults.py [CSV]
 
-Both play programs that are drawn, before any fault is planted; the plain engine then plays them with each fault. Neither
-reads the page: the oracle is written by another hand, and the core is loaded with what the sound page says. Writes what
-first tells every fault (:data:`TOLD_BY`), by Icarus Verilog, in a few minutes.
+The page of a chip is the module that defines its arithmetic. The witnesses are the oracle, a second implementation that
+does not import the page, and the open core's SystemVerilog, which is loaded with constants of the page without a fault.
+Both play randomly drawn programs before any fault is planted. The plain engine, which computes with the page, then plays
+the programs with each fault. Writes, for each fault and witness, the first kind of values that differs (:data:`TOLD_BY`).
+Takes a few minutes, with Icarus Verilog.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from tests.support import loihi_oracle as oracle  # noqa: E402
 from tests.support.any_phases import FEW_ON_CORE  # noqa: E402
 
 MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi", "on_integers"))
-"""In the order of their imports."""
+"""The page, in the order in which these modules import each other: a fault is planted by running them again."""
 OF_THE_STEP = {
     "hw_model.arithmetic.fixed_point": {"kept", "half_range", "wrap", "clip", "effective_weight"},
     "hw_model.arithmetic.loihi": {
@@ -49,9 +51,9 @@ OF_THE_STEP = {
         "threshold_of",
     },
 }
-"""Functions that a step is made of, by module; others say what can be held."""
+"""The functions that compute a step, by module. All others only check which numbers fit the chip."""
 TOLD_BY = (*oracle.KINDS, "events")
-"""What is compared, in this order."""
+"""Kinds of values that are compared, in this order."""
 
 WRAPS = "a program whose registers wrap"
 FADES = "a program whose voltages go back to 0 one by one"
@@ -61,7 +63,7 @@ FADES = "a program whose voltages go back to 0 one by one"
 def case_of(seed: int | str) -> any_phases.Case:
     """Return a drawn program, or one of the two that are made by hand.
 
-    It is built once, by the sound page: with a fault the builder might refuse it, or hold other numbers.
+    It is built once, before any fault is planted: with a fault, the builder might refuse it or compute other constants.
     """
     if seed == WRAPS:
         return _wrapping()
@@ -71,7 +73,10 @@ def case_of(seed: int | str) -> any_phases.Case:
 
 
 def _wrapping() -> any_phases.Case:
-    """Return a program of which every register wraps or is clipped, in refractory steps too."""
+    """Return a program in which every register wraps or is clipped, in refractory steps too.
+
+    Biases and weights are the largest that the chip holds, or near them.
+    """
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     lines = builder.add_input("x", 4)
     soma = builder.add_compartments(
@@ -94,7 +99,7 @@ def _wrapping() -> any_phases.Case:
 
 
 def _fading() -> any_phases.Case:
-    """Return a program of a single spike, after which every voltage below 0 is met on the way up."""
+    """Return a program of a single inhibitory spike, after which the voltage rises to 0 through every value below it."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     lines = builder.add_input("x", 1)
     soma = builder.add_compartments("y", 1, decay_u=4096, decay_v=1, threshold=1)
@@ -110,11 +115,11 @@ def _case(builder: hw.ProgramBuilder, spikes: np.ndarray) -> any_phases.Case:
 
 PLAYED = (*FEW_ON_CORE, WRAPS, FADES)
 Values = Mapping[str, np.ndarray]
-"""What a program did in all recordings, by kind and group."""
+"""The arrays that a program gave in all recordings, by kind of value and group of compartments."""
 
 
 def faults() -> list[Fault]:
-    """Return the faults of the step, without those that change nothing."""
+    """Return the faults of the functions of a step, without those that are known to change no result."""
     return [
         fault
         for module, scopes in OF_THE_STEP.items()
@@ -124,7 +129,10 @@ def faults() -> list[Fault]:
 
 
 def plant(fault: Fault | None) -> None:
-    """Put a fault into the loaded modules, or take it out."""
+    """Put a fault into the loaded modules, or, with None, restore them.
+
+    All of them run again in place, so that names that one imports from another are replaced too.
+    """
     for name in MODULES:
         module = import_module(name)
         path = Path(str(module.__file__))
@@ -134,7 +142,7 @@ def plant(fault: Fault | None) -> None:
 
 
 def by_engine(seed: int | str) -> Values:
-    """Return what the plain engine says of a drawn program, with whatever is planted."""
+    """Return the values of the plain engine for a program, with the fault that is planted."""
     case = case_of(seed)
     kinds = oracle.KINDS
     played = hw.simulate(case.program, case.spikes, case.steps, engine="reference", probe=kinds)
@@ -142,44 +150,49 @@ def by_engine(seed: int | str) -> Values:
 
 
 def by_core(seed: int | str) -> Values:
-    """Return what the core's SystemVerilog says."""
+    """Return the values of the core's SystemVerilog for a program."""
     case = case_of(seed)
-    found, _ = play_on_core(
+    result, _ = play_on_core(
         case.program, case.spikes, case.steps, oracle.KINDS, "icarus", sources(), benches.SIZES
     )
-    return _values(found)
+    return _values(result)
 
 
 def by_oracle(seed: int | str) -> Values:
-    """Return what the oracle says."""
+    """Return the values of the oracle for a program."""
     case = case_of(seed)
     batch = len(next(iter(case.spikes.values())))
     recordings = [{name: array[b] for name, array in case.spikes.items()} for b in range(batch)]
-    played = [oracle.play(case.graph, case.program.chip, one, case.steps) for one in recordings]
+    results = [
+        oracle.play(case.graph, case.program.chip, recording, case.steps)
+        for recording in recordings
+    ]
     values = {
-        f"{kind} {group}": np.stack([one.arrays[kind][group] for one in played])
+        f"{kind} {group}": np.stack([result.arrays[kind][group] for result in results])
         for kind in oracle.KINDS
-        for group in played[0].arrays[kind]
+        for group in results[0].arrays[kind]
     }
-    for group in played[0].events:
-        met = [[one.events[group][event] for event in oracle.EVENTS] for one in played]
-        values[f"events {group}"] = np.sum(met, axis=0)
+    # The engine and the core count events over all recordings, the oracle in each.
+    for group in results[0].events:
+        counts = [[result.events[group][event] for event in oracle.EVENTS] for result in results]
+        values[f"events {group}"] = np.sum(counts, axis=0)
     return values
 
 
 def _values(result: hw.SimulationResult) -> Values:
+    """Return the values of a simulation that are compared."""
     values = {
         f"{kind} {group}": array
         for kind in oracle.KINDS
         for group, array in getattr(result, kind).items()
     }
-    for group, met in result.events.items():
-        values[f"events {group}"] = np.array([met[event] for event in oracle.EVENTS])
+    for group, counts in result.events.items():
+        values[f"events {group}"] = np.array([counts[event] for event in oracle.EVENTS])
     return values
 
 
 def told_by(sound: Values, faulty: Values) -> str:
-    """Return the first kind of values that tells a fault; nothing if none does."""
+    """Return the first kind of values that differs with a fault; "" if none does."""
     for kind in TOLD_BY:
         keys = [key for key in sound if key.startswith(f"{kind} ") and key in faulty]
         if any(not np.array_equal(sound[key], faulty[key]) for key in keys):
@@ -188,7 +201,7 @@ def told_by(sound: Values, faulty: Values) -> str:
 
 
 def table() -> list[dict[str, str]]:
-    """Return a row for each fault: where it is, what it is, and what of each witness tells it."""
+    """Return a row for each fault: its name, and the first kind of values of each witness that differs."""
     witnesses = {"oracle": by_oracle, "rtl": by_core}
     sound = {name: [play(seed) for seed in PLAYED] for name, play in witnesses.items()}
     rows = []
@@ -200,8 +213,8 @@ def table() -> list[dict[str, str]]:
             plant(None)
         row = {"fault": fault.name}
         for name, of_seeds in sound.items():
-            told = [told_by(*pair) for pair in zip(of_seeds, faulty, strict=True)]
-            row[name] = min(filter(None, told), key=TOLD_BY.index, default="")
+            differing = [told_by(*pair) for pair in zip(of_seeds, faulty, strict=True)]
+            row[name] = min(filter(None, differing), key=TOLD_BY.index, default="")
         rows.append(row)
     return rows
 

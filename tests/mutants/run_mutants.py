@@ -1,12 +1,13 @@
-"""Plant faults, one at a time: tell which of them the tests find, and write ``results.csv``. Resumable.
+"""Plant faults, one at a time, run the tests, and write which faults they detect to ``results.csv``. Resumable.
 
-Each is in the memory of a process of its own alone, which runs its tests until one fails, in a copy of the tree. What was
-found is kept in ``build/mutants/found.jsonl`` and holds as long as the function and the tests stay as they were. At the
-end, the tests that found a fault are run once without any: a test that fails nevertheless has found nothing.
+A fault that a test detects is called "told". Each fault exists only in the memory of a process of its own, which runs the
+tests of its module until one fails, in a copy of the tree. Results are kept in ``build/mutants/found.jsonl`` and stay valid
+while the function and the tests are unchanged. At the end, all tests that detected a fault run once without any: one that
+fails even then has detected nothing.
 
     python tests/mutants/run_mutants.py [--share 0.15] [--jobs 2] [--only TEXT ...] [--dry]
 
-Fails if a fault that ``results.csv`` calls told is told no longer.
+Fails if a fault that is told in ``results.csv`` is told no longer.
 """
 
 from __future__ import annotations
@@ -38,16 +39,16 @@ FOUND = BUILD / "found.jsonl"
 TABLE = HERE / "results.csv"
 COLUMNS = ("module", "scope", "is", "becomes", "number", "outcome", "by")
 SHARE = 0.15
-"""Of all faults, those that are planted unless more are asked for."""
+"""The share of all faults that is planted by default; chosen by hand for a run of bearable length."""
 TOLD, NOT_TOLD, NOTHING, NOT_NOTHING = (
     "told",
     "not told",
     "changes nothing",
     "told, unlike its reason",
 )
-"""What comes of a fault."""
+"""Outcomes of a fault. ``changes-nothing.yaml`` gives reasons why some faults cannot be detected."""
 Outcome = tuple[str, str]
-"""What comes of it, and the test that told it or the reason."""
+"""An outcome, and the test that detected the fault or the reason why none can."""
 COPIED = (
     "hw_model",
     "locsnn_compile",
@@ -59,23 +60,24 @@ COPIED = (
     "Makefile",
 )
 PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.sparse", "yaml")
-"""Imported once: runs of the tests are forks. The packages that are tested are not among them."""
+"""Packages that are imported once, since runs are forks of this process. The packages under test are not among them."""
 MEMORY = 8 << 30
-"""Bytes that a run with a fault may take: some faults ask for more and more."""
+"""Bytes that a run with a fault may take, since some faults allocate without end; chosen by hand."""
 SECONDS = {False: 40, True: 200}
-"""Seconds of the processor that a run may take: several times those of the longest without a fault, interpreted or not."""
-HELD = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
+"""Processor seconds that a run may take, by whether loops are interpreted: several times the longest without a fault."""
+FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
+"""The line of pytest's summary that names the test that failed."""
 
 
 class Faulty(SourceFileLoader):
-    """Loads a module with a fault in it."""
+    """The import hook that loads one module with a fault in it."""
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(fault.module, str(fault.path(TREE)))
         self._text = fault.applied(TREE).encode()
 
     def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
-        """Be the finder of this module, too."""
+        """Find this one module; leave all others to the usual finders."""
         return spec_from_file_location(name, self.path, loader=self) if name == self.name else None
 
     def get_data(self, path: str) -> bytes:
@@ -83,12 +85,15 @@ class Faulty(SourceFileLoader):
         return self._text
 
     def path_stats(self, path: str) -> Never:
-        """Refuse to tell an age: what is compiled to bytes is neither taken from a cache nor kept."""
+        """Refuse to give the file's age, so that Python neither reads bytecode of the sound module nor keeps the faulty one's."""
         raise OSError
 
 
 def copy_tree() -> None:
-    """Copy what is tested, so that work can go on; files keep their ages, and compiled loops stay valid."""
+    """Copy the tested files, so that the checkout may change meanwhile.
+
+    Files keep their ages, so that the cache of compiled loops stays valid.
+    """
     shutil.rmtree(TREE, ignore_errors=True)
     TREE.mkdir(parents=True)
     for name in COPIED:
@@ -99,7 +104,7 @@ def copy_tree() -> None:
 
 
 class Run:
-    """Tests of a module in a process of their own: with a fault, within :data:`SECONDS`, or without one."""
+    """The tests of a module, in a process of their own: with a fault, within :data:`SECONDS`, or without one."""
 
     def __init__(self, tested: Tested, fault: Fault | None) -> None:
         self.tested = tested
@@ -114,14 +119,17 @@ class Run:
         os.close(output)
 
     def finished(self, code: int) -> Outcome:
-        """Return whether it was told, and by which test; tests that cannot be run end the program."""
+        """Return the outcome of the ended process, given its exit code (below 0: the signal that ended it).
+
+        Raise SystemExit if the tests fail without a fault, or cannot be run.
+        """
         text = Path(self._output).read_text(errors="replace")
         os.unlink(self._output)
         shutil.rmtree(self._compiled)
-        held = HELD.search(text)
+        failed = FAILED_TEST.search(text)
         by = ""
-        if held:
-            file, colons, test = held[1].partition("::")
+        if failed:
+            file, colons, test = failed[1].partition("::")
             by = Path(file).name + colons + test
         elif code < 0:
             by = "crashed, or out of time"
@@ -133,9 +141,11 @@ class Run:
         return (TOLD, by) if code else (NOT_TOLD, "")
 
     def _run(self) -> int:
+        """Run the tests in the child process, and return the exit code of pytest."""
         os.chdir(TREE)
         here = str(TREE / HERE.relative_to(ROOT))
         os.environ["PYTHONPATH"] = f"{TREE}:{here}"
+        # The copy takes the place of the checkout on the path; the virtual environment in it stays.
         sys.path[:] = [
             str(TREE),
             here,
@@ -172,7 +182,7 @@ class Run:
 
 
 def digests(fault: Fault, root: Path = ROOT) -> dict[str, str]:
-    """Return a number of all that a result depends on: the function, and the tests."""
+    """Return digests of the function and of the tests, on which a result depends."""
     tests = modules()[fault.module].tests
     texts = {
         "scope": fault.scope_text(root),
@@ -182,10 +192,10 @@ def digests(fault: Fault, root: Path = ROOT) -> dict[str, str]:
 
 
 def known(wanted: list[Fault]) -> dict[Fault, Outcome]:
-    """Return what earlier runs found.
+    """Return the outcomes of earlier runs that are still valid.
 
-    A fault that was told stays so while its function is the same, and the test that told it is still there; one that
-    was not told, while the tests are the same.
+    All are valid only while the function is unchanged. A detected fault also needs the test that
+    detected it to exist still; an undetected one needs all tests to be unchanged.
     """
     rows = [json.loads(line) for line in FOUND.read_text().splitlines()] if FOUND.exists() else []
     by_name = {row["name"]: row for row in rows}
@@ -204,14 +214,14 @@ def known(wanted: list[Fault]) -> dict[Fault, Outcome]:
 
 
 def _is_there(by: str) -> bool:
-    """Tell whether a test still exists, by its file and the name of its function."""
+    """Return whether a test still exists, by its file and the name of its function."""
     file, _, test = by.partition("[")[0].partition("::")
     text = f"def {test.rpartition('::')[2]}("
     return not test or any(text in path.read_text() for path in (ROOT / "tests").rglob(file))
 
 
 def try_all(wanted: list[Fault], jobs: int) -> None:
-    """Plant faults, so many at once, and keep what is found."""
+    """Plant faults in `jobs` processes at a time, and keep the outcomes."""
     waiting = deque(wanted)
     running: dict[int, Run] = {}
     begun = time.monotonic()
@@ -239,7 +249,7 @@ def try_all(wanted: list[Fault], jobs: int) -> None:
 
 
 def check_tests(found: dict[Fault, Outcome]) -> None:
-    """Run the tests that told a fault without any; one that fails ends the program."""
+    """Run all tests that detected a fault without any fault; raise SystemExit if one fails."""
     for loops in (False, True):
         told_by = {
             by
@@ -256,7 +266,7 @@ def check_tests(found: dict[Fault, Outcome]) -> None:
 
 
 def ready() -> None:
-    """Copy the tree, and import what tests need beside the packages."""
+    """Copy the tree, and import the packages of others that the tests need."""
     copy_tree()
     os.environ |= {"NUMBA_CACHE_DIR": str(BUILD / "loops"), "OMP_NUM_THREADS": "1"}
     for name in PRELOADED:
@@ -264,7 +274,7 @@ def ready() -> None:
 
 
 def outcome_of(fault: Fault, found: Outcome) -> Outcome:
-    """Return the outcome as the table has it."""
+    """Return the outcome that the table shows, which takes the known reasons into account."""
     reason = reasons().get(fault.name)
     if reason is None:
         return found

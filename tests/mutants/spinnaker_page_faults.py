@@ -1,9 +1,11 @@
-"""Plant every fault of the page of SpiNNaker, and ask what the recorded machine code tells of it.
+"""Plant every fault of SpiNNaker's arithmetic, and find out whether recordings of its machine code detect it.
 
     python tests/mutants/spinnaker_page_faults.py [CSV]
 
-The plain engine plays the networks of ``tests/spinnaker/recorded-by-machine-code.npz`` with each
-fault. The machine code does not count wraps. Writes what first tells every fault, in a minute.
+The page of a chip is the module that defines its arithmetic. The plain engine plays the networks of
+``tests/spinnaker/recorded-by-machine-code.npz`` with each fault, and its values are compared with the
+recorded ones. The machine code does not count wraps, so these are not compared. Writes, for each
+fault, the first kind of values that differs. Takes a minute.
 """
 
 from __future__ import annotations
@@ -43,24 +45,25 @@ OF_THE_STEP = {
     "comes_too_late",
     "collected",
 }
-"""Functions that constants and a step are made of."""
+"""The functions that compute constants and a step."""
 ERROR = "an error"
+"""Stands in the table for a fault with which the engine ends in an error."""
 
 
 def faults() -> list[Fault]:
-    """Return the faults of constants and step."""
+    """Return the faults of the functions that compute constants and a step."""
     return [fault for fault in faults_of(MODULE) if fault.scope in OF_THE_STEP]
 
 
 def plant(fault: Fault | None) -> None:
-    """Put a fault into the loaded page, or take it out."""
+    """Put a fault into the loaded page, or, with None, restore it."""
     path = Path(str(spinnaker.__file__))
     text = path.read_text() if fault is None else fault.applied()
     exec(compile(text, str(path), "exec"), vars(spinnaker))
 
 
 def told_by() -> str:
-    """Return the first values that differ from those of the machine code; nothing if none do."""
+    """Return the first kind of values that differs from those of the machine code; "" if none does."""
     try:
         for recorded in read(RECORDED):
             case = case_of(recorded)
@@ -74,7 +77,7 @@ def told_by() -> str:
 
 
 def table() -> list[dict[str, str]]:
-    """Return a row for each fault: where it is, what it is, and what tells it."""
+    """Return a row for each fault: its name, and the first kind of values that differs."""
     rows = []
     for fault in faults():
         plant(fault)

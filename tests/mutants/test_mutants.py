@@ -1,4 +1,4 @@
-"""Faults that are generated are other programs, and what `make mutants` reads is there."""
+"""Generated faults change the program, and the tables that `make mutants` reads name tests and faults that exist."""
 
 from __future__ import annotations
 
@@ -42,16 +42,17 @@ FAULTS = {
     "within: x > 3 -> x >= 3",
     "within: 3 -> 4",
 }
-"""Messages, annotations and docstrings have none."""
+"""All faults of the module above: messages, annotations and docstrings have none."""
 
 
 @pytest.fixture
 def small(tmp_path):
+    """A folder with a module of a few lines."""
     (tmp_path / "small.py").write_text(TEXT)
     return tmp_path
 
 
-def test_the_faults_of_a_small_module(small):
+def test_all_faults_of_a_small_module_are_found(small):
     assert {fault.name.removeprefix("small ") for fault in faults_of("small", small)} == FAULTS
 
 
@@ -60,7 +61,7 @@ def test_a_fault_changes_its_place_alone(small):
     assert fault.applied(small) == TEXT.replace("<< 2", "<< (3)")
 
 
-def test_equal_places_are_told_apart(tmp_path):
+def test_equal_expressions_are_distinguished_by_number(tmp_path):
     (tmp_path / "small.py").write_text("def twice(x):\n    return x + 1, x + 1\n")
     places = [f for f in faults_of("small", tmp_path) if f.new == "x - 1"]
     assert [fault.name for fault in places] == [
@@ -70,47 +71,48 @@ def test_equal_places_are_told_apart(tmp_path):
     assert places[1].applied(tmp_path) == "def twice(x):\n    return x + 1, (x - 1)\n"
 
 
-def test_a_fault_that_a_module_does_not_have_is_told(small):
+def test_a_fault_that_a_module_does_not_have_is_refused(small):
     with pytest.raises(KeyError):
         Fault("small", "within", "x > 4", "x >= 4", 0).applied(small)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("module", modules())
-def test_every_fault_is_another_program(module):
+def test_every_fault_changes_the_program(module):
     faults = modules()[module].faults
     assert faults
     sound = ast.dump(ast.parse(faults[0].path().read_text()))
-    # All of them take long: those that `make mutants` plants.
+    # Only the sample that `make mutants` plants, since all of them take long.
     planted = [fault for fault in faults if fault.is_in(run_mutants.SHARE)]
     same = [f.name for f in planted if ast.dump(ast.parse(f.applied())) == sound]
     assert same == []
 
 
-def test_a_share_of_all_is_drawn_always_alike():
+def test_a_sample_has_its_size_and_lies_within_a_larger_one():
     faults = [fault for tested in modules().values() for fault in tested.faults]
     drawn = [fault for fault in faults if fault.is_in(run_mutants.SHARE)]
+    # The share is 0.15; a hash of names meets it only roughly.
     assert 0.12 < len(drawn) / len(faults) < 0.18
     assert all(fault.is_in(2 * run_mutants.SHARE) for fault in drawn)
 
 
-def test_their_tests_are_there():
-    """By their file, and by the name of the function where one is named."""
-    every = {test for tested in modules().values() for test in tested.tests}
-    gone = []
-    for test in every:
-        function = test.partition("[")[0].partition("::")[2].rpartition("::")[2]
-        if f"def {function}" not in file_of(test).read_text():
-            gone.append(test)
-    assert gone == []
+def test_the_tests_that_modules_yaml_names_exist():
+    """An entry is the name of a file, or of a file and a function."""
+    entries = {test for tested in modules().values() for test in tested.tests}
+    missing = []
+    for entry in entries:
+        function = entry.partition("[")[0].partition("::")[2].rpartition("::")[2]
+        if f"def {function}" not in file_of(entry).read_text():
+            missing.append(entry)
+    assert missing == []
 
 
-def test_reasons_are_of_faults_that_there_are():
+def test_reasons_belong_to_faults_that_exist():
     names = {fault.name for tested in modules().values() for fault in tested.faults}
     assert sorted(set(reasons()) - names) == []
 
 
-def test_a_fault_that_is_told_no_longer_is_a_failure(small, monkeypatch):
+def test_a_fault_that_no_test_detects_any_more_is_a_failure(small, monkeypatch):
     fault = Fault("small", "within", "2", "3", 0)
     monkeypatch.setattr(run_mutants, "TABLE", small / "results.csv")
     run_mutants.write_table({fault: (run_mutants.TOLD, "test_small.py::test_within")})

@@ -1,4 +1,7 @@
-"""Every fault of the step's page is told by the oracle or by the core's SystemVerilog, and the table says by which."""
+"""Every fault of Loihi's arithmetic is detected by the oracle or by the core's SystemVerilog.
+
+``page_faults.csv`` says by which; ``page_faults.py`` writes it.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,11 @@ def test_the_table_holds_the_faults_of_the_step():
     assert [row["fault"] for row in RECORDED] == [fault.name for fault in page_faults.faults()]
 
 
-def test_every_fault_is_told_by_a_witness():
+def test_every_fault_is_detected_by_a_witness():
     assert [row["fault"] for row in RECORDED if not (row["oracle"] or row["rtl"])] == []
 
 
-def test_a_sound_page_is_told_by_none():
+def test_without_a_fault_nothing_differs():
     seed = page_faults.WRAPS
     sound = page_faults.by_oracle(seed)
     assert page_faults.told_by(sound, page_faults.by_engine(seed)) == ""
@@ -30,5 +33,5 @@ def test_a_sound_page_is_told_by_none():
 @pytest.mark.minutes
 @pytest.mark.mutants
 @pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-def test_the_table_is_what_is_found():
+def test_planting_the_faults_gives_the_table():
     assert page_faults.table() == RECORDED

@@ -1,4 +1,7 @@
-"""Every fault of SpiNNaker's page is told by the recorded machine code, or stands here with its reason."""
+"""Every fault of SpiNNaker's arithmetic is detected by the recordings of its machine code, or is listed with its reason.
+
+``spinnaker_page_faults.csv`` holds what detects each fault; ``spinnaker_page_faults.py`` writes it.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,10 @@ import spinnaker_page_faults
 
 TABLE = Path(spinnaker_page_faults.__file__).with_suffix(".csv")
 RECORDED = list(csv.DictReader(TABLE.read_text("utf-8").splitlines()))
-NOT_TOLD = {
+NOT_DETECTED = {
     f"{spinnaker_page_faults.MODULE} wrap: x + HALF_SPAN -> x - HALF_SPAN": "it is the same modulo 2^32",
 }
+"""Faults that change nothing, with the reason."""
 
 
 def test_the_table_has_a_row_for_every_fault_of_the_page():
@@ -19,9 +23,9 @@ def test_the_table_has_a_row_for_every_fault_of_the_page():
     assert [row["fault"] for row in RECORDED] == faults
 
 
-def test_the_machine_code_tells_every_other_fault():
-    assert {row["fault"] for row in RECORDED if not row["machine_code"]} == set(NOT_TOLD)
+def test_the_machine_code_detects_every_other_fault():
+    assert {row["fault"] for row in RECORDED if not row["machine_code"]} == set(NOT_DETECTED)
 
 
-def test_the_sound_page_differs_in_nothing():
+def test_without_a_fault_nothing_differs():
     assert spinnaker_page_faults.told_by() == ""

@@ -1,4 +1,4 @@
-"""The modules in which faults are planted, and the tests that ought to tell them: ``modules.yaml``."""
+"""Read ``modules.yaml``: the modules in which faults are planted, and the tests that should detect them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Tested:
-    """A module and its tests, by file or by file and function; the likeliest to tell a fault come first.
+    """A module and its tests, each a file or a file and a function. Those likeliest to detect a fault come first.
 
-    - ``loops``: it holds compiled loops, which are interpreted while it is faulty
-    - ``compiled``: its tests compile the faulty module
+    - ``loops``: the module holds compiled loops, which run as plain Python while it has a fault
+    - ``compiled``: its tests compile the module with its fault
     """
 
     module: str
@@ -33,33 +33,33 @@ class Tested:
 
 @cache
 def modules() -> dict[str, Tested]:
-    """Return what is tested, by module."""
+    """Return the entries of ``modules.yaml``, by module."""
     table = yaml.safe_load((HERE / "modules.yaml").read_text())
-    found = {}
+    by_module = {}
     for module, row in table["modules"].items():
         tests = list(row.get("tests", ()))
         if row.get("engine_tests"):
             tests += table["engine_tests"]
-        found[module] = Tested(
+        by_module[module] = Tested(
             module,
             tuple(tests),
             loops=row.get("loops", False),
             compiled=row.get("compiled", False),
         )
-    return found
+    return by_module
 
 
 @cache
 def reasons() -> dict[str, str]:
-    """Return why faults change nothing that anyone could see, by their names: ``changes-nothing.yaml``."""
+    """Return the faults that change no result, by name, each with the reason why: ``changes-nothing.yaml``."""
     rows = yaml.safe_load((HERE / "changes-nothing.yaml").read_text())
     return dict(rows or {})
 
 
 @cache
 def file_of(test: str, root: Path = ROOT) -> Path:
-    """Return the file of tests of that name."""
-    found = sorted((root / "tests").rglob(test.split("::")[0]))
-    if len(found) != 1:
-        raise ValueError(f"{test}: {len(found)} files of that name, not one")
-    return found[0]
+    """Return the file of an entry. No two files of tests have the same name, so entries need no folder."""
+    files = sorted((root / "tests").rglob(test.split("::")[0]))
+    if len(files) != 1:
+        raise ValueError(f"{test}: {len(files)} files of that name, not one")
+    return files[0]

@@ -1,11 +1,13 @@
-"""Plant every fault of the page of Xylo, and ask who tells it: what xylosim did, or the oracle.
+"""Plant every fault of Xylo's arithmetic, and find out which of two independent witnesses detects it.
 
     python tests/mutants/xylo_page_faults.py [CSV]
 
-The plain engine plays the networks of ``tests/xylo/recorded-by-xylosim.npz`` with each fault, and for
-the oracle one more, made by hand. Neither witness reads the page: xylosim is another program, which
-counts no events, and the oracle is written by another hand. Writes what first tells every fault (:data:`TOLD_BY`), in a minute. Faults of the
-page's constants, and whole wrong ideas, are in ``tests/xylo/test_xylo.py``.
+The page of a chip is the module that defines its arithmetic. The plain engine plays the networks of
+``tests/xylo/recorded-by-xylosim.npz`` with each fault, and for the oracle one more, made by hand.
+Neither witness imports the page: xylosim is the vendor's simulator, which counts no events, and the
+oracle is a second implementation. Writes, for each fault and witness, the first kind of values that
+differs (:data:`TOLD_BY`). Takes a minute. Faults of the page's constants, and larger mistakes, are
+tested in ``tests/xylo/test_xylo.py``.
 """
 
 from __future__ import annotations
@@ -43,14 +45,14 @@ OF_THE_STEP = {
     "taken",
     "charge_of",
 }
-"""Functions that a step is made of; others are the quantiser's."""
+"""The functions that compute a step. All others belong to the quantiser."""
 TOLD_BY = (*REGISTERS, "events", "an error")
-"""What is compared, in this order; an error is that of numpy, in the faulty page."""
+"""Kinds of values that are compared, in this order; an error is one that the faulty page raises."""
 Values = Mapping[str, np.ndarray]
 
 
 def faults() -> list[Fault]:
-    """Return the faults of the step, without those that change nothing."""
+    """Return the faults of the functions of a step, without those that are known to change no result."""
     return [
         fault
         for fault in faults_of(MODULE)
@@ -59,25 +61,25 @@ def faults() -> list[Fault]:
 
 
 def plant(fault: Fault | None) -> None:
-    """Put a fault into the loaded page, or take it out."""
+    """Put a fault into the loaded page, or, with None, restore it."""
     path = Path(str(xylo.__file__))
     text = path.read_text() if fault is None else fault.applied()
     exec(compile(text, str(path), "exec"), vars(xylo))
 
 
 def by_xylosim(recorded: Values) -> Values:
-    """Return what xylosim was seen to do: registers and spikes."""
+    """Return the registers and spikes that were recorded from xylosim."""
     return {name: recorded[name] for name in REGISTERS}
 
 
 def by_oracle(recorded: Values) -> Values:
-    """Return what the oracle says, counts of events too."""
+    """Return the values of the oracle, counts of events included."""
     arrays, counted = xylo_oracle.play(network_of(recorded), recorded["events"])
     return arrays | {"events": np.array([counted[name] for name in xylo.EVENTS])}
 
 
 def by_engine(recorded: Values) -> Values:
-    """Return what the plain engine says, with whatever is planted; nothing where it fails."""
+    """Return the values of the plain engine, with the fault that is planted; an empty dictionary if it fails."""
     try:
         with np.errstate(all="raise"):
             result = play_xylo(network_of(recorded), recorded["events"])
@@ -105,7 +107,7 @@ def least_thresholds() -> Values:
 
 
 def told_by(sound: Values, faulty: Values) -> str:
-    """Return the first kind of values that tells a fault; nothing if none does."""
+    """Return the first kind of values that differs with a fault; "" if none does."""
     if not faulty:
         return "an error"
     for kind in TOLD_BY:
@@ -115,7 +117,7 @@ def told_by(sound: Values, faulty: Values) -> str:
 
 
 def table() -> list[dict[str, str]]:
-    """Return a row for each fault: where it is, what it is, and what of each witness tells it."""
+    """Return a row for each fault: its name, and the first kind of values of each witness that differs."""
     recordings = read(RECORDED)
     sound = {
         "xylosim": [by_xylosim(recorded) for recorded in recordings],
@@ -130,8 +132,9 @@ def table() -> list[dict[str, str]]:
             plant(None)
         row = {"fault": fault.name}
         for witness, of_networks in sound.items():
-            told = [told_by(*pair) for pair in zip(of_networks, faulty, strict=False)]
-            row[witness] = min(filter(None, told), key=TOLD_BY.index, default="")
+            # Not strict: the network made by hand comes last, and xylosim did not play it.
+            differing = [told_by(*pair) for pair in zip(of_networks, faulty, strict=False)]
+            row[witness] = min(filter(None, differing), key=TOLD_BY.index, default="")
         rows.append(row)
     return rows
 
