@@ -94,7 +94,7 @@ def kernel(given, returns):
     return decorate
 
 
-def put(place, mask, numbers):
+def put_side_by_side(place, mask, numbers):
     """Write the numbers of the lanes in a mask one after the other; return how many."""
     chosen = numbers[mask]
     place.flat[place.first : place.first + len(chosen)] = chosen
@@ -111,22 +111,43 @@ def of_numbers(given, returns):
 
 
 private_numba.kernel, private_numba.of_numbers = kernel, of_numbers
-lanes.put = put
-lanes.put_numbers = lambda place, mask, first: put(place, mask, first + np.arange(len(mask)))
-lanes.first_lanes = lambda mask, many: mask & (np.arange(len(mask)) < many)
-lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0
-lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
-lanes.select = lambda mask, one, other: np.where(mask, one, other).astype(
-    np.asarray(one if isinstance(other, int) else other).dtype
-)
-lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
-lanes.count = lambda mask: np.int32(mask.sum())
-lanes.halves = lambda place, widths: widths or (None, None)
-lanes.seldom = lambda mask: nullcontext()
-lanes.short = lambda values: values
-lanes.held = lambda values: Place(values.copy(), 0)
-lanes.each_row = lambda place, many: range(many)
-lanes.before = lambda values, many: np.where(values < 0, (1 << many) - 1, 0).astype(values.dtype)
+
+
+def select(mask, chosen, otherwise):
+    """Choose by a mask, in the type of the lanes; one of the two choices may be an integer."""
+    of_type = chosen if isinstance(otherwise, int) else otherwise
+    return np.where(mask, chosen, otherwise).astype(np.asarray(of_type).dtype)
+
+
+def first_bits(values, bits_kept):
+    """Return the highest bits of each number, shifted down without its sign."""
+    unsigned = values.view(f"u{values.itemsize}")
+    return (unsigned >> (8 * values.itemsize - bits_kept)).astype(values.dtype)
+
+
+ON_NUMPY = {
+    "put_side_by_side": put_side_by_side,
+    "put_lane_numbers": lambda place, mask, first: put_side_by_side(
+        place, mask, first + np.arange(len(mask))
+    ),
+    "first_lanes": lambda mask, many: mask & (np.arange(len(mask)) < many),
+    "mask_of": lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0,
+    "where": select,
+    "select": select,
+    "bits": lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist())),
+    "count": lambda mask: np.int32(mask.sum()),
+    "halves_of_ranges": lambda place, widths: widths or (None, None),
+    "seldom": lambda mask: nullcontext(),
+    "as_factor": lambda values: values,
+    "variable": lambda values: Place(values.copy(), 0),
+    "each_row": lambda place, many: range(many),
+    "first_bits": first_bits,
+}
+"""By the name of a function of :mod:`hw_model.engine.lanes`, the function that takes its place."""
+for name, function in ON_NUMPY.items():
+    # A function that was renamed there would silently not be replaced.
+    assert hasattr(lanes, name), f"hw_model.engine.lanes has no {name}"
+    setattr(lanes, name, function)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

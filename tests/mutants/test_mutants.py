@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
 
 import pytest
 import run_mutants
@@ -110,6 +113,22 @@ def test_the_tests_that_modules_yaml_names_exist():
 def test_reasons_belong_to_faults_that_exist():
     names = {fault.name for tested in modules().values() for fault in tested.faults}
     assert sorted(set(reasons()) - names) == []
+
+
+def test_compiled_loops_play_a_program_as_plain_python():
+    """In a process of its own, since the plugin replaces functions for good."""
+    folders = (run_mutants.ROOT, run_mutants.HERE)
+    options = ["-q", "-n0", "-p", "no:cacheprovider", "-p", "interpreted"]
+    tests = [str(file_of("test_semantics.py")), "-k", "acts_at_step and fast"]
+    process = subprocess.run(
+        [sys.executable, "-m", "pytest", *options, *tests],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))},
+        cwd=run_mutants.ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert process.returncode == 0, process.stdout + process.stderr
 
 
 def test_a_fault_that_no_test_detects_any_more_is_a_failure(small, monkeypatch):
