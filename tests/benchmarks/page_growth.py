@@ -98,8 +98,8 @@ def growth(records: dict[str, Found]) -> str:
     """Return cost against size and against activity."""
     return f"""## Cost against size
 
-{made_by("test_curves.py")} Ten layers in a row; a compartment has 250 synapses from the 400 sources nearest to it, or 100
-where a layer has no more, and 2 % of all compartments fire in a step. 100 steps.
+{made_by("test_curves.py")} Ten layers in a row; a compartment has 250 synapses from the 400 sources nearest to it, or 100 where
+a layer has only 100 compartments. In each of 100 steps, 2 % of all compartments fire.
 
 {sizes(records)}
 
@@ -111,7 +111,8 @@ Rows of 256 weights in random order, out of tables of growing size, one table pe
 
 ## Cost against activity
 
-{made_by("test_curves.py")} Every compartment repeats the input, so that its activity is known. 100 steps.
+{made_by("test_curves.py")} Every layer repeats the spikes of the input, so the activity is known beforehand. 100 steps. *Line* is a straight line
+through all rows, fitted to their relative errors.
 
 Fully connected, 4 layers of 1,024:
 
@@ -123,9 +124,9 @@ Local, 10 layers of 1,000, 250 synapses each:
 
 
 KNEES = """*A layer's MiB* is the size of its synapses in the engine, and *in* is the nearest cache that holds them. The engine
-plays a tile of 64 steps of one layer, then of the next, so a layer is what has to stay near. Cost is linear in events
-but for three knees. In small networks, the updates, which do not depend on events, are the larger part of a step. Layers
-that are at least a quarter full are matrices of 2 bytes per synapse, added in vectors; the others are lists, followed
-synapse by synapse, 4 bytes each where slot, delay and weight fit, else 12: that is the step from 3,000 compartments on.
-As a layer outgrows a cache, each spike fetches its synapses from farther away; the table below has the same for rows
-alone."""
+plays 64 steps of one layer (a *tile*), then the same steps of the next layer, so the synapses of one layer are what has
+to stay in a cache. Cost is linear in events, with three knees. In small networks, the updates, which do not depend on
+events, are the larger part of a step. Layers with at least a quarter of all possible synapses are matrices of 2 bytes per
+synapse, added in vectors. All others are lists, followed synapse by synapse, with 4 bytes for each synapse if its target,
+delay and weight fit them, else 12: this is the jump after 3,000 compartments. As a layer outgrows a cache, each spike
+fetches its synapses from farther away; the table below shows the same for rows of weights alone."""

@@ -129,19 +129,20 @@ def tools(records: dict[str, Found]) -> str:
     """Return every tool on every workload, with what was measured how."""
     workloads = _workloads(records)
     turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
-    return f"""{made_by("test_side_by_side.py")} The same networks and input spikes for every tool, in one run: each waits in a process of its
-own, loaded and built, and all take turns, so that noise of the machine hits all alike. Medians of {turns} turns; a turn of
+    return f"""{made_by("test_side_by_side.py")} Every tool plays the same networks and input spikes in one run. Each waits in a process of its
+own, with its networks loaded and built, and all take turns, so that other work on the machine disturbs all alike. Medians of {turns} turns; a turn of
 hw_model is a batch, one of lava-dl a batch of 32, one of the others a recording. *Ratio* is to hw_model's batch, which
 uses all cores, as lava-dl does. nengo-loihi, brian2-loihi and SANA-FE use one core; *two processes* is what two cores give
 when two of them play at the same time. SANA-FE's own threads made it slower in every trial. *Other spikes* are those of
 the first recording, over all layers, that differ from the plain numpy loop.
 
 *small* and *large* are feed-forward CUBA-LIF networks of random even 8-bit weights with Bernoulli input, decays 1024 and
-128. *objects* and *containers* stand for the example hybrids: no simulator here has joined compartments, so each neuron is
-its alpha dendrite alone, with the chip's reset, and the two branches are two networks; layers, decays, steps, recordings
-and (rounded) weights are the example's, spikes are not. The example itself is a row of its own; no peer can play it.
+128. *objects* and *containers* stand for the example hybrids. The hybrids themselves need *joined* compartments, which add their
+voltage to another one's in the same step, and no simulator here has these. So each neuron is one compartment with an alpha
+kernel and the chip's reset, and the two branches are two networks. Layers, decays, steps, recordings and (rounded) weights are
+the example's; the spikes are not. The example itself is a row of its own, which only hw_model plays.
 
-What the tools do in that time differs. hw_model returns all spikes and counts operations, wraps, clips and packets; SANA-FE
+The tools do different things in that time. hw_model returns all spikes and counts operations, wraps, clips and packets; SANA-FE
 models energy and time of every message, in mode *detailed* with the network's traffic; lava-dl keeps float tensors ready to
 train; nengo-loihi and brian2-loihi only simulate. SANA-FE's LIF soma has a current that decays as the chip's does, but
 does not truncate it; its potentials are truncated as v is. Where currents leave nothing to truncate its spikes equal ours

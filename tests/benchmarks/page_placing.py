@@ -46,11 +46,13 @@ def placement(records: dict[str, Found]) -> str:
     return f"""{table([*head, "s per million synapses", "peak GiB"], size_rows, left=0)}
 
 *Build* makes the graph through `ProgramBuilder`, checks included; *route* also assembles the program. Time grows with the
-number of synapses; arranging grows with the cube of the board's slots instead, and is left out above 1,024 slots.
+number of synapses. *Arrange* moves cores that talk to each other closer together on the board. Its time grows with the cube
+of the number of places for cores, so it is left out on boards of more than 1,024 places.
 
 ## Hops that arranging cores saves
 
-{made_by("test_hops.py")} Expected hops per step if every compartment spikes once, cores in network order against arranged.
+{made_by("test_hops.py")} A hop is one link of the mesh that a spike crosses. The table compares the hops per step, if every compartment spikes
+once, with cores in network order and with arranged cores.
 
 {table(hop_head, hop_rows)}
 """

@@ -68,12 +68,12 @@ def silence(record: Found) -> str:
     ]  # fmt: skip
     saved = 1 - record["seconds"] / record["seconds_without"]
     return f"""The recordings of Ev-Containers begin with {record["silent_rows"]:.0f} silent rows on average, two seconds. The compiled
-`containers-hybrid` takes {times(record["seconds"])} µs per recording, and {times(record["seconds_without"])} µs if told to update everything
+`containers-hybrid` takes {times(record["seconds"])} µs per recording, and {times(record["seconds_without"])} µs when it has to update everything
 (`hw.simulate(..., skip=False)`, the same spikes): skipping saves {percent(saved)} of the time.
 
 {table(["", "steps", "steps skipped", "share", "updates in them", "updates at rest"], rows)}
 
-A silent step has no synaptic operations to skip: what is skipped is compartment updates. *At rest* counts compartments
+A silent step has no synaptic operations, so what can be skipped is compartment updates. *At rest* counts compartments
 without charge, current or voltage in any step, whether the engine could leave them out or not.
 """
 
@@ -96,11 +96,11 @@ def streaming(record: Found) -> str:
         "location branch anew, ms",
         "ratio (goal 16 at once, 8 as rows arrive)",
     ]
-    return f"""All {record["steps"]} predictions of a recording of Ev-Objects, one after each step. The location branch is
-updated for what the events of a step change (`hw.Session`), or run anew on what is known so far. *At once*: the whole recording
-is given, and the {record["steps"]} runs anew are one batch; *as rows arrive*: a call for every step. All give the
-same scores. Of the steps that runs anew take in blocks of compartments, a session repeats {percent(record["again"])}, since most
-rows change one of the first steps. They run in turn; times are processor times, of all threads.
+    return f"""All {record["steps"]} predictions of a recording of Ev-Objects, one after each step. The steps of the location branch are channels,
+so a new row of the recording may change any of them. Either `hw.Session` recomputes only what the row's events change, or the
+branch runs anew on the rows that are known so far. *At once*: the whole recording is given, and the {record["steps"]} runs anew are one batch; *as rows arrive*: a call for every step. All give the
+same scores. Of all steps that a full run would take after every row, a session repeats {percent(record["again"])}, since most rows have an event in one of the channels that come first. Both ways run in turn; times are processor times of
+all threads.
 
 {table(head, rows)}
 """

@@ -143,10 +143,10 @@ def section(
         medians[tool, batch] / medians["own", batch] for tool in versions for batch in BATCHES
     ]
     names = " and ".join(PEERS[tool] for tool in versions)
-    return f"""An epoch takes {min(times_less):.0f} to {max(times_less):.0f} times less processor time than with {names}. It is one of the hybrid
-on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons per branch), in processor seconds on one thread, medians of {turns} turns that all tools take in one run: `python tests/benchmarks/training_speed.py --data FOLDER`.
-Every tool has its own second-order neurons (a synaptic current and a membrane), the same sizes, loss, optimizer and batches, and
-one matrix product for all steps of a layer; snnTorch and SpikingJelly have no refractory kernel, so their reset stands in its place
+    return f"""An epoch takes {min(times_less):.0f} to {max(times_less):.0f} times less processor time than with {names}. Each tool trains the hybrid network
+on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons per branch), measured in processor seconds on one thread, medians of {turns} turns that all tools take in one run: `python tests/benchmarks/training_speed.py --data FOLDER`.
+Every tool uses its own second-order neurons (a synaptic current and a membrane), the same sizes, loss, optimizer and batches, and
+one matrix product for all steps of a layer. snnTorch and SpikingJelly have no refractory kernel and reset the membrane instead
 (`tests/benchmarks/training_peer.py`). The goal is a ratio of {GOAL}. Measured on {machine()["processor"]}.
 
 | tool | batch {BATCHES[0]}, s | batch {BATCHES[1]}, s | ratio, batch {BATCHES[0]} | ratio, batch {BATCHES[1]} |

@@ -50,7 +50,9 @@ def pages(records: dict[str, Found], picture: str) -> dict[str, str]:
 {headline(records)} `make bench` measures the figures on these pages and writes them; the public simulators come from
 `make peers`. {measured} Seconds differ from machine to machine. Ratios within one run are the result.
 
-How many times faster than each simulator a recording is, the goal in brackets, and the share of the machine's limit:
+The table says how many times faster a recording plays than in each simulator, with our goal in brackets. The last two
+columns compare with the *limit*: a kernel that moves the same memory and computes next to nothing, first for the rows of
+weights alone, then also for the state of all compartments ([side by side](benchmarks/side-by-side.md)).
 
 {summary(records)}
 
