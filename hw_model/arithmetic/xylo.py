@@ -13,8 +13,9 @@ PARAMETERS of a neuron
     threshold               1..32767
     bias                    -32768..32767, or None where the biases of the chip are off
 
-SYNAPSES hold weights of 8 bits, -128..127. A charge is weight << shift, wrapped to 16 bits; inputs, hidden neurons and
-outputs have one shift each. An input line counts at most 15 events of a row, and further ones are lost.
+SYNAPSES hold weights of 8 bits, -128..127. A charge is weight << shift, wrapped to 16 bits. A chip has three shifts in
+all: one for synapses from input lines, one for those between hidden neurons, and one for those onto outputs. An input
+line counts at most 15 events of a row, and further ones are lost.
 
 WHEN: a row is one step of the recording. Events of row t act in row t, and spikes that a hidden neuron sends in row t
 act in row t + 1, in hidden neurons and in outputs alike. There are no delays and no refractory steps.
@@ -28,10 +29,15 @@ THE STEP, in the order of the code below:
     spikes  = how often the threshold fits into v: up to 31 for a hidden neuron, up to 1 for an output
     v       = v - spikes threshold
 
-    taken(x, dash) = x >> dash, rounded down; where that is 0, one unit towards 0
+    taken(x, dash) = x >> dash, rounded down; where that is 0, the sign of x, so that x comes one unit closer to 0
 
-An ALIAS of a hidden neuron is another hidden neuron that repeats its spikes, in addition to spikes of its own, up to 31
-in all. Neurons fire in the order of their numbers, so the repeated spikes leave a later alias less room for its own.
+An ALIAS of a hidden neuron n is another hidden neuron that repeats the spikes of n, in addition to spikes of its own,
+up to 31 in all. Neurons fire in the order of their numbers, one after the other:
+
+- an alias with a higher number than n fires after n. The repeated spikes leave it less room for its own, and its own
+  aliases repeat them as well, in a chain
+- an alias with a lower number has fired already. It adds the repeated spikes as far as there is room, but does not
+  hand them on to its own aliases
 
 EVENTS that are counted: additions to a current, a change or a potential that saturated; input events that were lost.
 
@@ -86,7 +92,7 @@ def collect(i: IntArray, spikes: IntArray, charges: IntArray) -> tuple[IntArray,
     Returns the currents, and how many additions saturated.
     """
     saturated = 0
-    # A current saturates at every single addition, so a sum over all spikes would be another number.
+    # A current saturates at every single addition, so adding the sum over all spikes would give another number.
     for source in np.flatnonzero(spikes):
         for _ in range(spikes[source]):
             exact = i + charges[source]
@@ -140,19 +146,21 @@ def fire(v: IntArray, threshold: IntArray, room: IntArray | int) -> tuple[IntArr
 def fire_with_aliases(
     v: IntArray, threshold: IntArray, aliases: tuple[tuple[int, ...], ...]
 ) -> tuple[IntArray, IntArray]:
-    """Return the same for hidden neurons, which fire in the order of their numbers.
+    """Return the spikes of a step and the potentials after them for hidden neurons, which fire one after the other.
 
     ``aliases[n]`` are the neurons that repeat the spikes of neuron n.
     """
     spikes = np.zeros(len(v), dtype=np.int64)
-    left = v.copy()
+    remaining_v = v.copy()
     for n in range(len(v)):
-        # What aliases of earlier neurons have taken is no longer free.
-        own, left[n] = fire(v[n], threshold[n], HIDDEN_SPIKES_MAX - spikes[n])
-        spikes[n] += own
+        # ``spikes[n]`` already holds the spikes that n repeats as an alias of earlier neurons.
+        own_spikes, remaining_v[n] = fire(v[n], threshold[n], HIDDEN_SPIKES_MAX - spikes[n])
+        spikes[n] += own_spikes
         for alias in aliases[n]:
+            # All spikes of n, own and repeated. An alias with a lower number than n has fired already: repeated
+            # spikes cost it no potential, and are not passed on.
             spikes[alias] = min(HIDDEN_SPIKES_MAX, spikes[alias] + spikes[n])
-    return spikes, left
+    return spikes, remaining_v
 
 
 def saturate(x: IntArray) -> IntArray:
@@ -169,7 +177,7 @@ def wrap(x: IntArray) -> IntArray:
 def taken(x: IntArray, dash: IntArray) -> IntArray:
     """Return what a decay subtracts: x >> dash or, where that is 0, one unit with the sign of x.
 
-    So every register reaches 0 at last.
+    Without this unit, a small positive register would stay where it is. With it, every register reaches 0 at last.
     """
     shifted = x >> dash
     lost: IntArray = shifted + np.sign(x) * (shifted == 0)
@@ -177,11 +185,11 @@ def taken(x: IntArray, dash: IntArray) -> IntArray:
 
 
 def charge_of(weight: IntArray, shift: int) -> IntArray:
-    """Return the charge that a spike adds to a current."""
+    """Return the charge that a spike adds to a current through a synapse of this weight."""
     return wrap(weight << shift)
 
 
 def share_lost(dash: IntArray) -> FloatArray:
-    """Return the share that a step loses, ignoring rounding."""
+    """Return the share of its value, 2^-dash, that a current or potential loses in a step, ignoring rounding."""
     lost: FloatArray = 2.0 ** -np.asarray(dash, dtype=np.float64)
     return lost

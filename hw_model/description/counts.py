@@ -1,4 +1,9 @@
-"""What a simulation counts: only integers, so that energy and latency only need to multiply."""
+"""What a simulation counts: only integers, so that energy and latency only need to multiply.
+
+A *phase* is a part of the time of a recording on the chip, with steps of its own. The first phases play events as they
+come. A *location phase* follows: its neurons step over the channels of the recording, which a memory of the chip, the
+transpose buffer, has kept for it.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
@@ -9,7 +14,9 @@ from hw_model.values import Sums
 class Counts(Sums, Mapping[str, int]):
     """Integer totals of one recording, or of several added up.
 
-    Read a count as ``counts.spikes`` or ``counts["spikes"]``; it is a mapping of them all, derived ones last.
+    A frozen dataclass, as all subclasses of ``Sums`` are; ``+`` adds two of them field by field. Read a count as
+    ``counts.spikes`` or ``counts["spikes"]``: it is also a mapping from the name of each count to its value, which
+    lists the fields first, then the properties below, which are derived from them.
     """
 
     input_events: int = 0
@@ -17,8 +24,8 @@ class Counts(Sums, Mapping[str, int]):
     transpose_events: int = 0
     """Events that went through the transpose buffer to a location phase."""
     events_dropped: int = 0
-    """Events in rows after the last simulated step. They are never played, and count in every phase
-    that misses them."""
+    """Events after the last simulated step, which are never played. An event that several phases would have
+    played counts once for each of them."""
     synaptic_ops: int = 0
     """Weights added: one for every synapse of every delivered spike, including those of the last step."""
     synaptic_ops_after_end: int = 0
@@ -26,7 +33,8 @@ class Counts(Sums, Mapping[str, int]):
     neuron_updates: int = 0
     """Updates of compartments, dendrites included: compartments times steps of their phase."""
     neuron_updates_active: int = 0
-    """Updates with any charge, current, voltage, bias or joined voltage to work on."""
+    """Updates with anything other than 0 to work on: a charge, current, voltage or bias, or the voltage of a
+    dendrite, which its parent compartment adds in the same step."""
     spikes: int = 0
     """Spikes of compartments, not counting input events."""
     axon_packets: int = 0
@@ -48,9 +56,10 @@ class Counts(Sums, Mapping[str, int]):
     skipped_steps: int = 0
     """Steps that an engine skipped because they could not change anything; the reference engine skips none."""
     aligned_steps: int = 0
-    """Steps of recordings before their start, summed over the phases that begin at the first touch."""
+    """Steps of recordings before their first touch, summed over the phases that begin only there."""
     cycles: int = 0
-    """Clock cycles of the open core, from the first word that it accepts to the class; 0 if it did not run."""
+    """Clock cycles of the open core (our own RTL), from the first word of a recording that it accepts to its
+    answer, the predicted class; 0 if it did not run."""
 
     @property
     def neuron_updates_inactive(self) -> int:
