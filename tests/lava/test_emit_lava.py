@@ -6,6 +6,7 @@ Here the script runs with a stand-in for Lava. That the stand-in does what Lava 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,25 @@ def test_a_population_is_split_by_threshold_and_decays(tmp_path):
         for k in range(3)
     ]
     assert processes == [([0], 99, 5), ([1, 3], 99, 9), ([2], 199, 5)]
+
+
+def test_delays_longer_than_a_byte_are_written_as_they_are(script, tmp_path):
+    """A user's chip may have them; those of ours have delays of at most 62 steps."""
+    chip = hw.chip("loihi-sim")
+    longest = 300
+    registers = replace(chip.registers, delay_max=longest)
+    builder = hw.ProgramBuilder(replace(chip, registers=registers))
+    line = builder.add_input("x", 1)
+    neurons = builder.add_compartments("h", 2, decay_u=100, decay_v=50, threshold=100)
+    builder.connect(line, neurons, [[200], [200]], delay=[[255], [longest]])
+    spikes = np.zeros((longest + 10, 1), dtype=np.uint8)
+    spikes[0] = 1
+    folder = write_folder(tmp_path / "lava", (builder.build(), spikes))
+    arrays = arrays_of(folder / "network.npz")
+    assert arrays["run0/synapses0/delays"].tolist() == [[255], [longest]]
+    expected = arrays_of(folder / "expected.npz")
+    assert expected["run0/neurons0/spikes"].any(axis=0).all()
+    assert differences(play_file(script, folder / "network.npz"), expected) == 0
 
 
 def test_equal_input_gives_equal_bytes():

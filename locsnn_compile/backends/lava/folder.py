@@ -1,8 +1,12 @@
 """``--emit lava``: write a program as Lava processes, with a script that plays a recording and compares every spike.
 
-Lava can run only processes that are connected, so each phase of the program is cut into its connected parts, which run
-one after the other. Names of arrays of the first part begin with ``run0/``; those of its first source, LIF process and
-block of synapses begin with ``run0/source0/``, ``run0/neurons0/`` and ``run0/synapses0/``.
+Lava can run only processes that are connected, so each phase of the program is cut into its connected parts. Each part
+is a run of Lava of its own, one after the other. Names of arrays of the first run begin with ``run0/``; those of its
+first source, LIF process and block of synapses begin with ``run0/source0/``, ``run0/neurons0/`` and
+``run0/synapses0/``. Sources and LIF processes of a run are its *nodes*; they are numbered from 0, sources first.
+
+``network.py.txt`` of this folder becomes the script ``network.py``. It ends in .txt here because it imports Lava, which
+is not installed with this package, so linters and the type checker must not take it for a module.
 """
 
 from importlib.resources import files
@@ -25,7 +29,10 @@ FOLDER = "lava"
 
 
 def lava_files(played: Played) -> dict[str, bytes]:
-    """Return the content of the files by name. Raise InputError if Lava would not play the program alike."""
+    """Return the content of the files by name, for a recording that was played to a program.
+
+    Raise InputError if Lava would not play the program alike.
+    """
     check_fits(played)
     network: dict[str, AnyArray] = {}
     expected: dict[str, AnyArray] = {}
@@ -59,7 +66,10 @@ def _network_arrays(played: Played, part: LavaPart) -> dict[str, AnyArray]:
         "steps": np.array(played.steps(part.phase)),
     }
     for number, source in enumerate(part.sources):
-        source_arrays = _source_arrays(source, played.lines[part.phase])
+        spikes_of_lines = played.lines[
+            part.phase
+        ]  # of all input lines of the phase, (steps, lines)
+        source_arrays = _source_arrays(source, spikes_of_lines)
         arrays |= _in_folder(f"source{number}", source_arrays)
     for number, neurons in enumerate(part.neurons):
         arrays |= _in_folder(f"neurons{number}", _neuron_arrays(neurons))
@@ -74,7 +84,7 @@ def _source_arrays(source: LavaSource, lines: AnyArray) -> dict[str, AnyArray]:
 
 
 def _neuron_arrays(neurons: LavaNeurons) -> dict[str, AnyArray]:
-    """Return the parameters of a LIF process, by their names in Lava."""
+    """Return the parameters of a LIF process by their names in Lava, and which neurons of our program it plays."""
     return {
         "population": np.array(neurons.population),
         "index": neurons.index,
@@ -87,13 +97,13 @@ def _neuron_arrays(neurons: LavaNeurons) -> dict[str, AnyArray]:
 
 
 def _synapse_arrays(synapses: LavaSynapses) -> dict[str, AnyArray]:
-    """Return the parameters of a Dense process, by their names in Lava, and the nodes that it connects."""
+    """Return the parameters of a Dense process by their names in Lava, and the numbers of the nodes it connects."""
     return {
-        # Mantissas have up to 8 bits and a sign, and delays fit a byte.
         "sender": np.array(synapses.sender),
         "target": np.array(synapses.target),
+        # Mantissas have up to 8 bits and a sign. Delays fit a byte on our chips; a user's chip may have longer ones.
         "weights": synapses.weights.astype(np.int16),
-        "delays": synapses.delays.astype(np.uint8),
+        "delays": synapses.delays.astype(np.min_scalar_type(synapses.delays.max(initial=0))),
         "weight_exp": np.array(synapses.exponent),
         "num_weight_bits": np.array(synapses.weight_bits),
         "sign_mode": np.array(synapses.sign_mode),
