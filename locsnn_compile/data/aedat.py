@@ -58,9 +58,9 @@ def parse_aedat(data: bytes, where: str) -> EventStream:
     # The first line is a dozen bytes; 40 are enough to show another one in the error.
     first_line = data[:40].split(b"\n")[0].strip()
     if first_line in _AEDAT2_FIRST_LINES:
-        return _aedat2_stream(split_header(data, b"#", "end of ascii header"), where)
+        return _aedat2_stream(split_header(data, b"#", "end of ascii header", where), where)
     if first_line in _AEDAT3_FIRST_LINES:
-        return _aedat3_stream(split_header(data, b"#", "!end-header"), where)
+        return _aedat3_stream(split_header(data, b"#", "!end-header", where), where)
     fix = "Give AEDAT 2.0 or 3.1, or AEDAT4 with the ending .aedat4."
     measured = f"its first line is {first_line[:20].decode('latin-1')!r}"
     raise InputError(where, "it is not an AEDAT file", measured=measured, fix=fix)

@@ -56,7 +56,7 @@ _DAT_TIME_BITS = 32
 
 def parse_raw(data: bytes, where: str) -> EventStream:
     """Return the events of a ``.raw`` file; ``InputError`` for other formats and damaged files."""
-    header = split_header(data, b"%", "end")
+    header = split_header(data, b"%", "end", where)
     version = header.value("evt") or header.value("format")
     size = _sensor_size(header, where)
     if re.match(_EVT2_VERSION, version):
@@ -71,7 +71,7 @@ def parse_raw(data: bytes, where: str) -> EventStream:
 
 def parse_dat(data: bytes, where: str) -> EventStream:
     """Return the events of a ``.dat`` file; ``InputError`` for other formats and damaged files."""
-    header = split_header(data, b"%", "end")
+    header = split_header(data, b"%", "end", where)
     _check_dat(header, where)
     # The first two bytes are the kind and the size of all events.
     events = _dat_events(header.body[2:], where)

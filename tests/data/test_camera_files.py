@@ -283,6 +283,12 @@ REFUSED = [
     ),
     pytest.param(
         "a.aedat",
+        b"#!AER-DAT2.0\r\n# AEChip: DVS128\r\n" + b"# gain 1\r\n" * 110_000 + bytes(8),
+        "its header is too long (more than 1048576 bytes). Shorten it.",
+        id="AEDAT 2 with a long header, the end of which is not an event",
+    ),
+    pytest.param(
+        "a.aedat",
         AEDAT3.replace(b"RAW", b"Serial-TS"),
         "its events are compressed (format 'Serial-TS'). Record in the format RAW.",
         id="compressed AEDAT 3",
