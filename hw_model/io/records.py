@@ -220,7 +220,7 @@ class RecordReader(Frozen):
 
     where: str
     fix: str = ""
-    lacks: bool = True
+    may_omit_defaults: bool = True
     """Whether an entry may be missing if its field has a default."""
 
     def place(self, key: str) -> str:
@@ -257,7 +257,7 @@ class RecordReader(Frozen):
         for item in fields(kind):  # type: ignore[arg-type]
             if item.name not in given:
                 has_default = item.default is not MISSING or item.default_factory is not MISSING
-                required[item.name] = not (self.lacks and has_default)
+                required[item.name] = not (self.may_omit_defaults and has_default)
         # A record can accept a shorter form in files, which its `from_plain` turns into a mapping.
         expand = getattr(kind, "from_plain", None)
         mapping = value if expand is None else expand(value)

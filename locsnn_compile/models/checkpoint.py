@@ -68,17 +68,21 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses, xylo_entry
 
 FORMAT = "locsnn-checkpoint"
-VERSION = 3
-"""The newest version."""
+SRM_VERSION = 1
+"""The version of spike response neurons."""
 CHIP_VERSION = 2
 """The version of spike response neurons on a chip's arithmetic."""
+GENERAL_VERSION = 3
+"""The version of any other network; it has an entry ``graph``."""
+VERSION = GENERAL_VERSION
+"""The newest version."""
 OPTIONAL = ("delays", "location_delays", "location_neuron", "class_names", "align_events", "window")
 """The entries that a file has, in this order, only if they differ from the default of the description's field."""
 USUAL = {
     description_field.name: description_field.default
     for description_field in fields(NetworkDescription)
 }
-"""The default of every field of a description, by name."""
+"""The default of every field of a description, by name; ``dataclasses.MISSING`` for a field without a default."""
 
 #: What a training entry may be.
 Plain = str | int | float | bool | None
@@ -167,9 +171,9 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     if description.structure.neurons == "windows":
         # A network that only counts in windows stores these as its neuron.
         plain |= {"neuron": plain["window"], "window": None}
-    version = VERSION
+    version = GENERAL_VERSION
     if has_srm:
-        version = 1 if chip is None else CHIP_VERSION
+        version = SRM_VERSION if chip is None else CHIP_VERSION
     values = {
         "format": FORMAT,
         "version": version,

@@ -21,7 +21,15 @@ from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models import checkpoint
-from locsnn_compile.models.checkpoint import CHIP_VERSION, VERSION, Checkpoint, Pack, Plain
+from locsnn_compile.models.checkpoint import (
+    CHIP_VERSION,
+    GENERAL_VERSION,
+    SRM_VERSION,
+    VERSION,
+    Checkpoint,
+    Pack,
+    Plain,
+)
 from locsnn_compile.models.chip_entry import WRITE_AGAIN, ChipNumbers, file_fault, parse_chip_entry
 from locsnn_compile.models.description import (
     InputLayout,
@@ -144,14 +152,19 @@ def _checked_version(values: dict[Any, Any], where: str) -> int:
             measured=against,
             fix="Update locsnn-compile.",
         )
-    # The entries that a version has in addition to those of version 1.
-    later_keys: dict[object, tuple[str, ...]] = {CHIP_VERSION: ("chip",), VERSION: ("graph",)}
+    # The entries that a version must have in addition to those of version 1.
+    later_keys: dict[object, tuple[str, ...]] = {
+        CHIP_VERSION: ("chip",),
+        GENERAL_VERSION: ("graph",),
+    }
     if "chip" in values:
-        later_keys[VERSION] = ("graph", "chip")
+        later_keys[GENERAL_VERSION] = ("graph", "chip")
     expected = list(later_keys.get(version, ())) if is_whole else []
     expected += [name for name in checkpoint.OPTIONAL if name in values]
+    # The entries are checked before an unknown version is refused: a version of another type is then a fault of
+    # the entry "version", whose type is in _KEYS.
     check_keys(where, "", values, _KEYS | dict.fromkeys(expected, _LATER))
-    if version not in (1, *later_keys):
+    if version not in (SRM_VERSION, *later_keys):
         raise file_fault(where, "its version does not exist", against)
     assert isinstance(version, int)
     return version
@@ -159,10 +172,11 @@ def _checked_version(values: dict[Any, Any], where: str) -> int:
 
 def _description(values: dict[Any, Any], where: str, version: int) -> NetworkDescription:
     """Return the description of the network; versions 1 and 2 have spike response neurons, and version 3 has others."""
-    has_srm = version != VERSION
+    has_srm = version != GENERAL_VERSION
     order = values["location_order"]
     if order is not None:
         check_keys(where, "location_order", order, {"name": (str,), "taxels": (list, tuple)})
+    # Fields without a default, such as `input`, are in the file: `_checked_version` has required their entries.
     fields = {name: values.get(name, usual) for name, usual in checkpoint.USUAL.items()}
     fields |= {
         "location_order": order and order["name"],
@@ -174,11 +188,12 @@ def _description(values: dict[Any, Any], where: str, version: int) -> NetworkDes
             parameters = fields.pop(name)
             parts[name] = _neuron(where, parameters, srm=has_srm) if name in values else None
         if isinstance(parts["neuron"], WindowParameters):
-            # A network that only counts in windows has stored these as its neuron.
+            # A network that only counts in windows has stored these as its neuron. If the file has an entry
+            # `window` as well, that entry stays among the fields, and the record reader refuses it as unknown.
             if "window" not in values:
                 del fields["window"]
             parts |= {"neuron": None, "window": parts["neuron"]}
-        reader = RecordReader(where, WRITE_AGAIN, lacks=False)
+        reader = RecordReader(where, WRITE_AGAIN, may_omit_defaults=False)
         description = reader.record(NetworkDescription, fields, **parts)
     except InputError as error:
         # Errors of the description's own checks do not know the file.
@@ -218,10 +233,10 @@ def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type
     ``key`` is where the dict lies in the file, for errors; empty for the file itself.
     """
     reader = RecordReader(where, WRITE_AGAIN)
-    for name, value in reader.entries(values, key, dict.fromkeys(known, True)).items():
-        check_value(
-            reader.place(f"{key}.{name}" if key else name), value, known[name], fix=WRITE_AGAIN
-        )
+    is_required = dict.fromkeys(known, True)
+    for name, value in reader.entries(values, key, is_required).items():
+        place = reader.place(f"{key}.{name}" if key else name)
+        check_value(place, value, known[name], fix=WRITE_AGAIN)
 
 
 def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
@@ -230,7 +245,7 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     of_sensor: dict[str, tuple[type, ...]] = dict.fromkeys(sizes, (int,))
     if "sensor" in entry:
         of_sensor = {"sensor": (dict,)}
-    # These two fields of InputLayout may be missing; a sensor that is missing is in the sizes.
+    # Two fields of InputLayout may be missing in a file. Without `sensor`, the sizes describe the sensor.
     missing = {"event_threshold", "sensor"} - set(entry)
     kinds = {name: kind for name, kind in field_kinds(InputLayout).items() if name not in missing}
     check_keys(where, "input", entry, kinds | of_sensor)
@@ -262,8 +277,10 @@ def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameter
     if "levels" in names and not srm:
         kind = WindowParameters
     elif "dash_mem" in names:
+        # In any version: where the version has spike response neurons, `_description` refuses the network.
         kind = XyloParameters
-    return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
+    reader = RecordReader(where, WRITE_AGAIN, may_omit_defaults=False)
+    return reader.record(kind, entry, "neuron")
 
 
 def _weights(
@@ -273,6 +290,8 @@ def _weights(
     chip: ChipNumbers | XyloNumbers | None,
 ) -> dict[str, AnyArray]:
     """Return the weights by name, read-only: float32, or with ``chip`` int64 mantissas on its grid.
+
+    A file holds mantissas as int16, which has room for the mantissas of every chip; they are computed with as int64.
 
     Raises ``InputError`` for weights of other names, shapes or types, and for values out of range.
     """
@@ -336,8 +355,9 @@ def _recordings(
 def _origin(training: Mapping[str, Plain]) -> Origin:
     """Return where the recordings in a checkpoint come from.
 
-    A checkpoint carries recordings of the test part. If the training says that there was none, they are training
-    recordings, and no accuracy may be claimed on them.
+    A checkpoint carries recordings of the test part. If its training states that there was none (the entry is there,
+    and is None), they are training recordings, and no accuracy may be claimed on them. Files without the entry, which
+    ``locsnn train`` does not write, count as files with a test part.
     """
     has_no_test_part = "test_recordings" in training and training["test_recordings"] is None
     return "trained on" if has_no_test_part else "carried"

@@ -182,7 +182,7 @@ def parse_chip_entry(
     have the chip's own reset, whatever the strategy. Raises ``InputError`` for values that no chip can hold.
     """
     # Checkpoints are written whole: an entry may lack no field, not even one with a default.
-    reader = RecordReader(where, WRITE_AGAIN, lacks=False)
+    reader = RecordReader(where, WRITE_AGAIN, may_omit_defaults=False)
     chip = reader.record(ChipNumbers, entry, "chip")
     reader.entries(chip.populations, "chip.populations", dict.fromkeys(shapes, True))
     for name, population in chip.populations.items():

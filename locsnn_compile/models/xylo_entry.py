@@ -76,7 +76,7 @@ def parse_xylo_entry(
     Raises ``InputError`` for what no Xylo holds, and unless there is one group for each name.
     """
     # Checkpoints are written whole: an entry may lack no field, not even one with a default.
-    reader = RecordReader(where, WRITE_AGAIN, lacks=False)
+    reader = RecordReader(where, WRITE_AGAIN, may_omit_defaults=False)
     numbers = reader.record(XyloNumbers, entry, "chip")
     required_names = dict.fromkeys(shapes, True)
     reader.entries(numbers.populations, "chip.populations", required_names)

@@ -3,8 +3,9 @@
 // any address. Widths and depth are those of a core: charges of 18 bits in a bank of 4096 words.
 //
 // It is enough to look at one address, chosen freely by the solver: the `watched` one of watched_memory.sv. Its charge in the
-// model is `sum`. The wires with the attribute hierconn are wires of the module under proof, which flatten connects by their
-// names. But for the watched address, only the assertions that make the induction go through use them.
+// model is `sum`. Yosys, when `flatten` dissolves the module under proof, connects wires with the attribute hierconn to those of
+// the module that have their names. Except for the watched address, only the assertions that make the induction go through
+// use them.
 module accumulator_proof (
     input logic        clk,
     input logic        valid,

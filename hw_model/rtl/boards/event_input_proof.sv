@@ -3,8 +3,9 @@
 // stops and silent steps are as docs/reference/hardware/stream-and-memory-map.md says. Settings are any, with as many
 // channels as there are sources at most, and stay as they are.
 //
-// The model is a queue of one word, `held`: what was accepted, or is due at the end, and has not been taken. The wires with the
-// attribute hierconn are wires of the module, which flatten connects by their names; only induction uses them.
+// The model is a queue of one word, `held`: what was accepted, or is due at the end, and has not been taken. Yosys, when
+// `flatten` dissolves the module, connects wires with the attribute hierconn to those of the module that have their names; only
+// induction uses them.
 module event_input_proof (
     input logic        clk,
     input logic        clear,

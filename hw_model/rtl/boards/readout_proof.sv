@@ -2,8 +2,8 @@
 // sum of weight * tally over the populations, every class has one score, and the first of those with the most wins.
 //
 // A product is the sum of the tally, shifted, over the bits of the weight. Tallies and weights may be anything
-// (any_memory.sv); that the right word is read is proved, how tallies come about is not. The wires with the attribute hierconn
-// are wires of the module, which flatten connects by their names.
+// (any_memory.sv); that the right word is read is proved, how tallies come about is not. Yosys, when `flatten`
+// dissolves the module, connects wires with the attribute hierconn to those of the module that have their names.
 module readout_proof (
     input logic               clk,
     input logic               clear,

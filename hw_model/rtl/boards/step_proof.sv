@@ -7,9 +7,24 @@
 //     q = charge * 64, wrapped to 22 bits         (charges are in units of 64)
 //     u = rz(u, d_u) + q, wrapped to 24 bits
 //     v = rz(v, d_v) + (u + bias, wrapped to 24 bits) + joined, clipped to vmin..vmax
-//     spike where v > 64 * threshold and the compartment is not blocked; then v = 0
+//     spike where v > 64 * threshold and the compartment is not blocked; then v = 0, and the compartment is blocked for `blocks`
+//         steps: its v is held at 0, and each step takes 1 from the count
 //
-// The wires with the attribute hierconn are wires of the module, which flatten connects by their names.
+// The formulas only need what a compartment brings with it, so the proof copies that from the module, cycle by cycle, computes
+// the formulas from the copies when the compartment is in its last cycle, and asserts that the module has the same results.
+//
+// Words of the module's memories, lowest bit first (update.sv). A keep is 4096 - d, the share that a decay d leaves:
+//
+//     state  [23:0] u, [47:24] v, [53:48] steps to stay blocked
+//     leak   [0] 1 for a compartment, 0 for a gap, [13:1] keep of u, [26:14] keep of v, [46:27] bias, [47] has joined children
+//     fire   [16:0] threshold, [22:17] blocks, [23] may spike, [28:24] log2 of 1 - vmin, [33:29] log2 of vmax + 1, then where a
+//            compartment joins and what the readout does with it, which the formulas do not need
+//
+// (* hierconn *) is an attribute of Yosys: when its command `flatten` dissolves the module `dut`, it connects a wire with this
+// attribute to the wire of the module that has this name. So the proof reads wires that are not ports.
+//
+// Outputs for the readout (early_read, read_out, ...) and `busy` are not asserted here: readout_proof.sv takes any values of
+// them, and the simulations compare the answers that they lead to.
 module step_proof (
     input logic         clk,
     input logic         issue,
@@ -42,7 +57,7 @@ module step_proof (
     (* hierconn *) wire               \dut.changed8 ;
 
     // What a compartment brings with it, from the cycle in which it arrives to the last one: bit or word n belongs to the
-    // compartment in cycle n of the pipeline.
+    // compartment in cycle n of the pipeline. lefts_u and lefts_v are what the leak left of u and v.
     logic [8:1]        issued = 0;
     logic [8:1][8:0]   numbers;
     logic [8:2]        firsts;
@@ -52,9 +67,9 @@ module step_proof (
     logic [8:5][23:0]  lefts_u, lefts_v;
     logic [8:5][25:0]  joins;
     logic [8:6][53:0]  fires;
-    logic              first1, first_before;
-    logic [8:0]        early_before;
-    logic [24:0]       high_u4, low_u4, high_v4, low_v4;
+    logic              first1, first_before;  // one value: first1 is a word of the chain above, first_before is for an assumption
+    logic [8:0]        early_before;  // early_number comes one cycle before the results
+    logic [24:0]       high_u4, low_u4, high_v4, low_v4;  // products of the module in cycle 3, as cycle 4 uses them
     always_ff @(posedge clk) begin
         {first1, first_before} <= {2{first_step}};
         early_before <= early_number;
@@ -83,7 +98,7 @@ module step_proof (
     endfunction
 
     // The formulas, for the compartment in the last cycle.
-    wire                valid = issued[8] && leaks[8][0];
+    wire                valid = issued[8] && leaks[8][0];  // a gap, which lets a parent wait for its children, has no results
     wire [5:0]          blocked;
     wire signed [23:0]  u, v;
     assign {blocked, v, u} = firsts[8] ? 54'b0 : stored[8];
@@ -91,7 +106,7 @@ module step_proof (
     wire signed [19:0]  bias = leaks[8][46:27];
     wire [16:0]         threshold = fires[8][16:0];
     wire [5:0]          blocks = fires[8][22:17];
-    wire                spiking = fires[8][23];
+    wire                spiking = fires[8][23];  // 0: it only adds to its parent, or is clipped below its threshold
     wire [4:0]          vmin_log = fires[8][28:24], vmax_log = fires[8][33:29];
     wire signed [39:0]  charge64 = $signed({{16{charges[8][17]}}, charges[8], 6'b0});
     wire signed [39:0]  q = {{18{charge64[21]}}, charge64[21:0]};
@@ -124,7 +139,7 @@ module step_proof (
         assume ( \dut.leak1 [13:1] <= 4096 && \dut.leak1 [26:14] <= 4096);
         assume ( \dut.fire5 [28:24] <= 23 && \dut.fire5 [33:29] <= 23);
         if ( \dut.fire5 [23]) assume (vmax5 > $signed({17'b0, \dut.fire5 [16:0], 6'b0}));
-        if (issued != 0) assume (first_step == first_before);
+        if (issued != 0) assume (first_step == first_before);  // it does not change while compartments are in the pipeline
         if (age >= 3 && issued[3]) begin
             assert ( \dut.leak_u.low == {13'b0, u3[11:0]} * {12'b0, keep_u3} && \dut.leak_v.low == {13'b0, v3[11:0]} * {12'b0, keep_v3});
             assert ($signed( \dut.leak_u.high ) == $signed({{13{u3[23]}}, u3[23:12]}) * $signed({12'b0, keep_u3}));
@@ -143,6 +158,7 @@ module step_proof (
                 assert (potential == open);
                 assert (fired == spike);
                 assert (charge_wrap == (charge64 != q));
+                // The sum of two wraps. That of u always counts, that of u + bias only if v is not held: otherwise it is not used.
                 assert (current_wraps == {1'b0, u_sum != u_new} + {1'b0, drive != wrapped(drive) && !held});
                 assert (voltage_clip == (clipped != v_sum && !held));
                 assert (active == (charges[8] != 0 || u != 0 || v != 0 || bias != 0 || joined != 0));
