@@ -2,6 +2,9 @@
 
 ``locsnn build --min-agreement 0.98`` ends with exit code 3 if a gate fails. The results also go into
 report.json and, for CI servers, into a file of JUnit XML.
+
+Gates read :class:`SharedFigures`: those figures that the reports of all kinds of chips have (mesh, open
+core, Xylo, SpiNNaker), so that one gate serves all of them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,9 +18,12 @@ from locsnn_compile.verification.error_bounds import within
 
 
 class Gate(NamedTuple):
-    """The result of a gate: the option's bound, and the measured value, None if nothing was measured.
+    """The result of a gate.
 
-    ``found`` is a sentence that says what was measured and on which side of the bound it lies.
+    - ``option``: its option on the command line, and ``bound`` the user's value of it
+    - ``measured``: the figure of the report; None if nothing was measured
+    - ``holds``: whether the figure keeps the bound
+    - ``found``: a sentence that says what was measured, and on which side of the bound it lies
     """
 
     option: str
@@ -33,7 +39,8 @@ class _Rule(Frozen):
     - ``measured``: returns the figure of a report, None if the report has none
     - ``in_words``: returns the figure in words
     - ``why_unknown``: the words for a report without the figure
-    - ``at_least``: the figure must not be below the bound; otherwise it must not be above
+    - ``at_least``: whether the bound is a lower one, which the figure must not be below, as an agreement;
+      otherwise it is an upper one, which the figure must not be above, as an error or a cost
     """
 
     option: str
@@ -44,18 +51,23 @@ class _Rule(Frozen):
 
 
 def _spike_error(report: SharedFigures) -> float | None:
+    """Return the share of spikes that differ, over all recordings of the check."""
     agreement = report.match.spikes.spike_agreement
     return None if agreement is None else 1 - agreement
 
 
 def _energy_nj(report: SharedFigures) -> float | None:
+    """Return the mean energy per recording."""
     return None if report.energy_pj is None else report.energy_pj / 1000
 
 
 def _latency_us(report: SharedFigures) -> float | None:
+    """Return the mean time per recording."""
     return None if report.latency_ns is None else report.latency_ns / 1000
 
 
+# Energy and latency are means over the recordings. The spread of class scores is the mean distance of a
+# score of the network from the mean of all its scores in that recording.
 _RULES = (
     _Rule(
         "--min-agreement",
@@ -115,6 +127,7 @@ def _gate(rule: _Rule, report: SharedFigures, bound: float) -> Gate:
     if measured is None:
         return Gate(rule.option, bound, None, False, rule.why_unknown)
     if rule.at_least:
+        # Exact: an agreement is a count divided by a count, and 98 / 100 is the float that 0.98 is read as.
         holds = measured >= bound
         side = "not below" if holds else "below"
     else:

@@ -1,8 +1,8 @@
-"""Read the figures of two builds, and find those that differ, for ``locsnn diff``.
+"""Look up figures of two builds, and find those that differ, for ``locsnn diff``.
 
-A build is the folder that ``locsnn build`` writes. Its figures are those of report.json and of the program, by
-dotted keys such as ``energy.per_sample_pj``. The reports may come from other versions, so a figure may be
-missing or of another type, and nothing here assumes a key without checking it.
+A build is the folder that ``locsnn build`` writes; ``cli/diff.py`` reads its files. Its figures are those of
+report.json and of the program, by dotted keys such as ``energy.per_sample_pj``. The reports may come from other
+versions, so a figure may be missing or of another type, and nothing here assumes a key without checking it.
 """
 
 from collections.abc import Iterable
@@ -20,7 +20,9 @@ _CONTENTS = "program.contents."
 _EVENTS = ("input_events", "transpose_events")
 """Ends of keys that count the events of recordings."""
 _LARGEST = 1e200
-"""Numbers must be smaller: a JSON file may hold any, and ratios and percentages of these must stay finite."""
+"""Numbers must be smaller. JSON may hold integers of any size, and Python raises OverflowError where it divides one
+that no float can hold. Sums and percentages of smaller numbers are finite; only a quotient by a tiny number may be inf.
+"""
 Change = tuple[Any, Any]
 """The value of a figure before and after; None where a build does not have it."""
 
@@ -39,7 +41,11 @@ class Build(Frozen):
 
     @property
     def timed(self) -> bool:
-        """Whether the report knows how long a recording takes; reports of earlier versions do not say."""
+        """Whether the report knows how long a recording takes.
+
+        Reports of earlier versions do not have the key. They are taken to know the time: if they do not have it either,
+        :meth:`number` raises an error.
+        """
         return self.figures.get("latency.timed") is not False
 
     def number(self, key: str) -> float:
@@ -85,11 +91,12 @@ def changes(before: Build, after: Build) -> dict[str, Change]:
 
 
 def contents_changed(changed: Iterable[str], within: str = "") -> list[str]:
-    """Return the parts of the program that differ, if nothing but checksums shows that they do.
+    """Return the parts of the program, such as arrays, whose checksums alone show that they differ.
 
-    ``changed`` are the keys of figures that differ; those that begin with ``within`` count. If any of them is
-    not a checksum, the figures already show a difference, and the result is empty. Otherwise sums and
-    extremes are equal although the programs are not, which a reader must be told.
+    ``changed`` are the keys of figures that differ, of which only those that begin with ``within`` count. If all
+    of them are checksums, every other figure is equal although the programs are not, which a reader must be told:
+    the result has the parts. If any of them is another figure, that figure shows the difference, and the result is
+    empty; so it is if nothing changed.
     """
     keys = [key for key in changed if key.startswith(within)]
     parts = [key.removeprefix(_CONTENTS) for key in keys if key.startswith(_CONTENTS)]
@@ -134,6 +141,7 @@ def same_recordings(before: Build, after: Build) -> bool:
     """
     if recordings_words(before) != recordings_words(after):
         return False
+    # In reports, a branch is a phase of the program.
     return agree(before, after, "operations.by_branch.", _EVENTS)
 
 
