@@ -9,8 +9,9 @@ All networks take x (batch, steps, channels), floats 0 or 1, and return their sp
 (batch, steps, n), ``location_*`` (batch, locations, n) with locations in the order of the walk. A branch of windows
 returns the potentials of its outputs instead.
 
-*On the chip* means here that a network is trained with the chip's integer arithmetic in its forward pass; its numbers
-are then ``chip``, and weights are rounded to integers called mantissas.
+*On the chip* means here that a network is trained with the chip's integer arithmetic in its forward pass. The argument
+``chip`` then has the chip's registers and, for each population, its integers and the format of its weights
+(:class:`ChipNumbers`). Weights that learn stay floats; the forward pass rounds them to integers called mantissas.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,7 +56,8 @@ class WindowNetwork(TouchModel):
     is saved has ``bias = b - w usual``. Weights start at 0, so the result does not depend on a seed.
 
     With ``chip``, weights and saved biases are rounded to mantissas, and the potentials are the chip's, in float units;
-    the gradient is that of the sums which they stand for.
+    the gradient is that of the sums which they stand for. Of the chip's numbers for these weights, ``unit`` is the
+    float weight of a mantissa of 1, and ``scale`` the register units of a potential of 1.
     """
 
     walk: Tensor
@@ -73,17 +75,19 @@ class WindowNetwork(TouchModel):
         self.register_buffer("walk", torch.from_numpy(description.walk.copy()), persistent=False)
         self.register_buffer("starts", torch.from_numpy(starts), persistent=False)
         self.names = description.window_names
-        classes, hidden = description.weight_shapes[self.names[0]]
+        # Of the weights (classes, hidden), which also names the output, and of the biases (classes,).
+        self.weight_name, self.bias_name = description.window_names
+        classes, hidden = description.weight_shapes[self.weight_name]
         self.output = nn.Parameter(torch.zeros(classes, hidden))
         self.bias = nn.Parameter(torch.zeros(classes))
         self.register_buffer("usual", torch.zeros(hidden))
 
     def weight(self, name: str) -> nn.Parameter:
         """Return a parameter as it is learned."""
-        return self.output if name == self.names[0] else self.bias
+        return self.output if name == self.weight_name else self.bias
 
     def begin(self, spikes: ByteArray) -> None:
-        """Set ``usual`` by the training recordings (samples, steps, channels), without a change of the scores."""
+        """Set ``usual`` to the mean over recordings (samples, steps, channels), without changing the scores."""
         total = torch.zeros(self.usual.shape, dtype=torch.float64, device=self.usual.device)
         for start in range(0, len(spikes), _RECORDINGS_AT_ONCE):
             part = spikes[start : start + _RECORDINGS_AT_ONCE]
@@ -91,12 +95,13 @@ class WindowNetwork(TouchModel):
             total += self.hidden(x).sum(dim=0, dtype=torch.float64)
         usual = (total / max(len(spikes), 1)).to(self.usual.dtype)
         with torch.no_grad():
-            # So that w (o - usual) + b stays the same.
+            # Moves b, so that w (o - usual) + b stays the same.
             self.bias.add_(self.output @ (usual - self.usual))
         self.usual.copy_(usual)
 
     def hidden(self, x: Tensor) -> Tensor:
         """Return the spikes (batch, hidden) of the hidden neurons for ``x`` (batch, steps, channels)."""
+        # If the description asks for it, recordings begin at their first touch, which becomes step 0.
         events_so_far = self.aligned(x, moved=True).cumsum(dim=1)
         # A row of zeros in front, so that row t counts the events before step t. The events in a window
         # are then the difference of two rows.
@@ -113,38 +118,40 @@ class WindowNetwork(TouchModel):
         self.check_shape(x)
         hidden = self.hidden(x)
         if self.chip is not None:
-            return {self.names[0]: self._on_chip(hidden, self.chip)}
-        return {
-            self.names[0]: torch.nn.functional.linear(hidden - self.usual, self.output, self.bias)
-        }
+            return {self.weight_name: self._on_chip(hidden, self.chip)}
+        potentials = torch.nn.functional.linear(hidden - self.usual, self.output, self.bias)
+        return {self.weight_name: potentials}
 
     def _on_chip(self, hidden: Tensor, chip: ChipNumbers) -> Tensor:
         """Return the chip's potentials (batch, classes) for hidden spikes, added over the output populations.
 
         On the chip, a class may have several output neurons, each of which receives from a part of the hidden neurons.
         """
-        weights = chip.populations[self.names[0]]
-        mantissas = rounded(self.output, weights)
+        weight_format = chip.populations[self.weight_name]
+        # Integers in a float tensor, which passes the gradient on as if the weights were only divided by the unit.
+        mantissas = rounded(self.output, weight_format)
         neuron = chip.window_output(self.names, self.mantissas())
         potentials = []
         for part in self.description.output_parts:
             drive = to_host(hidden[:, part] @ mantissas[:, part].T)
-            potentials.append(potential_of_sum(drive, neuron, weights.exponent, chip.registers))
+            potential = potential_of_sum(drive, neuron, weight_format.exponent, chip.registers)
+            potentials.append(potential)
         total = np.sum(potentials, axis=0)
-        scores = to_device(total, hidden).to(hidden.dtype) / weights.scale
+        scores = to_device(total, hidden).to(hidden.dtype) / weight_format.scale
         # A difference of 0, which has the gradient of the float sums that the potentials stand for.
-        ideal = torch.nn.functional.linear(hidden - self.usual, weights.unit * mantissas, self.bias)
+        rounded_weights = weight_format.unit * mantissas
+        ideal = torch.nn.functional.linear(hidden - self.usual, rounded_weights, self.bias)
         return scores + (ideal - ideal.detach())
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return the potentials of the output."""
-        return {self.description.structure.window_branch: activity[self.names[0]]}
+        return {self.description.structure.window_branch: activity[self.weight_name]}
 
     def weights(self) -> dict[str, Float32Array]:
         """Return copies of the weights by name, the bias as the saved network has it."""
         with torch.no_grad():
             bias = self.bias.double() - self.output.double() @ self.usual.double()
-        return super().weights() | {self.names[1]: bias.to(torch.float32).cpu().numpy()}
+        return super().weights() | {self.bias_name: bias.to(torch.float32).cpu().numpy()}
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Take weights by name; ``InputError`` if a name is missing or a shape does not fit."""
@@ -158,17 +165,17 @@ class WindowNetwork(TouchModel):
         """Return the mantissas of weights and saved biases, of a network on the chip's integers."""
         if self.chip is None:
             return {}
-        weights, offsets = (self.chip.populations[name] for name in self.names)
-        weight_mantissas = rounded(self.output, weights)
+        weight_format = self.chip.populations[self.weight_name]
+        bias_format = self.chip.populations[self.bias_name]
+        weight_mantissas = rounded(self.output, weight_format)
         # By the rounded weights, because these are what the chip has.
-        saved_biases = self.bias.double() - weights.unit * (
+        saved_biases = self.bias.double() - weight_format.unit * (
             weight_mantissas.double() @ self.usual.double()
         )
-        bias_mantissas = rounded(saved_biases, offsets)
-        weight_name, bias_name = self.names
+        bias_mantissas = rounded(saved_biases, bias_format)
         return {
-            weight_name: to_host(weight_mantissas).astype(np.int64),
-            bias_name: to_host(bias_mantissas).astype(np.int64),
+            self.weight_name: to_host(weight_mantissas).astype(np.int64),
+            self.bias_name: to_host(bias_mantissas).astype(np.int64),
         }
 
 
@@ -178,8 +185,10 @@ Layer = SRMLayer | LifLayer | GraphLayer | ChipLayer
 class TouchNetwork(TouchModel):
     """A spiking network by its description; layers have the names of their populations and start from ``seed``.
 
-    With ``chip``, every population runs on the chip's integers, and its weights are rounded to their grid. Next to
-    branches that spike there may be ``windows``, a branch of windows, whose potentials are added to the class scores.
+    With ``chip``, every population runs on the chip's integers, and its weights are rounded to their grid. Only spike
+    response neurons and windows are trained in this way; checkpoints of LIF neurons with ``chip`` are refused when they
+    are read. Next to branches that spike there may be ``windows``, a branch of windows, whose potentials are added to
+    the class scores.
     """
 
     def __init__(
@@ -203,17 +212,18 @@ class TouchNetwork(TouchModel):
         ]
         for branch in self._branches:
             for name in description.populations(branch):
-                layer = self._make(name, branch)
+                layer = self._make_layer(name, branch)
                 draw_weights(layer.weight, initial_scale, generator)
                 self.add_module(name, layer)
         self.windows = WindowNetwork(description, chip) if description.window is not None else None
 
-    def _make(self, name: str, branch: str) -> Layer:
+    def _make_layer(self, name: str, branch: str) -> Layer:
         """Return a new layer for a population of a branch."""
         description = self.description
         outputs, inputs = description.weight_shapes[name]
         neuron = description.neuron_of(branch)
         if isinstance(neuron, LifParameters):
+            # Never with ``chip``: LIF neurons do not learn on a chip's integers.
             if name.endswith("_graph"):
                 return GraphLayer(description.graph_of(branch), outputs, neuron)
             return LifLayer(inputs, outputs, neuron)
@@ -245,8 +255,9 @@ class TouchNetwork(TouchModel):
         self.check_shape(x)
         spikes: dict[str, Tensor] = {}
         for branch in self._branches:
-            # A time branch keeps every event in its step; only the events before the start are left out.
-            # The other branches read time steps as inputs, so there the start becomes step 0.
+            # If recordings begin at their first touch: a time branch keeps every event in its step, and only the
+            # events before the touch are left out. The other branches read time steps as inputs, so there the touch
+            # becomes step 0.
             stream = self.aligned(x, moved=branch != "time")
             stream = stream if branch == "time" else self._transposed(stream)
             for name in self.description.populations(branch):
@@ -272,7 +283,7 @@ class TouchNetwork(TouchModel):
             return total
         # On the chip, potentials are integers in units of 1 / scale. Rounded to these, scores that are
         # equal on the chip are equal here, in spite of float32.
-        scale = self.chip.populations[self.windows.names[0]].scale
+        scale = self.chip.populations[self.windows.weight_name].scale
         return (total * scale).round() / scale
 
     def weights(self) -> dict[str, Float32Array]:
@@ -326,7 +337,7 @@ def build_network(
     network runs on the integers of that chip. Raises ``InputError`` for a network of a Xylo without such integers.
     """
     if description.architecture in ARTIFICIAL:
-        # Torch's layers draw from its global generator, which is restored afterwards.
+        # Layers of torch draw their own initial weights from its global generator, which is restored afterwards.
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             return ARTIFICIAL[description.architecture](description)
