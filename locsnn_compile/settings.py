@@ -2,7 +2,9 @@
 
 A *dial* is a choice of the compiler for which there are several values, such as the weight bits. A
 *setting* is one value for each dial. ``locsnn-compile`` takes a setting from its options, ``auto``
-searches for one within error bounds, and ``locsnn explore`` compares a whole grid of them.
+searches for one within error bounds, and ``locsnn explore`` compares a whole grid of them. *Error
+bounds*, or the error budget, limit how much the program may differ from the network (:class:`ErrorBudget`
+of ``verification/error_bounds.py``); the ``bounds`` of a dial are the ends of its range of values.
 
 The first dial is the *strategy*: how spike response (SRM) neurons become compartments of a chip.
 Strategies are tried in the order given here.
@@ -22,14 +24,17 @@ from typing import TYPE_CHECKING, Any
 from locsnn_compile.errors import InputError, TargetError, check_known, check_range
 
 NATIVE = "native"
-"""The strategy of neurons that the chip has as they are: they need none."""
+"""The strategy that a setting has for neurons that the chip has as they are. It is no choice of a user."""
 AUTO = "auto"
-"""Stands for the cheapest strategy within the error budget."""
+"""Stands for the cheapest strategy within the error budget. Settings that are compiled have a strategy in its place, or
+``NATIVE`` if the network has no neurons to lay out."""
 SPIKE_WORTH = 5.0
-"""What ``auto`` pays for exact spikes: to lose another percent of them, a setting has to save this many percent.
+"""What ``auto`` pays for exact spikes if no error bounds are given: a setting that loses another percent of the spikes
+has to save this many percent of the cost.
 
-At 5, the shipped networks keep half of the spike errors for 2.5 % more energy, and never trade them for the last
-cycles of a core, while a strategy that saves a third may lose a few percent.
+Chosen by hand on the shipped networks. At 5, ``auto`` pays 2.5 % more energy for a setting with half the spike errors,
+and gives up no spikes to save the last cycles of an open core. But it takes a strategy that saves a third of the cost
+and loses a few percent of the spikes.
 """
 
 
@@ -113,8 +118,10 @@ class Dial:
 
     - ``values``: tried for a network that has what the dial needs
     - ``needs``: the name of the property of ``Network`` without which the dial changes nothing
-    - ``neutral``: the only value that is tried for a network without that property
-    - ``bounds``: other values between them can be asked for
+    - ``neutral``: the only value that is tried for a network without that property, such as ``auto`` for
+      the strategy, which then becomes ``NATIVE``
+    - ``bounds``: the least and the largest value that a user may ask for; by default, a user may ask for
+      ``values`` only
     - ``width``: values are widths of weights: only those that the chip has are tried, and the neutral
       one is the widest of these
     - ``tried``: says in the help what is tried
@@ -231,7 +238,8 @@ def weight_bits_of(chip: Chip, bits: int | None) -> int:
     if bits is None:
         return widths[-1]
     try:
-        weight_grid(bits, "excitatory")  # raises for a width that has no grid, such as 7
+        # Raises for a width that has no grid, such as 7. All signs of weights have the same widths.
+        weight_grid(bits, "excitatory")
     except InputError as error:
         raise InputError("--weight-bits", error.what, fix=error.fix) from None
     if bits not in widths:
@@ -286,7 +294,7 @@ DIALS = (
     ),
     Dial(
         "split_weights",
-        values=(0.0, 0.5, 1.0),
+        values=(0.0, 0.5, 1.0),  # chosen by hand: explore shows the whole range
         neutral=0.0,
         needs="has_float_weights",
         tried="shares of the weights that get a second synapse",
@@ -298,7 +306,8 @@ DIALS = (
         unsaid=0.0,
         bounds=(0, 1),
         idle=_INTEGERS,
-        search=Search(finer=(0.0, 0.25, 1.0)),  # chosen by hand
+        # Chosen by hand: a share that costs little is tried before all weights.
+        search=Search(finer=(0.0, 0.25, 1.0)),
     ),
 )
 """The dials. A setting has its values, and explore varies them, in this order."""
@@ -370,11 +379,11 @@ def check_dials(names: Collection[str], function: str) -> None:
 
 
 def setting_for(chip: Chip, values: Mapping[str, Value | None]) -> Setting:
-    """Return the setting of a mesh or open core for ``values`` by dial.
+    """Return the setting for ``values`` by dial, for a chip with a mesh of cores, such as Loihi, or an open core.
 
-    A dial without a value, or with None, has the value that is usual for the chip. Raises
-    ``InputError`` for values that no chip has, and ``TargetError`` for values that this chip does
-    not have.
+    Chips with an arithmetic of their own, such as Xylo, have a single setting. A dial without a value, or
+    with None, has the value that is usual for the chip. Raises ``InputError`` for values that no chip has,
+    and ``TargetError`` for values that this chip does not have.
     """
     chosen: dict[str, Any] = {}
     for dial in DIALS:
@@ -417,7 +426,8 @@ def first_settings(network: Network, asked: Setting) -> list[Setting]:
     for dial, value in asked.by_dial:
         starts = dial.search.starts
         first_values.append((value,) if starts is None else starts(network, value))
-    # Of the type of ``asked``, because the setting may have further dials.
+    # Of the type of ``asked``: if :data:`DIALS` has further rows, as in tests, the settings are of a subclass of
+    # ``Setting`` that has their fields.
     return [type(asked)(*values) for values in itertools.product(*first_values)]
 
 
@@ -429,7 +439,11 @@ _OTHER_OPTIONS = (
         "this model has one branch, and predictions have nothing to turn to",
     ),
 )
-"""Options that are not dials: name, the property that a network needs for them, and why they change nothing without."""
+"""Options that are not dials: name, the property that a network needs for them, and why they change nothing without.
+
+``psi`` says how steeply the time-weighted prediction turns, during a recording, from the time branch to the location
+branch, so it needs both.
+"""
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
