@@ -1,5 +1,5 @@
-"""Checks of a graph of compartments: every parameter at the ends of its range and one beyond, impossible joins, and
-phases that cannot begin at the first touch."""
+"""Checks of a graph of compartments: every parameter at the ends of its range and one beyond, impossible joins, synapses
+and visits, and phases that cannot begin at the first touch."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 import hw_model as hw
+from hw_model.mapping import check_graph as checks
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import CompartmentGraph, Input, Phase
 
@@ -94,3 +95,104 @@ def test_a_phase_that_cannot_begin_at_a_touch_is_refused(phase, inputs, measured
 
 def test_a_phase_of_one_axis_can_begin_at_a_touch():
     check_graph(replace(graph(), phases=(Phase("time", "time", None, 1),)), CHIP)
+
+
+def with_synapses(**changes: object) -> CompartmentGraph:
+    """Return the two groups, with ``changes`` in the synapses between the input and the second group."""
+    unchanged = graph()
+    return replace(unchanged, synapses=(replace(unchanged.synapses[0], **changes),))
+
+
+def test_synapses_from_what_does_not_exist_are_refused():
+    with pytest.raises(hw.InputError) as error:
+        check_graph(with_synapses(source="nobody"), CHIP)
+    expected = (
+        "synapses 'nobody' -> 'dendrite': it joins something that does not exist. "
+        "Add it before connecting."
+    )
+    assert str(error.value) == expected
+
+
+def test_synapses_to_what_does_not_exist_are_refused():
+    with pytest.raises(hw.InputError) as error:
+        check_graph(with_synapses(target="nobody"), CHIP)
+    expected = (
+        "synapses 'x' -> 'nobody': it joins something that does not exist. "
+        "Add it before connecting."
+    )
+    assert str(error.value) == expected
+
+
+@pytest.mark.parametrize(
+    ("delay", "measured", "fix"),
+    [
+        (-1, "-1 against 0..0 steps; 1 of 2 delays outside", "Give 0 or more."),
+        (
+            1,
+            "1 against 0..0 steps; 1 of 2 delays outside",
+            "Relay the spike through 1 compartment, or shorten the delay.",
+        ),
+    ],
+    ids=["below 0", "one step"],
+)
+def test_a_delay_that_a_chip_without_delays_lacks_is_refused(delay, measured, fix):
+    chip = replace(CHIP, registers=replace(CHIP.registers, delay_max=0))
+    with pytest.raises(hw.TargetError) as error:
+        check_graph(with_synapses(delay=[delay, 0]), chip)
+    assert str(error.value) == (
+        f"synapses 'x' -> 'dendrite': a delay is out of range ({measured}). {fix}"
+    )
+
+
+def test_the_longest_delay_of_a_phase_decides_how_many_charges_are_in_flight(monkeypatch):
+    """Four compartments and a delay of 3 steps keep 4 times 5 charges; other synapses without delay do not matter."""
+    delayed = with_synapses(delay=[3, 0])
+    made = replace(delayed, synapses=(*delayed.synapses, *graph().synapses))
+    monkeypatch.setattr(checks, "MOST_CHARGES", 20)
+    check_graph(made, CHIP)
+    monkeypatch.setattr(checks, "MOST_CHARGES", 19)
+    with pytest.raises(hw.TargetError) as error:
+        check_graph(made, CHIP)
+    assert str(error.value) == (
+        "phase 'time': its longest delay keeps more charges in flight than the simulator allows "
+        "(5 steps of 4 compartments against 19). Shorten the delay, or relay the spike through compartments."
+    )
+
+
+def with_visits(steps: int | None, **changes: object) -> CompartmentGraph:
+    """Return the two groups with an input through the transpose buffer, in a phase of ``steps`` steps."""
+    made = graph()
+    return replace(
+        made,
+        phases=(Phase("time", "location", steps),),
+        inputs=(*made.inputs, replace(TURNED, **changes)),
+    )
+
+
+def test_a_visit_after_the_end_of_its_phase_is_refused():
+    check_graph(with_visits(2), CHIP)
+    check_graph(with_visits(None), CHIP)
+    with pytest.raises(hw.InputError) as error:
+        check_graph(with_visits(1), CHIP)
+    assert str(error.value) == (
+        "input 'turned': a channel is visited outside its phase (step 1 of 1, counted from 0). "
+        "Give the phase more steps."
+    )
+
+
+@pytest.mark.parametrize(
+    ("first_lines", "measured"),
+    [
+        ([0], "1 within 0..0 against 2 within 0..1"),
+        ([0, -1], "2 within -1..0 against 2 within 0..1"),
+        ([0, 2], "2 within 0..2 against 2 within 0..1"),
+    ],
+    ids=["one too few", "below 0", "after the last line"],
+)
+def test_first_lines_that_do_not_fit_are_refused(first_lines, measured):
+    check_graph(with_visits(2, first_lines=[0, 1]), CHIP)
+    with pytest.raises(hw.InputError) as error:
+        check_graph(with_visits(2, first_lines=first_lines), CHIP)
+    assert str(error.value) == (
+        f"input 'turned': its first lines do not fit ({measured}). Give one per channel."
+    )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.io.npy import MAX_VALUES, load_npy
+from hw_model.io.npy import MAX_VALUES, holds_numbers, load_npy
 
 PAIRS = np.dtype([("t", "<i8"), ("x", "<i8")])
 FIX = "Write it again with numpy.save."
@@ -62,3 +62,19 @@ def test_damaged_large_and_non_numeric_files_are_refused(content, message):
     with pytest.raises(hw.InputError) as error:
         load_npy(content, "a.npy")
     assert str(error.value) == f"a.npy: {message}"
+
+
+@pytest.mark.parametrize(
+    ("dtype", "is_numbers"),
+    [
+        (np.dtype("?"), True),
+        (np.dtype("<f4"), True),
+        (PAIRS, True),
+        (np.dtype("<U3"), False),
+        (np.dtype("O"), False),
+        (np.dtype([("t", "<i8"), ("x", "O")]), False),
+    ],
+    ids=["booleans", "floats", "records", "texts", "objects", "records of objects"],
+)
+def test_a_header_says_whether_a_file_holds_numbers(dtype, is_numbers):
+    assert holds_numbers(claiming((2,), dtype), "a.npy") is is_numbers

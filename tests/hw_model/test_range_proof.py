@@ -23,7 +23,7 @@ from tests.support.register_units import (
 CHIP = hw.chip("loihi-sim")
 
 
-def one_compartment(weights, exponent=0, chip=CHIP, **parameters):
+def one_compartment(weights, exponent=0, chip=CHIP, sign_mode="mixed", **parameters):
     """Build a program of one compartment, driven by one line per weight; by default it keeps nothing and never spikes."""
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", len(weights))
@@ -37,7 +37,7 @@ def one_compartment(weights, exponent=0, chip=CHIP, **parameters):
             **parameters,
         },
     )
-    builder.connect(x, n, [weights], exponent=exponent)
+    builder.connect(x, n, [weights], exponent=exponent, sign_mode=sign_mode)
     return builder.build()
 
 
@@ -58,6 +58,18 @@ def test_all_inputs_in_every_step_reach_the_bound(decay_u, decay_v, steps, sign)
     u, v = largest(program, np.ones((steps, 2), dtype=np.uint8))
     bound = (proven.u, proven.v)
     assert (u, v) == tuple(int((b.high if sign > 0 else -b.low)[0]) for b in bound)
+
+
+@pytest.mark.parametrize(
+    ("weights", "low", "high"),
+    [([10, 4], 0, 14), ([-10, -4], -14, 0), ([10, -4], -4, 10)],
+    ids=["positive", "negative", "both"],
+)
+def test_a_charge_lies_between_the_sums_of_the_weights_of_each_sign(weights, low, high):
+    """With decays that keep nothing, u and v have the same bounds as the charge."""
+    proven = prove_range(one_compartment(weights))[0]
+    for bounds in (proven.q, proven.u, proven.v):
+        assert (bounds.low.tolist(), bounds.high.tolist()) == ([low * UNIT], [high * UNIT])
 
 
 @pytest.mark.parametrize("bias", [1, -1, 64], ids=["the least", "the least, down", "more"])
@@ -136,6 +148,27 @@ def test_gains_are_sums_over_charges_without_end(decay_u, decay_v, period):
     assert largest_answers(decay_u, decay_v, period) == pytest.approx((most_u, most_v), rel=2e-9)
 
 
+@pytest.mark.parametrize(
+    "period",
+    [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096],
+)
+def test_a_safe_period_is_the_shortest_for_which_the_voltage_stays_below_its_limit(period):
+    """A voltage that loses 1 / 4096 per step reaches Q / (1 - (4095 / 4096)^p) under a charge Q every p steps.
+
+    The weights are the largest for which it stays below vmax, so that every shorter period lets it clip.
+    """
+    vmax = 2**21 - 1
+    total_weight = int(vmax * (1 - (4095 / 4096) ** period) / UNIT)
+    whole_weights, rest = divmod(total_weight, LARGEST_WEIGHT + 1)
+    program = one_compartment(
+        [LARGEST_WEIGHT + 1] * whole_weights + [rest],
+        sign_mode="excitatory",
+        decay_v=1,
+        vmax=vmax,
+    )
+    assert prove_range(program)[0].safe_period.tolist() == [period]
+
+
 def test_a_lower_rate_is_safe_where_spikes_in_every_step_are_not():
     program = one_compartment([254], decay_u=390, decay_v=390, vmax=2**19 - 1)
     proven = prove_range(program)[0]
@@ -175,17 +208,20 @@ def test_a_compartment_that_wraps_is_not_safe_because_it_cannot_clip():
     assert hw.simulate(program, [[1], [0]]).counts.current_wraps == 1
 
 
+@pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 @pytest.mark.parametrize(
-    ("weight", "exponent", "parameters", "period"),
-    [(250, 6, {"bias": LARGEST_BIAS}, 0), (250, 5, {"decay_u": 1024}, 3)],
+    ("exponent", "bias", "decay_u", "period"),
+    [(6, LARGEST_BIAS, FORGETS_AT_ONCE, 0), (5, 0, 1024, 3)],
     ids=["with its bias", "more often than every third step"],
 )
 def test_a_rate_at_which_a_narrow_current_would_wrap_is_not_safe(
-    weight, exponent, parameters, period
+    exponent, bias, decay_u, period, sign
 ):
     """The voltage, three bits wider, stays far below its end."""
     narrow = replace(CHIP, registers=replace(CHIP.registers, current_bits=20))
-    program = one_compartment([weight], exponent=exponent, chip=narrow, **parameters)
+    program = one_compartment(
+        [sign * 250], exponent=exponent, chip=narrow, bias=sign * bias, decay_u=decay_u
+    )
     assert prove_range(program)[0].safe_period[0] == period
     steps = np.arange(60)[:, None]
     assert (

@@ -59,6 +59,8 @@ COPIED = (
     "README.md",
     "Makefile",
 )
+RECORDINGS = "shared"
+"""The folder of recordings, next to the repository: ``tests/support/real_recordings.py``."""
 PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.sparse", "yaml")
 """Packages that are imported once, since runs are forks of this process. The packages under test are not among them."""
 MEMORY = 8 << 30
@@ -93,6 +95,7 @@ def copy_tree() -> None:
     """Copy the tested files, so that the checkout may change meanwhile.
 
     Files keep their ages, so that the cache of compiled loops stays valid.
+    Recordings next to the repository are linked next to the copy, where tests look for them.
     """
     shutil.rmtree(TREE, ignore_errors=True)
     TREE.mkdir(parents=True)
@@ -101,6 +104,10 @@ def copy_tree() -> None:
             shutil.copytree(ROOT / name, TREE / name, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy2(ROOT / name, TREE / name)
+    link = BUILD / RECORDINGS
+    link.unlink(missing_ok=True)
+    if (ROOT.parent / RECORDINGS).is_dir():
+        link.symlink_to((ROOT.parent / RECORDINGS).resolve(), target_is_directory=True)
 
 
 class Run:

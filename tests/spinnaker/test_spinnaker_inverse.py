@@ -70,6 +70,22 @@ def test_no_time_constant_is_nearer_to_the_decay_of_a_current(decay_u, step):
     assert error / SPAN <= 1.51e-5
 
 
+@pytest.mark.parametrize("decay_u", [6, 7, 379, 2047, 4095, 4096])
+def test_the_error_of_a_decay_is_a_distance(decay_u):
+    """It is never negative, whether the core keeps more or less than the page of ``loihi``."""
+    tau = inverse.nearest_tau_syn(decay_u)
+    kept = expulr(-((1 << 30) // tau))
+    assert inverse.current_decay_error(decay_u) == abs(kept - ((4096 - decay_u) << 20)) / SPAN
+
+
+def test_the_errors_of_decays_have_both_signs():
+    kept_too_much = [
+        expulr(-((1 << 30) // inverse.nearest_tau_syn(decay))) > (4096 - decay) << 20
+        for decay in (6, 7, 379, 2047, 4095, 4096)
+    ]
+    assert set(kept_too_much) == {False, True}
+
+
 def test_a_current_that_keeps_nothing_and_a_potential_that_keeps_nothing_are_exact():
     membrane = inverse.membrane_of(4096, 4096)
     assert (membrane.synapse_decay, membrane.membrane_decay) == (0, 0)
@@ -125,6 +141,38 @@ def test_scales_are_the_largest_powers_of_two_that_the_bounds_allow(neuron, sums
     assert goal / 2**scales.potential <= 65535 * Fraction(100001, 100000)
     # One halving more is allowed where the rounded capacity would let a goal wrap.
     assert scales.potential < 2 or goal / 2 ** (scales.potential - 2) > 65535
+
+
+@pytest.mark.parametrize("halvings", [0, 4, 8])
+def test_a_weight_is_halved_once_more_just_above_the_largest_current(halvings):
+    """The largest current that cannot wrap is 65,535 nA; a current that decays slowly adds up to it."""
+    membrane = inverse.membrane_of(379, 4096)
+    settled = Fraction(membrane.synapse_init, SPAN - membrane.synapse_decay)
+    most = int((65535 << halvings) / settled)
+    assert inverse.weight_scale(membrane, Sums(most, 0)) == halvings
+    assert inverse.weight_scale(membrane, Sums(0, most + 1)) == halvings + 1
+
+
+@pytest.mark.parametrize(
+    ("neuron", "sums"),
+    [
+        (LeakyNeuron(3806, 2458, 16688, 0, 1), Sums(126518, 19651)),
+        (LeakyNeuron(4096, 3925, 67795, 167910, 1), Sums(51387, 197167)),
+        (LeakyNeuron(4096, 755, 709, -88207, 1), Sums(16453, 175440)),
+    ],
+    ids=["a current that stays", "a bias", "a negative bias"],
+)
+def test_a_potential_is_halved_once_more_where_the_rounded_resistance_is_too_large(neuron, sums):
+    """Just above a power of two, R exceeds its exact value so far that a goal would leave 65,535 mV."""
+    scales = scales_of(neuron, sums)
+    membrane = inverse.membrane_of(neuron.decay_u, neuron.decay_v)
+    drive = inverse.spread_of_drive(neuron, sums)
+
+    def widest_goal(potential: int) -> float:
+        c_m = inverse.capacity_of(membrane, Scales(scales.weight, potential))
+        return drive * scales.weight_unit * inverse.resistance_of(c_m, membrane) / ONE
+
+    assert widest_goal(scales.potential) <= 65535 < widest_goal(scales.potential - 1)
 
 
 @given(neuron=NEURONS, sums=SUMS)
