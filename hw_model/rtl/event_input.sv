@@ -6,14 +6,18 @@
 // An event on a channel that does not exist, one that does not ascend (so the same one twice), a step too many and an end
 // before the tick of its step are errors: what follows is dropped up to the end, and the recording is answered with the
 // error's number. A stop drops the recording without an answer.
+//
+// A source is whatever sends spikes: a channel, a row of a visit (transpose.sv) or a compartment. Channels are the sources from
+// 0 on, so the number of a channel is that of its source. The mark outputs tell transpose.sv, which buffers the recording for
+// later phases, what was accepted.
 module event_input #(
-    parameter integer SOURCE = 11
+    parameter integer SOURCE = 11  // bits of the number of a source; locsnn_core.sv sets it, here for its default of 2,048
 ) (
     input  logic              clk,
-    input  logic              clear,
+    input  logic              clear,      // forget the recording, and wait for the next
     input  logic              listen,     // words may be accepted: the first phase is running
     input  logic [23:0]       steps,      // of the first phase; 0: as many as the recording has
-    input  logic [23:0]       channels,
+    input  logic [23:0]       channels,   // at most 2^SOURCE, and 2^16 in any case; a setting of 24 bits like all others
     input  logic              in_valid,
     output logic              in_ready,
     input  logic [1:0]        in_kind,    // 0 event, 1 tick, 2 end, 3 stop
@@ -21,7 +25,7 @@ module event_input #(
     output logic              out_valid,
     input  logic              out_ready,
     output logic [1:0]        out_kind,
-    output logic [SOURCE-1:0] out_source,
+    output logic [SOURCE-1:0] out_source,  // also the channel of the last event, to see whether the next one ascends
     output logic              mark,       // an event of `out_source` was accepted in the cycle before
     output logic              mark_tick,  // a tick was accepted in the cycle before, or a silent step began
     output logic              stop,       // a stop was accepted in the cycle before
@@ -43,6 +47,7 @@ module event_input #(
     logic [2:0] problem;  // with the word that is offered; 0: none
     always_comb begin
         problem = 0;
+        // The whole channel is compared, so the upper bits that `out_source` leaves out below are 0. 17 bits hold 2^16 channels.
         if (in_kind == EVENT && {1'b0, in_channel} >= channels[16:0]) problem = NO_CHANNEL;
         else if (in_kind == EVENT && open && !(out_source < in_channel[SOURCE-1:0])) problem = NOT_ASCENDING;
         else if ((in_kind == EVENT || in_kind == TICK) && full) problem = TOO_LONG;
@@ -51,6 +56,8 @@ module event_input #(
     end
     wire sound = error == 0 && problem == 0;
 
+    // The clock runs in all cycles in which a register below may change: for a clear, a word accepted, a pulse that ends after
+    // its one cycle, a word taken, and silent steps.
     wire ticking;
     clock_gate gate (
         .clk, .enable(clear || accepted || mark || mark_tick || stop || failed || out_ready || (tail && free)), .gated(ticking)

@@ -2,10 +2,13 @@
 // for one cycle when a byte is complete.
 //
 // Every bit is sampled once, in its middle, counted in clocks from the falling edge of the start bit. The stop bit is sampled
-// 9.5 bits after that edge, and must not be missed by more than half a bit. So the sender's bits may be 4 % longer or shorter than
-// BIT clocks, and 5 % where BIT is large.
+// 9.5 bits after that edge, and must not be missed by more than half a bit, which is 5 % of 9.5 bits. The edge is seen up to one
+// clock late, which is a part of this half: nothing where BIT is large, and a quarter of it at the least BIT, 8. So the
+// sender's bits may be 4 % longer or shorter than BIT clocks at any BIT, and 5 % where BIT is large.
 module uart_rx #(
-    parameter integer BIT = 104  // clocks per bit, at least 8
+    // Clocks per bit, at least 8, as the edge takes too large a part of shorter bits. top_uart.sv sets it; the default is that of
+    // 115,200 bits per second at 12 MHz.
+    parameter integer BIT = 104
 ) (
     input  logic       clk,
     input  logic       reset,
