@@ -1,7 +1,11 @@
 """Entries of report.json on the match: how the program on the chip compares with the trained network.
 
 Both sides play the same recordings. The reference is the network in float64 or, if it was trained in
-integers, in these. Compared are spikes, predicted classes and class scores.
+integers, in these. Compared are spikes, predicted classes and class scores. ``verification/matching.py``
+compares them: its :class:`Agreement` is what it finds for any kind of chip, and its :class:`Match` adds what a
+mesh or the open core counted. This module turns both into the classes that become report.json.
+
+A field that is ``INLINED`` has its keys among those of the object around it, without nesting.
 """
 
 from collections.abc import Mapping
@@ -18,7 +22,11 @@ from locsnn_compile.verification.matching import Agreement, Divergence, Match, P
 
 
 class SpikesCompared(Entry):
-    """How equal the spikes of both sides are; the agreement is None if neither side spikes."""
+    """How equal the spikes of both sides are.
+
+    ``spike_agreement`` is ``2 * common / (reference + chip)``, where ``common`` counts spikes of the same neuron in the
+    same step on both sides; None if neither side spikes. ``spike_mismatches`` counts the spikes of one side only.
+    """
 
     spike_agreement: float | None
     spike_mismatches: int
@@ -37,7 +45,10 @@ class ClassScores(Entry):
 
 
 class FirstDivergence(Entry):
-    """The first spike that differs; its cause is None without a diagnosis."""
+    """The first spike that differs: its ``place``, with the potentials of both sides there, and why it differs.
+
+    The cause is None if nothing looked for it.
+    """
 
     place: Annotated[Divergence, INLINED]
     cause: CauseFigures | None
@@ -70,6 +81,8 @@ class ReadoutFigures(Entry):
 class MatchFigures(Entry):
     """``match``: how the program compares with the network, over all recordings of the check.
 
+    - ``events_origin``: the kind of place that the recordings come from, such as files that the user gave;
+      ``events_source`` names it in words
     - ``tied_predictions``: recordings in which all class scores of both sides tie, so nothing is predicted
     - ``score_error``: the mean error of class scores as a share of their spread
     - ``helper_neurons``: populations that a reader of model files added; they count nowhere else
@@ -101,7 +114,7 @@ class Accuracy(Entry):
 
 
 class ChanceFigures(Entry):
-    """Whether the accuracy differs significantly from guessing the commonest label (``told_apart``)."""
+    """The test of the accuracy against guessing the commonest label; ``told_apart``: they differ significantly."""
 
     test: Annotated[Chance, INLINED]
     told_apart: bool
@@ -112,6 +125,7 @@ class BinningFigures(Entry):
 
     Of ``events``, ``outside`` lay outside the steps, ``below`` in bins with at most ``threshold`` events,
     which are 0, and ``elsewhere`` in streams that are not read; ``dropped`` is the sum, and ``words`` says it.
+    ``threshold`` is None if the files already held bins.
     """
 
     threshold: int | None
@@ -124,9 +138,10 @@ class BinningFigures(Entry):
 
 
 class InputFigures(Entry):
-    """How many steps recordings have before their first event, where phases begin at that event (align).
+    """How many steps recordings have before their first event, if a phase of the network begins at that event.
 
-    Means over the recordings: of the phase that waits longest, and of each that aligns.
+    Means over the recordings: of the phase that waits longest, and of every phase, 0 for those that do not wait. A
+    branch is a phase of the program here. Without a phase that waits, ``aligned_steps_by_branch`` is empty.
     """
 
     aligned_steps: float
@@ -188,13 +203,14 @@ def spikes_compared(spikes: PopulationMatch) -> SpikesCompared:
 
 def _readout(network: Network, match: Agreement) -> ReadoutFigures:
     populations = tuple(network.readout.populations)
-    # ``from_step`` has the populations that are read by their potentials.
+    # ``from_step`` has the populations that are read by their potentials, in the order of ``populations``, each with
+    # the first step that counts.
     by_potential = tuple(network.readout.from_step)
     if not by_potential:
         # The agreement of spikes is None where neither side spikes.
         spiked = any(match.by_population[name].agreement is not None for name in populations)
         return ReadoutFigures(populations, "spikes", None, silent=not spiked)
-    # Potentials may decide without any spike.
+    # Potentials may decide without any spike, so only ties in all recordings show that nothing was predicted.
     silent = match.tied_predictions == match.samples
     if by_potential == populations:
         return ReadoutFigures(populations, "potentials", None, silent)

@@ -41,7 +41,7 @@ _TICK_TEXT_Y = 17
 """Pixels from the lower edge of a panel to the baseline of the texts of ticks."""
 _AXIS_LABEL_Y = 34
 """Pixels from the lower edge of a panel to the baseline of the name of its horizontal axis."""
-_HALF_LETTER = 4
+HALF_LETTER = 4
 """Pixels from the middle of a letter to its baseline, to centre a text of 11 pixels on a line."""
 _LEGEND = 56
 """Pixels from the lower edge of the panels to the baseline of the first line of the legend."""
@@ -107,7 +107,7 @@ def _axis_row(y: float, label: str) -> str:
     """Draw a line across a panel, with its label to the left."""
     line = polyline("grid", [(0, y), (WIDTH, y)])
     label_x = -7  # to the left of the panel
-    return line + soft_text(label_x, y + _HALF_LETTER, "end", label)
+    return line + soft_text(label_x, y + HALF_LETTER, "end", label)
 
 
 def _axis_column(x: float, label: str) -> str:
@@ -187,7 +187,7 @@ def _curve(number: int, label: str, points: Sequence[Point]) -> str:
     ``number`` is that of the curve in its panel; it selects the style and the line of the legend.
     """
     label_y = HEIGHT + _LEGEND + number * _LINE
-    sample_y = label_y - _HALF_LETTER
+    sample_y = label_y - HALF_LETTER
     kind = f"curve c{number}"
     line = polyline(kind, points) if len(points) > 1 else ""
     sample = polyline(kind, [(0, sample_y), (_SAMPLE, sample_y)])

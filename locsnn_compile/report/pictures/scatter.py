@@ -3,6 +3,7 @@
 Each mark is a setting. Its shape tells its kind, such as the strategy. It is filled if the setting is on the front: no
 other setting is better in all figures that are compared, which may be more than the two of a panel. The recommended
 setting has a ring. A stair joins the marks that no other beats in the two figures of a panel alone; less is better.
+All sizes are pixels, and chosen by hand.
 """
 
 import math
@@ -20,7 +21,8 @@ _SHAPES = """\
 <polygon id="shape2" points="0,-5.5 5.5,4.5 -5.5,4.5"/>
 <polygon id="shape3" points="0,-5.5 5.5,0 0,5.5 -5.5,0"/></defs>
 """
-"""The shapes of marks: a circle, a square, a triangle and a diamond, of about equal area."""
+"""The shapes of marks around (0, 0): a circle, a square, a triangle and a diamond, of about equal area. The last two
+have corners further out than the edges of the others."""
 _SHAPE_COUNT = 4
 """Number of shapes; further kinds take the first ones again."""
 _LEGEND = 68
@@ -28,13 +30,26 @@ _LEGEND = 68
 _BELOW = 88
 """Pixels from the lower edge of the panels to the end of the picture."""
 _RADIUS = 4.5
-"""Pixels from the middle of a mark to its edge, as :data:`_SHAPES` draws it."""
+"""Half the side of the square around a mark that a label must not touch. Corners of triangles and diamonds reach a
+pixel further; they are thin, so a label may touch them."""
 _RING = 9
 """Radius of the ring around the recommended mark, in pixels."""
 _LETTER = 6.2
 """Approximate width of a letter of a label in pixels, at 11 pixels of height, to keep labels apart."""
 _LINE = 12
 """Height of a label in pixels."""
+_LABEL_GAP = 2
+"""Pixels between the ring of a mark and its label, and by which a label above or below begins aside of the middle."""
+_LEGEND_RING = 6
+"""Radius of the ring in the legend; smaller than in a panel, so that it fits its line."""
+_LEGEND_LEFT = 20.0
+"""Pixels from the left edge of the picture to the middle of the first sample of the legend."""
+_LEGEND_TEXT = 12
+"""Pixels from the middle of a sample to its name."""
+_LEGEND_SPACE = 40
+"""Pixels from the middle of a sample to that of the next, in addition to the width of its name."""
+_HALF_STAIR = 8
+"""Half the length of the sample of a stair."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle, in pixels of a panel."""
@@ -46,7 +61,8 @@ class Mark(Frozen):
     - ``x``, ``y``: its two figures
     - ``kind``: the number of its kind, which gives its shape
     - ``label``: stands next to it where there is room; ``words`` are shown when pointing at it
-    - ``front``: whether no other setting is better in all figures; ``taken``: whether it is recommended
+    - ``front``: whether no other setting is better in all figures
+    - ``taken``: whether it is the recommended setting
     """
 
     x: float
@@ -59,7 +75,10 @@ class Mark(Frozen):
 
 
 class Panel(Frozen):
-    """Marks over axes from 0; ``x_text`` and ``y_text`` write the ticks."""
+    """Marks over axes from 0; ``x_text`` and ``y_text`` write the ticks.
+
+    ``title`` stands above the panel and names the figure of the vertical axis, ``x_label`` below names the other one.
+    """
 
     title: str
     x_label: str
@@ -134,27 +153,34 @@ def _label(label: str, anchor: chart.Anchor, box: Box) -> str:
 
 
 def _label_places(x: float, y: float, label: str) -> list[tuple[chart.Anchor, Box]]:
-    """Return possible places of a label within the panel, the best first: right, left, above and below."""
+    """Return possible places of a label within the panel, the best first.
+
+    They are to the right and to the left of the mark, above it to either side, and below it to either side.
+    """
     width = _LETTER * len(label)
-    # Two pixels beyond a ring, also where a mark has none, so that all labels stand alike.
-    distance = _RING + 2
+    # Beyond a ring, also where a mark has none, so that all labels stand alike.
+    distance = _RING + _LABEL_GAP
     beside_top = y - _LINE / 2
     above_top = y - distance - _LINE
     below_top = y + distance
     corners: list[tuple[chart.Anchor, chart.Point]] = [
         ("start", (x + distance, beside_top)),
         ("end", (x - distance - width, beside_top)),
-        ("start", (x + 2, above_top)),
-        ("end", (x - 2 - width, above_top)),
-        ("start", (x + 2, below_top)),
-        ("end", (x - 2 - width, below_top)),
+        ("start", (x + _LABEL_GAP, above_top)),
+        ("end", (x - _LABEL_GAP - width, above_top)),
+        ("start", (x + _LABEL_GAP, below_top)),
+        ("end", (x - _LABEL_GAP - width, below_top)),
     ]
     boxes = [(anchor, (left, top, left + width, top + _LINE)) for anchor, (left, top) in corners]
     return [(anchor, box) for anchor, box in boxes if _within_panel(box)]
 
 
 def _within_panel(box: Box) -> bool:
-    """Whether a label lies within the panel or in the free margins to its right and above."""
+    """Whether a label lies within the panel or in the free margins to its right and above.
+
+    The upper edge needs no check: an axis goes on for half a step above the highest mark, so a label above this mark
+    reaches only a few pixels into the margin.
+    """
     left, _, right, bottom = box
     return left >= 0 and right <= chart.WIDTH + chart.RIGHT and bottom <= chart.HEIGHT
 
@@ -182,19 +208,20 @@ def _legend(kinds: Sequence[str], y: float) -> str:
     samples: list[tuple[str, Callable[[float, float], str]]] = [
         *((name, partial(_shape, kind, style="mark")) for kind, name in enumerate(kinds)),
         ("on the front", partial(_shape, 0, style="mark front")),
-        ("recommended", partial(_ring, radius=6)),
-        (
-            "best of the two figures",
-            lambda x, y: chart.polyline("stair", [(x - 8, y), (x + 8, y)]),
-        ),
+        ("recommended", partial(_ring, radius=_LEGEND_RING)),
+        ("best of the two figures", _stair_sample),
     ]
     drawn = _SHAPES
-    # Each sample is drawn around (x, y); its name follows 12 pixels to the right, then a gap.
-    x = 20.0
+    x = _LEGEND_LEFT
     for name, sample in samples:
-        drawn += sample(x, y) + chart.soft_text(x + 12, y + 4, "start", name)
-        x += 40 + _LETTER * len(name)
+        drawn += sample(x, y)
+        drawn += chart.soft_text(x + _LEGEND_TEXT, y + chart.HALF_LETTER, "start", name)
+        x += _LEGEND_SPACE + _LETTER * len(name)
     return drawn
+
+
+def _stair_sample(x: float, y: float) -> str:
+    return chart.polyline("stair", [(x - _HALF_STAIR, y), (x + _HALF_STAIR, y)])
 
 
 def _ring(x: float, y: float, radius: int) -> str:
