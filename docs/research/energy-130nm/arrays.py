@@ -1,4 +1,9 @@
-"""What an access of an array of latches costs, and its area: mapped to cells by itself and played to, like the core."""
+"""What an access of an array of latches costs, and its area.
+
+The library prices macros, but an array of latches has no file there. So each array is synthesised alone, simulated cycle by
+cycle with random reads and writes, and its transitions are priced as those of the core are (:mod:`picojoules`). The search for
+a plan of memories (:mod:`plans`) compares the result with macros; it is kept in a file, because synthesis takes minutes.
+"""
 
 import hashlib
 import json
@@ -12,12 +17,19 @@ import runs
 import timing
 from latches import GATE, Latches, modules, verilog
 
-CYCLES, LANES = 160, 32
+CYCLES = 160
+"""Cycles that are counted. Chosen by hand."""
+LANES = 32
+"""Independent random runs at once, one per bit of the integers that :func:`play` computes with."""
 
 
 @dataclass(frozen=True)
 class Costs:
-    """Square micrometres of one copy, nanowatts, nanoseconds of the longest path; picojoules at the upper end."""
+    """What one copy of an array costs.
+
+    ``area``: square micrometres. ``ns``: of the longest path. ``read_pj`` and ``write_pj``: what a cycle with an access takes
+    more than a cycle without; ``idle_pj``: a cycle without. Picojoules are those of the upper end: with wires and clock tree.
+    """
 
     area: float
     leakage_nw: float
@@ -27,119 +39,149 @@ class Costs:
     idle_pj: float
 
 
-def measure(files: "runs.Library", made: Latches) -> Costs:
-    """Return what an array costs, from words that are read and written at random."""
-    text = "".join([GATE, *modules(made).values(), verilog(made)])
-    named = hashlib.sha256(text.encode()).hexdigest()[:8]
+def measure(files: "runs.Library", array: Latches) -> Costs:
+    """Return what an array costs, from words that are read and written at random; from the kept file if there is one."""
+    # The hash of its text is in the folder's name, so an array that is generated differently is measured again.
+    text = "".join([GATE, *modules(array).values(), verilog(array)])
+    text_hash = hashlib.sha256(text.encode()).hexdigest()[:8]
     folder = (
         runs.KEPT
         / "latches"
-        / f"{made.shape.name}-{made.shape.bits}-{len(made.banks)}x{made.rows}-{named}"
+        / f"{array.shape.name}-{array.shape.bits}-{len(array.banks)}x{array.rows}-{text_hash}"
     )
-    kept = folder / "costs.json"
-    if not kept.exists():
+    costs_file = folder / "costs.json"
+    if not costs_file.exists():
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "array.sv").write_text(text)
         netlist.synthesise_module(
-            folder, f"memory_{made.shape.name}", [folder / "array.sv"], files.folder / runs.CELLS
+            folder, f"memory_{array.shape.name}", [folder / "array.sv"], files.folder / runs.CELLS
         )
-        found = gates.circuit(
-            netlist.load(folder / "netlist.json", f"memory_{made.shape.name}"), files.cells, {}
+        circuit = gates.circuit(
+            netlist.load(folder / "netlist.json", f"memory_{array.shape.name}"), files.cells, {}
         )
-        kept.write_text(json.dumps(vars(_measure(files, made, found))))
-    return Costs(**json.loads(kept.read_text()))
+        costs_file.write_text(json.dumps(vars(_measure(files, array, circuit))))
+    return Costs(**json.loads(costs_file.read_text()))
 
 
-def _measure(files: "runs.Library", made: Latches, found: gates.Circuit) -> Costs:
+def _measure(files: "runs.Library", array: Latches, circuit: gates.Circuit) -> Costs:
     cells = files.cells
-    area = sum(cells[i.type].area for i in found.netlist.instances)
-    times = timing.analyse(found, cells, {}, timing.Blocks(files.group, found, cells))
+    area = sum(cells[instance.type].area for instance in circuit.netlist.instances)
+    timings = timing.analyse(circuit, cells, {}, timing.Blocks(files.group, circuit, cells))
     pj = {}
     for name, reads, writes in (("idle", 0.0, 0.0), ("read", 1.0, 0.0), ("write", 0.0, 1.0)):
-        toggles = play(found, cells, made, reads, writes)
-        columns = toggles.sum(axis=1)[:, None]
-        spent = picojoules.measure(
-            found, cells, {}, times, columns, np.array([CYCLES * LANES]), np.zeros((0, 2, 1)), True
+        toggles = play(circuit, cells, array, reads, writes)
+        toggles_of_net = toggles.sum(axis=1)[:, None]
+        energy = picojoules.measure(
+            circuit,
+            cells,
+            {},
+            timings,
+            toggles_of_net,
+            np.array([CYCLES * LANES]),
+            np.zeros((0, 2, 1)),
+            True,
         )
-        pj[name] = float(spent.total[0]) / (CYCLES * LANES)
-    leakage = sum(cells[i.type].leakage_nw for i in found.netlist.instances)
+        pj[name] = float(energy.total[0]) / (CYCLES * LANES)
+    leakage = sum(cells[instance.type].leakage_nw for instance in circuit.netlist.instances)
     return Costs(
-        area, leakage, times.worst, pj["read"] - pj["idle"], pj["write"] - pj["idle"], pj["idle"]
+        area, leakage, timings.worst, pj["read"] - pj["idle"], pj["write"] - pj["idle"], pj["idle"]
     )
 
 
 def play(
-    found: gates.Circuit, cells: dict, made: Latches, reads: float, writes: float
+    circuit: gates.Circuit, cells: dict, array: Latches, reads: float, writes: float
 ) -> np.ndarray:
-    """Return transitions by net and lane: a share of cycles reads and one writes, after all words were written."""
-    number = {clock: k for k, clock in enumerate(found.gates)}
+    """Return transitions by net, (nets, 1), of :data:`CYCLES` cycles in all lanes together.
+
+    ``reads`` and ``writes``: the share of cycles that read or write a random word. All words are written first, uncounted.
+    Like the core's simulator (:mod:`gates`) this one is generated from the netlist: ``v[net]`` is an integer with a bit per
+    lane, and ``t[gate]`` the lanes whose gated clock ticks. Here it is Python, as an array is small.
+    """
+    gate_number = {clock: index for index, clock in enumerate(circuit.gates)}
     lines = []
-    for instance in found.order:
+    for instance in circuit.order:
         cell = cells[instance.type]
-        q = found.at(instance, cell.outputs[0])
+        output_net = circuit.at(instance, cell.outputs[0])
         if cell.kind == "latch":
-            d, k = found.at(instance, "D"), number[found.at(instance, "GATE")]
-            lines.append(f" if t[{k}]: v[{q}] = v[{d}] & t[{k}] | v[{q}] & ~t[{k}]")
+            # A latch takes its data while its gate is open, and else keeps its value.
+            data_net, index = circuit.at(instance, "D"), gate_number[circuit.at(instance, "GATE")]
+            lines.append(
+                f" if t[{index}]: v[{output_net}] = v[{data_net}] & t[{index}] | v[{output_net}] & ~t[{index}]"
+            )
         else:
             function = cell.pins[cell.outputs[0]].function
-            names = {p: f"v[{found.at(instance, p)}]" for p in cell.inputs}
-            text = {"0": "0", "1": "ones"}.get(function) or gates.expression(function, names)
-            lines.append(f" v[{q}] = ({text}) & ones")
-    ticks = [" & ".join(f"v[{n}]" for n in gates.enable(found, clock)) for clock in number]
+            net_of_pin = {p: f"v[{circuit.at(instance, p)}]" for p in cell.inputs}
+            constant = {"0": "0", "1": "ones"}.get(function) or gates.expression(
+                function, net_of_pin
+            )
+            lines.append(
+                f" v[{output_net}] = ({constant}) & ones"
+            )  # an inversion of Python also sets all higher bits
+    ticks = [" & ".join(f"v[{n}]" for n in gates.enable(circuit, clock)) for clock in gate_number]
     scope: dict = {}
+    # Functions of 2,000 lines: Python compiles a single long one far more slowly.
     pieces = [lines[i : i + 2000] for i in range(0, len(lines), 2000)]
-    for k, piece in enumerate(pieces):
-        exec(f"def logic{k}(v, t, ones):\n" + "\n".join(piece), scope)
+    for index, piece in enumerate(pieces):
+        exec(f"def logic{index}(v, t, ones):\n" + "\n".join(piece), scope)
     exec("def ticks(v):\n return [" + ", ".join(ticks) + "]", scope)
-    ones, rng = (1 << LANES) - 1, np.random.default_rng(0)
-    v, t = [0] * found.nets, [0] * len(number)
-    v[1] = ones
-    count = np.zeros((found.nets, 1), dtype=np.int64)
-    clocks = list(number)
-    held = np.array(made.shape.held)
-    before = list(v)
-    for cycle in range(-len(held) - 2, CYCLES):
+    ones, random = (1 << LANES) - 1, np.random.default_rng(0)
+    v, ticking = [0] * circuit.nets, [0] * len(gate_number)
+    v[1] = ones  # net 1 is the constant 1
+    transitions = np.zeros((circuit.nets, 1), dtype=np.int64)
+    clocks = list(gate_number)
+    addresses = np.array(array.shape.held)
+    values_before = list(v)
+    # Cycles before 0 are not counted: every word is written once, then two cycles pass without an access, since what is
+    # written reaches its row a cycle later.
+    for cycle in range(-len(addresses) - 2, CYCLES):
         filling = cycle < -2
-        a = np.full(LANES, held[cycle + 2]) if filling else rng.choice(held, LANES)
-        b = rng.choice(held, LANES)
-        data = rng.integers(0, 2, (made.shape.bits, LANES))
-        wanted = 1.0 if filling else 0.0 if cycle < 0 else writes
+        write_addresses = (
+            np.full(LANES, addresses[cycle + 2]) if filling else random.choice(addresses, LANES)
+        )
+        read_addresses = random.choice(addresses, LANES)
+        words = random.integers(0, 2, (array.shape.bits, LANES))
+        write_share = 1.0 if filling else 0.0 if cycle < 0 else writes
         values = {
-            "write": rng.random((1, LANES)) < wanted,
-            "read": rng.random((1, LANES)) < (reads if cycle >= 0 else 0),
+            "write": random.random((1, LANES)) < write_share,
+            "read": random.random((1, LANES)) < (reads if cycle >= 0 else 0),
         }
-        if wanted:
+        # In runs without writes (or reads) the lines for them stand still: what they toggle belongs to an access.
+        if write_share:
             values |= {
-                "write_address": _bits(a, len(found.port("write_address"))),
-                "write_data": data,
+                "write_address": _bits(write_addresses, len(circuit.port("write_address"))),
+                "write_data": words,
             }
         if reads:
-            values |= {"read_address": _bits(b, len(found.port("read_address")))}
+            values |= {"read_address": _bits(read_addresses, len(circuit.port("read_address")))}
         for name, bits in values.items():
-            for net, row in zip(found.port(name), bits, strict=True):
+            for net, row in zip(circuit.port(name), bits, strict=True):
                 v[net] = int(
                     np.packbits(row.astype(np.uint8), bitorder="little").view(np.uint32)[0]
                 )
-        for k in range(len(pieces)):
-            scope[f"logic{k}"](v, t, ones)
-        t = scope["ticks"](v)
+        for index in range(len(pieces)):
+            scope[f"logic{index}"](v, ticking, ones)
+        ticking = scope["ticks"](v)
         if cycle >= 0:
-            for net, (x, y) in enumerate(zip(v, before, strict=True)):
-                if x != y:
-                    count[net] += (x ^ y).bit_count()
-            for clock, on in zip(clocks, t, strict=True):
-                count[clock] += on.bit_count()
-        before = list(v)
-        following = []
-        for flop in found.flops:
-            clock = found.at(flop, "CLK")
-            d, q = v[found.at(flop, "D")], v[found.at(flop, "Q")]
-            on = t[number[clock]] if clock in number else ones
-            following.append((found.at(flop, "Q"), d & on | q & ~on))
-        for net, value in following:
+            for net, (after, previous) in enumerate(zip(v, values_before, strict=True)):
+                if after != previous:
+                    transitions[net] += (after ^ previous).bit_count()
+            for clock, lanes_on in zip(clocks, ticking, strict=True):
+                transitions[clock] += lanes_on.bit_count()
+        # Flip-flops take their data together, after the logic has settled: hence two loops.
+        values_before = list(v)
+        next_outputs = []
+        for flop in circuit.flops:
+            clock = circuit.at(flop, "CLK")
+            data_net, output_net = v[circuit.at(flop, "D")], v[circuit.at(flop, "Q")]
+            lanes_on = ticking[gate_number[clock]] if clock in gate_number else ones
+            next_outputs.append(
+                (circuit.at(flop, "Q"), data_net & lanes_on | output_net & ~lanes_on)
+            )
+        for net, value in next_outputs:
             v[net] = value
-    return count
+    return transitions
 
 
 def _bits(values: np.ndarray, width: int) -> np.ndarray:
+    """Return the bits of numbers, the lowest first, (width, numbers)."""
     return values[None, :] >> np.arange(width)[:, None] & 1

@@ -1,15 +1,24 @@
+// The main loop of the gate-level simulator. gates.py writes #defines before this file, and in place of the line below that begins
+// "The circuit" it writes the tables of ports and nets and the functions logic(), ticking(), follow() and commit().
+//
+// A word holds one net for 64 recordings: bit l is recording l (its lane). So all recordings run in lockstep, and a lane that
+// has its answer is left out of the counts (`live`).
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <vector>
 typedef uint64_t word;
-alignas(64) static word v[NETS+8], p[NETS+8];
-static word f[FLOPS], t[GATES+1];
+alignas(64) static word v[NETS+8], p[NETS+8];  // nets now, and in the cycle before; 8 more for vectors at the end
+static word f[FLOPS], t[GATES+1];              // what flip-flops take next; which gated clocks tick
+// A port of a memory macro, with the nets of its pins; clock -1: it is not gated. shared: all lanes read the same words.
 struct Port { int memory, words, bits, depth, shared, clock; int control[3]; int address[13]; int data[64]; int mask[64]; int out[64]; };
 // The circuit: ports, nets and logic.
 static word* store[MEMORIES];
 static uint32_t accesses[PORTS][2][3][LANES];
+// Transitions by lane are counted by bits: plane k of a counter holds bit k of the counts of 64 lanes. A cycle adds a word to
+// counters of LOW bits, which full adders of words do in a few operations. Before these can overflow, after 2^LOW - 1 = 63
+// cycles, they are added to counters of HIGH bits (2^21 is more than the 2,000,000 cycles that a run may take).
 enum { LOW = 6, HIGH = 21 };
 alignas(64) static word low[LOW][NETS+8];
 static word high[HIGH][NETS+8];
@@ -39,6 +48,7 @@ __attribute__((optimize("O3"))) static void count_lanes(word live) {
     }
     if (++pending == 63) flush();
 }
+// Counts transitions of all lanes together, by class of the cycle.
 static void count_classes(const word* cls) {
     for (int n = 0; n < NETS; n++) {
         const word x = v[n] ^ p[n];
@@ -46,19 +56,24 @@ static void count_classes(const word* cls) {
         for (int c = 0; c < 3; c++) sums[c][n] += __builtin_popcountll(x & cls[c]);
     }
 }
+// Transposes a matrix of 64 x 64 bits in place (Hacker's Delight, 7-3): from a word per net to a word per lane, or back.
 static void transpose(word* a) {
     word m = 0x00000000FFFFFFFFull;
     for (int j = 32; j; j >>= 1, m ^= m << j)
         for (int k = 0; k < 64; k = (k + j + 1) & ~j) { word t = ((a[k] >> j) ^ a[k + j]) & m; a[k] ^= t << j; a[k + j] ^= t; }
 }
+// The number that n nets show, lowest bit first, of every lane.
 static void gather(const int* nets, int n, word* lanes) {
     for (int b = 0; b < 64; b++) lanes[b] = b < n ? v[nets[b]] : 0;
     transpose(lanes);
 }
+// What a read puts on the outputs of a port; show() does it after the flip-flops have taken their data, as a macro answers
+// after the clock edge.
 struct Shown { int port; word lanes, value[64]; };
 static std::vector<Shown> shown;
 // Where the clock of a macro stands still, nothing is read or written.
 static word ticks(const Port& q) { return q.clock < 0 ? ~0ull : t[q.clock]; }
+// Reads, then writes, of all macros. All ports read before any writes, so a read gives what a word held before the edge.
 static void access(const word* cls) {
     static word address[64], data[64], mask[64];
     shown.clear();
@@ -104,6 +119,7 @@ static void show() {
         if (n >= 0) v[n] = (v[n] & ~s.lanes) | (s.value[b] & s.lanes);
     }
 }
+// The same number on the nets of a port in all lanes.
 static void put(const int* nets, int n, word value) { for (int b = 0; b < n; b++) v[nets[b]] = (value >> b & 1) ? ~0ull : 0; }
 int main(int argc, char** argv) {
     const long most = argc > 1 ? atol(argv[1]) : 1000000;
@@ -129,6 +145,7 @@ int main(int argc, char** argv) {
     std::vector<size_t> at(LANES, 0);
     word finished = ~used, begun = 0;
     uint32_t cycles[LANES][3] = {}, first[LANES] = {}, answered[LANES] = {}, winner[LANES] = {}, synapses[LANES] = {}, spikes[LANES] = {};
+    // A run: four cycles of reset, then all load words, the same in all lanes, then the recordings.
     for (long cycle = 0; cycle < most && ~finished; cycle++) {
         v[n_reset[0]] = cycle < 4 ? ~0ull : 0;
         bool loading = cycle >= 4 && at_load < load.size();
@@ -152,6 +169,7 @@ int main(int argc, char** argv) {
             for (int b = 0; b < 2; b++) v[n_in_kind[b]] = (v[n_in_kind[b]] & ~valid) | (kind[b] & valid);
             for (int b = 0; b < 16; b++) v[n_in_channel[b]] = (v[n_in_channel[b]] & ~valid) | (channel[b] & valid);
         }
+        // The logic settles; the state of the sequencer then says what kind of cycle this is (classes of gates.py).
         logic();
         word s0 = v[n_state[0]], s1 = v[n_state[1]], s2 = v[n_state[2]];
 #define IS(k) (((k) & 1 ? s0 : ~s0) & ((k) & 2 ? s1 : ~s1) & ((k) & 4 ? s2 : ~s2))
@@ -191,6 +209,7 @@ int main(int argc, char** argv) {
                 finished |= over;
             }
         }
+        // The clock edge: memories are accessed and flip-flops take their data, both as nets were before the edge.
         access(cls);
         follow();
         show();
@@ -214,5 +233,5 @@ int main(int argc, char** argv) {
         fwrite(out.data(), 4, LANES, g);
     }
     fclose(g);
-    return (~finished) ? 3 : 0;
+    return (~finished) ? 3 : 0;  // 3: a recording has no answer
 }

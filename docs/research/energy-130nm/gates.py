@@ -1,8 +1,9 @@
-"""A netlist simulated gate by gate, 64 recordings at a time: a bit of a machine word is a recording.
+"""A netlist simulated gate by gate, 64 recordings at a time: bit i of a machine word belongs to recording i (its *lane*).
 
-Made as C++ from the functions of the liberty file, levelised and without delays: a net changes at most once per cycle, so
-what a real circuit does before it settles (glitches) is not in it. Every transition of every net is counted, by
-recording and by what the core was doing (:data:`CLASSES`).
+:func:`source` generates the simulator as C++ from the netlist and the functions of the liberty file, around the main loop in
+``gates.cpp``. Logic is sorted by levels and has no delays: a net changes at most once per cycle, so what a real circuit does
+before it settles (glitches) is not counted. Every transition of every net is counted, by recording or by what the core was
+doing (:data:`CLASSES`); :mod:`picojoules` multiplies the counts with energies.
 """
 
 import re
@@ -17,13 +18,20 @@ from memories import HALVES
 from netlist import Instance, Netlist
 
 LANES = 64
+MOST_CYCLES = 2_000_000
+"""After so many, the simulator gives up. A recording of the largest network takes about 200,000."""
 CLASSES = ("deliver", "update", "other")
 """Cycles of delivering spikes, of updating compartments, and all others (cleaning, readout, answer)."""
 
 
 @dataclass
 class Circuit:
-    """Instances of a netlist in numbers: ``net[bit]`` its index, 0 and 1 are constants; ``order``: logic, sorted."""
+    """A netlist whose nets are numbered, and whose instances are sorted by kind.
+
+    ``net``: the number of each net of the netlist; 0 and 1 are the constants. ``order``: logic and latches, each after the
+    instances that it depends on. ``gates``: the clock gate of each gated clock, by the number of the clock's net.
+    ``driver``: the instance and pin that drive a net, by its number.
+    """
 
     netlist: Netlist
     net: dict[int | str, int]
@@ -51,6 +59,7 @@ class Circuit:
 def circuit(netlist: Netlist, cells: Mapping[str, Cell], macros: Mapping[str, Macro]) -> Circuit:
     """Sort the logic of a netlist by levels."""
     net: dict[int | str, int] = {"0": 0, "x": 0, "z": 0, "1": 1}
+    # The first free number is that of different numbers so far: "0", "x" and "z" share number 0.
     for _, bits in netlist.ports.values():
         for bit in bits:
             net.setdefault(bit, len(set(net.values())))
@@ -77,31 +86,33 @@ def circuit(netlist: Netlist, cells: Mapping[str, Cell], macros: Mapping[str, Ma
         for port in "AB"[: macros[instance.type].ports]:
             for bit in instance.pins.get(f"{port}_DOUT", []):
                 driver[net[bit]] = (instance, f"{port}_DOUT")
+    # Sort by levels: an instance is ready once all instances that drive its inputs are in the order. Flip-flops and memories
+    # are no part of this, because their outputs change only at the end of a cycle.
     waiting = {id(i): 0 for i in logic}
-    users: dict[int, list[Instance]] = {}
-    made_by = {n: i for n, (i, _) in driver.items() if id(i) in waiting}
+    readers_of: dict[int, list[Instance]] = {}
+    driver_in_logic = {n: i for n, (i, _) in driver.items() if id(i) in waiting}
     for instance in logic:
         for pin in followed(cells[instance.type]):
-            at = net[instance.pins[pin][0]]
-            if at in made_by:
+            input_net = net[instance.pins[pin][0]]
+            if input_net in driver_in_logic:
                 waiting[id(instance)] += 1
-                users.setdefault(at, []).append(instance)
+                readers_of.setdefault(input_net, []).append(instance)
     ready = [i for i in logic if not waiting[id(i)]]
     order = []
     while ready:
-        following = []
+        next_ready = []
         for instance in ready:
             order.append(instance)
             for pin in cells[instance.type].outputs:
                 for bit in instance.pins.get(pin, []):
-                    for user in users.get(net[bit], []):
-                        waiting[id(user)] -= 1
-                        if not waiting[id(user)]:
-                            following.append(user)
-        ready = following
+                    for reader in readers_of.get(net[bit], []):
+                        waiting[id(reader)] -= 1
+                        if not waiting[id(reader)]:
+                            next_ready.append(reader)
+        ready = next_ready
     assert len(order) == len(logic), "a loop of logic"
-    by_output = {net[g.pins["GCLK"][0]]: g for g in gates}
-    return Circuit(netlist, net, order, flops, memories, by_output, driver)
+    gate_of_clock = {net[g.pins["GCLK"][0]]: g for g in gates}
+    return Circuit(netlist, net, order, flops, memories, gate_of_clock, driver)
 
 
 def followed(cell: Cell) -> list[str]:
@@ -110,19 +121,25 @@ def followed(cell: Cell) -> list[str]:
 
 
 def enable(found: Circuit, clock: int) -> list[int]:
-    """Return the nets that must be 1 for a clock to tick; none: always."""
+    """Return the nets that must be 1 for a clock to tick; an empty list for a clock that always ticks.
+
+    Gates may follow each other, so the conditions of the clock before the gate are added.
+    """
     gate = found.gates.get(clock)
     return [] if gate is None else [found.at(gate, "GATE"), *enable(found, found.at(gate, "CLK"))]
 
 
 def expression(function: str, names: Mapping[str, str]) -> str:
-    """Return a liberty function in C, with nets for its pins."""
+    """Return a liberty function (``!``, ``*`` and ``+`` for not, and, or) in C, with nets for its pins."""
     text = function.replace("!", "~").replace("*", "&").replace("+", "|")
     return re.sub(r"[A-Za-z_]\w*", lambda found: names[found.group()], text)
 
 
 def states_of(core: str) -> dict[str, int]:
-    """Return the numbers of the sequencer's states, from the text of ``locsnn_core.sv``."""
+    """Return the numbers of the sequencer's states in which spikes are delivered or compartments updated.
+
+    They are read from the text of ``locsnn_core.sv``. ``gates.cpp`` tells by them to which of :data:`CLASSES` a cycle belongs.
+    """
     return {
         name: int(re.findall(rf"\b{name} = (\d)", core)[0]) for name in ("ROW", "UPDATE", "SPIKES")
     }
@@ -134,100 +151,145 @@ def source(
     macros: Mapping[str, Macro],
     states: Mapping[str, int],
 ) -> str:
-    """Return the simulator in C++; ``states``: those of the sequencer."""
-    before, after = (
+    """Return the simulator in C++; ``states``: those of :func:`states_of`.
+
+    In the generated text ``v[net]`` is the value of a net, ``p[net]`` its value a cycle ago, ``t[gate]`` whether a gated clock
+    ticks, and ``f[flop]`` what a flip-flop takes next. A cycle calls ``logic``, ``ticking``, ``follow`` and ``commit``.
+    """
+    before_circuit, after_circuit = (
         (Path(__file__).parent / "gates.cpp")
         .read_text()
         .split("// The circuit: ports, nets and logic.\n")
     )
-    statements = []
-    number_of = {clock: k for k, clock in enumerate(found.gates)}
-    for instance in found.order:
-        cell = cells[instance.type]
-        if cell.kind == "latch":
-            # It follows its data where its gate opened at the last edge.
-            q, d, open_ = (
-                found.at(instance, "Q"),
-                found.at(instance, "D"),
-                number_of[found.at(instance, "GATE")],
-            )
-            statements.append(f"v[{q}]=(v[{d}]&t[{open_}])|(v[{q}]&~t[{open_}]);")
-            continue
-        names = {pin: f"v[{found.at(instance, pin)}]" for pin in cell.inputs}
-        for pin in cell.outputs:
-            if instance.pins.get(pin):
-                constant = {"0": "0ull", "1": "~0ull"}.get(cell.pins[pin].function)
-                value = constant or expression(cell.pins[pin].function, names)
-                statements.append(f"v[{found.at(instance, pin)}]={value};")
-    logic = _function("logic", statements)
-    # The net of a gated clock changes whenever it ticks.
-    ticking = []
-    for clock, k in number_of.items():
-        on = "&".join(f"v[{n}]" for n in enable(found, clock))
-        ticking.append(f"t[{k}]={on};v[{clock}]=p[{clock}]^t[{k}];")
-    logic += _function("ticking", ticking)
-    following, commit = [], []
-    for k, flop in enumerate(found.flops):
-        clocks = enable(found, found.at(flop, "CLK"))
-        d, q = found.at(flop, "D"), found.at(flop, "Q")
-        value = f"v[{d}]"
-        if clocks:
-            on = "&".join(f"v[{n}]" for n in clocks)
-            value = f"(v[{d}]&({on}))|(v[{q}]&~({on}))"
-        following.append(f"f[{k}]={value};")
-        commit.append(f"v[{q}]=f[{k}];")
-        if flop.pins.get("Q_N"):
-            commit.append(f"v[{found.at(flop, 'Q_N')}]=~f[{k}];")
-    logic += _function("follow", following) + _function("commit", commit)
-    ports = []
-    table = []
-    for number, instance in enumerate(found.memories):
-        macro = macros[instance.type]
-        # What is only loaded is the same for all recordings.
-        shared = macro.ports == 1 and instance.name.replace("\\", "").split(".")[-2] not in HALVES
-        for port in "AB"[: macro.ports]:
-            depth = (macro.words - 1).bit_length()
-            clock = number_of.get(found.at(instance, f"{port}_CLK"), -1)
-            nets = [found.at(instance, f"{port}_{pin}") for pin in ("MEN", "WEN", "REN")]
-            nets += [found.at(instance, f"{port}_ADDR", b) for b in range(depth)]
-            data = [found.at(instance, f"{port}_DIN", b) for b in range(macro.bits)]
-            masks = (
-                [found.at(instance, f"{port}_BM", b) for b in range(macro.bits)]
-                if "_bm_" in macro.name
-                else []
-            )
-            outs = [
-                found.at(instance, f"{port}_DOUT", b) if instance.pins.get(f"{port}_DOUT") else -1
-                for b in range(macro.bits)
-            ]
-            masks = masks or [1] * macro.bits
-            ports.append(
-                f"{{{number},{macro.words},{macro.bits},{depth},{int(shared)},{clock},"
-                f"{{{','.join(map(str, nets[:3]))}}},{{{','.join(map(str, nets[3:]))}}},"
-                f"{{{','.join(map(str, data))}}},{{{','.join(map(str, masks))}}},{{{','.join(map(str, outs))}}}}}"
-            )
-        table.append(macro.words * (1 if shared else LANES))
+    ports, store_words = _memory_ports(found, macros)
     constants = {
         "NETS": found.nets, "FLOPS": len(found.flops), "PORTS": len(ports), "MEMORIES": len(found.memories),
         "GATES": len(found.gates), "LANES": LANES, **states,
     }  # fmt: skip
-    head = "".join(f"#define {name} {value}\n" for name, value in constants.items())
-    head += before
-    arrays = "static const Port ports[PORTS]={" + ",\n".join(ports) + "};\n"
-    arrays += f"static const int sizes[MEMORIES]={{{','.join(map(str, table))}}};\n"
-    names = ("clk", "reset", "load_valid", "load_memory", "load_address", "load_data", "in_valid", "in_ready", "in_kind",
-             "in_channel", "answer_valid", "answer_ready", "answer_class", "answer_synapses", "answer_updates",
-             "answer_spikes", "probe_valid", "probe_compartment", "probe_u", "probe_v", "probe_fired")  # fmt: skip
-    for name in names:
+    defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
+    tables = "static const Port ports[PORTS]={" + ",\n".join(ports) + "};\n"
+    tables += f"static const int sizes[MEMORIES]={{{','.join(map(str, store_words))}}};\n"
+    return "".join(
+        (
+            defines,
+            before_circuit,
+            tables,
+            _net_tables(found),
+            _logic(found, cells),
+            _clock_gates(found),
+            _flip_flops(found),
+            after_circuit,
+        )
+    )
+
+
+def _gate_numbers(found: Circuit) -> dict[int, int]:
+    """Return the index in ``t`` of each gated clock, by its net."""
+    return {clock: index for index, clock in enumerate(found.gates)}
+
+
+def _logic(found: Circuit, cells: Mapping[str, Cell]) -> str:
+    """Return the function that computes all logic and latches, in their order."""
+    gate_number = _gate_numbers(found)
+    statements = []
+    for instance in found.order:
+        cell = cells[instance.type]
+        if cell.kind == "latch":
+            # It follows its data if its gate opened at the last edge.
+            output = found.at(instance, "Q")
+            data = found.at(instance, "D")
+            gate = gate_number[found.at(instance, "GATE")]
+            statements.append(f"v[{output}]=(v[{data}]&t[{gate}])|(v[{output}]&~t[{gate}]);")
+            continue
+        net_of_pin = {pin: f"v[{found.at(instance, pin)}]" for pin in cell.inputs}
+        for pin in cell.outputs:
+            if instance.pins.get(pin):
+                constant = {"0": "0ull", "1": "~0ull"}.get(cell.pins[pin].function)
+                value = constant or expression(cell.pins[pin].function, net_of_pin)
+                statements.append(f"v[{found.at(instance, pin)}]={value};")
+    return _function("logic", statements)
+
+
+def _clock_gates(found: Circuit) -> str:
+    """Return the function that says which gated clocks tick."""
+    statements = []
+    for clock, gate in _gate_numbers(found).items():
+        enabled = "&".join(f"v[{net}]" for net in enable(found, clock))
+        # The net of a gated clock changes whenever it ticks, so that ticks are counted as its transitions.
+        statements.append(f"t[{gate}]={enabled};v[{clock}]=p[{clock}]^t[{gate}];")
+    return _function("ticking", statements)
+
+
+def _flip_flops(found: Circuit) -> str:
+    """Return the functions that compute what all flip-flops take, and that let them take it.
+
+    They are two, because a flip-flop may read the output of another one as it was before the edge.
+    """
+    take, commit = [], []
+    for index, flop in enumerate(found.flops):
+        data, output = found.at(flop, "D"), found.at(flop, "Q")
+        value = f"v[{data}]"
+        enable_nets = enable(found, found.at(flop, "CLK"))
+        if enable_nets:
+            enabled = "&".join(f"v[{net}]" for net in enable_nets)
+            value = f"(v[{data}]&({enabled}))|(v[{output}]&~({enabled}))"
+        take.append(f"f[{index}]={value};")
+        commit.append(f"v[{output}]=f[{index}];")
+        if flop.pins.get("Q_N"):
+            commit.append(f"v[{found.at(flop, 'Q_N')}]=~f[{index}];")
+    return _function("follow", take) + _function("commit", commit)
+
+
+def _memory_ports(found: Circuit, macros: Mapping[str, Macro]) -> tuple[list[str], list[int]]:
+    """Return a ``Port`` of ``gates.cpp`` for each port of each macro, and the words that each macro is stored in."""
+    gate_number = _gate_numbers(found)
+    ports, store_words = [], []
+    for memory, instance in enumerate(found.memories):
+        macro = macros[instance.type]
+        name = instance.name.replace("\\", "").split(".")[-2]
+        # A memory that is only written while it is loaded holds the same for all recordings, so it is stored once.
+        shared = macro.ports == 1 and name not in HALVES
+        for port in "AB"[: macro.ports]:
+            depth = (macro.words - 1).bit_length()
+            clock = gate_number.get(found.at(instance, f"{port}_CLK"), -1)
+            control = [found.at(instance, f"{port}_{pin}") for pin in ("MEN", "WEN", "REN")]
+            address = [found.at(instance, f"{port}_ADDR", bit) for bit in range(depth)]
+            data = [found.at(instance, f"{port}_DIN", bit) for bit in range(macro.bits)]
+            masks = [1] * macro.bits  # net 1 is the constant 1: every bit is written
+            if "_bm_" in macro.name:
+                masks = [found.at(instance, f"{port}_BM", bit) for bit in range(macro.bits)]
+            outputs = [-1] * macro.bits  # nobody reads this port
+            if instance.pins.get(f"{port}_DOUT"):
+                outputs = [found.at(instance, f"{port}_DOUT", bit) for bit in range(macro.bits)]
+            numbers = f"{memory},{macro.words},{macro.bits},{depth},{int(shared)},{clock}"
+            nets = ",".join(
+                f"{{{','.join(map(str, row))}}}" for row in (control, address, data, masks, outputs)
+            )
+            ports.append(f"{{{numbers},{nets}}}")
+        store_words.append(macro.words * (1 if shared else LANES))
+    return ports, store_words
+
+
+PORTS = (
+    "clk", "reset", "load_valid", "load_memory", "load_address", "load_data", "in_valid", "in_ready", "in_kind",
+    "in_channel", "answer_valid", "answer_ready", "answer_class", "answer_synapses", "answer_updates",
+    "answer_spikes", "probe_valid", "probe_compartment", "probe_u", "probe_v", "probe_fired",
+)  # fmt: skip
+"""Ports of the core that ``gates.cpp`` drives or reads."""
+
+
+def _net_tables(found: Circuit) -> str:
+    """Return the nets of each port, ``n_PORT``, and its width, ``w_PORT``; and the nets of the sequencer's state."""
+    text = ""
+    for name in PORTS:
         nets = found.port(name)
-        arrays += f"static const int n_{name}[]={{{','.join(map(str, nets))}}}; static const int w_{name}={len(nets)};\n"
+        text += f"static const int n_{name}[]={{{','.join(map(str, nets))}}}; static const int w_{name}={len(nets)};\n"
     state = [found.net[bit] for bit in found.netlist.named["state"]]
-    arrays += f"static const int n_state[]={{{','.join(map(str, state))}}};\n"
-    return head + arrays + logic + after
+    return text + f"static const int n_state[]={{{','.join(map(str, state))}}};\n"
 
 
 def _function(name: str, statements: Sequence[str]) -> str:
-    """Return a function in pieces that compile fast."""
+    """Return a C++ function without arguments, in pieces of 200 statements: a compiler takes far longer for a single long one."""
     chunks = [statements[i : i + 200] for i in range(0, len(statements), 200)]
     pieces = "".join(
         f'__attribute__((noinline,optimize("O1"))) static void {name}{k}(){{{chr(10).join(chunk)}}}\n'
@@ -243,12 +305,13 @@ def _function(name: str, statements: Sequence[str]) -> str:
 
 @dataclass
 class Activity:
-    """What happened: ``toggles`` (nets, recordings), or (nets, classes) of all recordings together.
+    """What happened in a netlist while it played recordings.
 
-    ``accesses`` (ports, read or write, classes, recordings).
-
-    ``answers`` (recordings, 7): class, cycles from the first word, synapses, spikes, cycles by class. ``probes``: every
-    update, (rows, 5): recording, compartment, u, v, fired. ``whole``: what this is a part of, from here to there.
+    ``toggles``: transitions, (nets, recordings), or (nets, classes) of all recordings together.
+    ``accesses``: (ports, read or write, classes, recordings).
+    ``answers``: (recordings, 7): class, cycles from the first word, synapses, spikes, cycles by class.
+    ``probes``: every update, (rows, 5): recording, compartment, u, v, fired.
+    ``whole``: the activity that this is a part of, with the first and the end of its recordings there.
     """
 
     toggles: np.ndarray
@@ -258,7 +321,7 @@ class Activity:
     whole: "tuple[Activity, int, int] | None" = None
 
     def part(self, begin: int, end: int) -> "Activity":
-        """Return what some of the recordings did; they are counted from 0 again."""
+        """Return the activity of some of the recordings, which are then numbered from 0."""
         probes = None
         if self.probes is not None:
             mine = (self.probes[:, 0] >= begin) & (self.probes[:, 0] < end)
@@ -285,19 +348,27 @@ def play(
     folder: Path, binary: Path, load: np.ndarray, words: Sequence[Sequence[int]], found: Circuit, probes: bool = False,
     by_class: bool = False,
 ) -> Activity:  # fmt: skip
-    """Play recordings, at most 64: load words (rows, 160) as bits, and the words of every recording."""
+    """Play recordings, at most 64, and return what happened.
+
+    ``load``: the words that load a program into the core, (rows, 160) of bits; ``words``: the words of every recording.
+    ``probes``: record every update. ``by_class``: count transitions by class of cycle instead of by recording.
+    """
     assert len(words) <= LANES
-    packed = np.zeros((len(load), 192), dtype=np.uint8)
+    packed = np.zeros(
+        (len(load), 192), dtype=np.uint8
+    )  # gates.cpp reads a row as three words of 64 bits
     packed[:, : load.shape[1]] = load
     np.packbits(packed, axis=1, bitorder="little").tofile(folder / "load.bin")
-    pairs = [(lane, word) for lane, one in enumerate(words) for word in one]
-    np.array(pairs, dtype=np.uint32).tofile(folder / "words.bin")
-    done = subprocess.run(
-        [str(binary.resolve()), "2000000", str(int(probes)), str(int(by_class))],
+    lane_words = [
+        (lane, word) for lane, recording_words in enumerate(words) for word in recording_words
+    ]
+    np.array(lane_words, dtype=np.uint32).tofile(folder / "words.bin")
+    process = subprocess.run(
+        [str(binary.resolve()), str(MOST_CYCLES), str(int(probes)), str(int(by_class))],
         cwd=folder,
         check=False,
     )
-    assert done.returncode == 0, "recordings without an answer"
+    assert process.returncode == 0, "recordings without an answer"
     count = len(words)
     if by_class:
         toggles = (
@@ -315,5 +386,7 @@ def play(
         ..., :count
     ]
     answers = np.loadtxt(folder / "answers.txt", dtype=np.int64, ndmin=2)[:, 1:]
-    raw = np.fromfile(folder / "probes.bin", dtype=np.uint32).reshape(-1, 5) if probes else None
-    return Activity(toggles, accesses, answers, raw)
+    probe_rows = (
+        np.fromfile(folder / "probes.bin", dtype=np.uint32).reshape(-1, 5) if probes else None
+    )
+    return Activity(toggles, accesses, answers, probe_rows)

@@ -1,7 +1,8 @@
 """Small memories as arrays of latches: their SystemVerilog, which yosys maps to the library's cells.
 
-A word is a row of latches behind a gate of its own; rows lie in banks. Data and address reach only the bank that is used,
-and a word is read by one select line through ANDs and ORs, so that nothing else changes.
+For a few words, latches take less energy than the smallest macro of the process. A word is a row of latches behind a clock gate
+of its own; rows lie in banks. Data and address reach only the bank that is used, and a word is read by one select line through
+ANDs and ORs, so that nothing else changes.
 
     cycle 0   address and data arrive; the gates of array, bank and row take their enables
     cycle 1   data wait in a register while the row is open, in the first half of the cycle: it can be read from now on
@@ -31,13 +32,14 @@ endmodule
 
 
 HIGH = 2
+"""Bits of an address that choose a bank within a group."""
 GROUP = 1 << HIGH
-"""Banks of a group, where there are more."""
+"""Banks of a group. A memory with more banks has groups of them, so that a write toggles the wires of one group only."""
 
 
 @dataclass(frozen=True)
 class Latches:
-    """A memory of latches: banks of ``depth`` rows, one word in each; of more than four banks, in groups of four."""
+    """A memory of latches: banks of ``depth`` rows, one word in each. More than four banks lie in groups of four."""
 
     shape: Shape
     depth: int
@@ -49,13 +51,13 @@ class Latches:
 
     @property
     def groups(self) -> dict[int, list[int]]:
-        """Return the banks of every group, counted within it; none: banks are not in groups."""
+        """Return the banks of every group, numbered within it; empty if the banks are not in groups."""
         if len(self.banks) <= GROUP:
             return {}
-        found: dict[int, list[int]] = {}
+        banks_of_group: dict[int, list[int]] = {}
         for number in self.banks:
-            found.setdefault(number // GROUP, []).append(number % GROUP)
-        return found
+            banks_of_group.setdefault(number // GROUP, []).append(number % GROUP)
+        return banks_of_group
 
     @property
     def rows(self) -> int:
@@ -64,7 +66,7 @@ class Latches:
 
     @property
     def low(self) -> int:
-        """Bits of an address within a bank."""
+        """Bits of an address within a bank; at least one, as SystemVerilog has no vector of width 0."""
         return max((self.rows - 1).bit_length(), 1)
 
     @property
@@ -74,46 +76,55 @@ class Latches:
 
     @property
     def text(self) -> str:
-        """Say what it is."""
+        """Describe the array in the notation of plans: copies x (rows x bits)."""
         return f"{self.shape.copies * len(self.banks)} x ({self.rows}x{self.shape.bits} latches)"
 
 
-def array_of(made: Latches) -> Array:
-    """Return the memory as the check of plans knows it: words that are made, one after the other."""
-    return Array(made.shape.name, len(made.shape.held), made.shape.bits, 2, {1: 0.0})
+def array_of(array: Latches) -> Array:
+    """Return the memory as the check of plans takes it: the words that are made, one after the other."""
+    return Array(array.shape.name, len(array.shape.held), array.shape.bits, 2, {1: 0.0})
 
 
-def pieces_of(made: Latches) -> Iterator[Piece]:
-    """Yield the banks of a copy, each as a macro of its rows that hold a word."""
-    banks = Counter(word // made.depth for word in made.shape.held)
-    first, bits = 0, made.shape.bits
-    for number in made.banks:
+def pieces_of(array: Latches) -> Iterator[Piece]:
+    """Yield the banks of one copy as the check of plans takes them: each a macro of the rows that hold a word."""
+    words_of_bank = Counter(word // array.depth for word in array.shape.held)
+    first_word, bits = 0, array.shape.bits
+    for number in array.banks:
         yield Piece(
-            made.shape.name, made.shape.copies, made.module, first, 1, banks[number], 1, 0, bits
+            array.shape.name,
+            array.shape.copies,
+            array.module,
+            first_word,
+            1,
+            words_of_bank[number],
+            1,
+            0,
+            bits,
         )
-        first += banks[number]
+        first_word += words_of_bank[number]
 
 
-def modules(made: Latches) -> dict[str, str]:
-    """Return the modules that the memory is made of by name: a bank, and groups of banks, which have the same ports."""
-    found = {made.module: bank(made.rows, made.shape.bits)}
-    for banks in made.groups.values():
-        name = _group(made, banks)
-        parts = {number: made.module for number in banks}
+def modules(array: Latches) -> dict[str, str]:
+    """Return the text of the modules that the memory is made of, by name: a bank, and groups of banks, with the same ports."""
+    text_of_module = {array.module: bank(array.rows, array.shape.bits)}
+    for banks in array.groups.values():
+        name = _group(array, banks)
+        parts = {number: array.module for number in banks}
         lines = [
-            _head(name, made.low + HIGH, made.shape.bits),
-            *_parts(parts, made, made.low, HIGH),
+            _head(name, array.low + HIGH, array.shape.bits),
+            *_parts(parts, array, array.low, HIGH),
         ]
-        found[name] = "\n".join([*lines, "endmodule\n"])
-    return found
+        text_of_module[name] = "\n".join([*lines, "endmodule\n"])
+    return text_of_module
 
 
-def _group(made: Latches, banks: list[int]) -> str:
-    return f"{made.module}_of_{''.join(map(str, banks))}"
+def _group(array: Latches, banks: list[int]) -> str:
+    """Return the name of the module of a group with these banks."""
+    return f"{array.module}_of_{''.join(map(str, banks))}"
 
 
 def _head(name: str, address: int, bits: int) -> str:
-    """Return the ports of a bank or a group, and what reaches into it: nothing where it is not used."""
+    """Return the ports of a bank or a group, and the signals that reach into it: they stay 0 while it is not used."""
     return (
         f"module {name} (input logic clk, write, open, read, input logic [{address - 1}:0] write_row, read_row,\n"
         f"    input logic [{bits - 1}:0] data, output logic [{bits - 1}:0] found);\n"
@@ -124,9 +135,9 @@ def _head(name: str, address: int, bits: int) -> str:
     )
 
 
-def _parts(parts: dict[int, str], made: Latches, low: int, high: int) -> list[str]:
+def _parts(parts: dict[int, str], array: Latches, low: int, high: int) -> list[str]:
     """Return instances of modules by the ``high`` bits of an address above its ``low`` ones."""
-    bits = made.shape.bits
+    bits = array.shape.bits
     lines = [f"    logic [{max(high, 1) - 1}:0] opened;"]
     if high:
         lines.append(f"    always_ff @(posedge writing) opened <= to[{low + high - 1}:{low}];")
@@ -157,11 +168,11 @@ def bank(rows: int, bits: int) -> str:
     )
 
 
-def verilog(made: Latches) -> str:
-    """Return module ``memory_<name>``: the ports of ``memory``, banks or groups of them behind it."""
-    shape, groups = made.shape, made.groups
-    parts = {number: _group(made, banks) for number, banks in groups.items()}
-    low = made.low + HIGH if groups else made.low
+def verilog(array: Latches) -> str:
+    """Return module ``memory_<name>``: the ports of module ``memory`` of the core, with banks, or groups of banks, behind them."""
+    shape, groups = array.shape, array.groups
+    modules_of_groups = {number: _group(array, banks) for number, banks in groups.items()}
+    low = array.low + HIGH if groups else array.low
     lines = [
         shape.ports_text,
         "    wire writing;",
@@ -171,7 +182,10 @@ def verilog(made: Latches) -> str:
         f"    wire [{shape.address - 1}:0] to = write_address[{shape.address - 1}:0], from = read_address[{shape.address - 1}:0];",
         "    always_ff @(posedge writing) given <= write_data;",
         *_parts(
-            parts or dict.fromkeys(made.banks, made.module), made, low, max(shape.address - low, 0)
+            modules_of_groups or dict.fromkeys(array.banks, array.module),
+            array,
+            low,
+            max(shape.address - low, 0),
         ),
         "    assign read_data = found;"
         if shape.at_once

@@ -1,4 +1,8 @@
-"""Liberty files as cells with pins, functions, capacitances, tables of energy and delay; and memory macros."""
+"""Read Liberty files: standard cells with pins, functions, capacitances, and tables of energy and delay; and memory macros.
+
+A library is a tree of groups, ``name (arguments) { attributes; groups }``. :func:`read` gives the tree, :func:`cells` and
+:func:`macro` take from it what timing and energy need. Units are those of the files: ns, pF, pJ, µm2, nW.
+"""
 
 import re
 from collections.abc import Iterator
@@ -14,7 +18,11 @@ _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 
 @dataclass
 class Group:
-    """``name (arguments) { attributes; groups }``; attributes that come several times keep the last value."""
+    """``name (arguments) { attributes; groups }``.
+
+    ``values``: simple attributes, ``name : value;``; one that comes several times keeps the last value.
+    ``complex``: attributes with arguments, ``name (a, b);``, all of them. ``lines``: the line of each attribute.
+    """
 
     name: str
     arguments: tuple[str, ...]
@@ -35,31 +43,39 @@ class Group:
 
 def read(path: Path) -> Group:
     """Return the library of a file."""
+    # Comments and continued lines are replaced by as many line ends as they have, so that line numbers stay right.
     text = _COMMENT.sub(lambda found: "\n" * found.group().count("\n"), path.read_text("utf-8"))
     text = text.replace("\\\n", " \n")
-    tokens, line, at = [], 1, 0
+    tokens, line, position = [], 1, 0
     for match in _TOKEN.finditer(text):
-        line += text.count("\n", at, match.start())
-        at = match.start()
-        quoted, word, mark = match.groups()
-        tokens.append((quoted if quoted is not None else word or mark, mark is not None, line))
+        line += text.count("\n", position, match.start())
+        position = match.start()
+        quoted, word, punctuation = match.groups()
+        tokens.append(
+            (quoted if quoted is not None else word or punctuation, punctuation is not None, line)
+        )
     root = Group("", (), 0)
     _read_into(root, tokens, 0)
     return root.groups[0]
 
 
 def _read_into(group: Group, tokens: list[tuple[str, bool, int]], at: int) -> int:
+    """Read attributes and groups from token ``at`` on into a group; return the token after its closing brace.
+
+    A token is its text, whether it is punctuation, and its line.
+    """
     while at < len(tokens):
-        text, mark, line = tokens[at]
-        if mark:
+        text, punctuation, line = tokens[at]
+        if punctuation:
             at += 1
             if text == "}":
                 return at
             continue
-        after = tokens[at + 1][0] if at + 1 < len(tokens) and tokens[at + 1][1] else ""
-        if after == ":":
+        next_mark = tokens[at + 1][0] if at + 1 < len(tokens) and tokens[at + 1][1] else ""
+        if next_mark == ":":
             end = at + 2
             parts = []
+            # A value ends at ";" or, in files that leave it out, at the end of the line.
             while not (tokens[end][1] and tokens[end][0] in ";}") and (
                 not parts or tokens[end][2] == line
             ):
@@ -68,7 +84,7 @@ def _read_into(group: Group, tokens: list[tuple[str, bool, int]], at: int) -> in
             group.values[text] = " ".join(parts)
             group.lines[text] = line
             at = end
-        elif after == "(":
+        elif next_mark == "(":
             end = at + 2
             arguments = []
             while tokens[end][0] != ")" or not tokens[end][1]:
@@ -77,9 +93,9 @@ def _read_into(group: Group, tokens: list[tuple[str, bool, int]], at: int) -> in
                 end += 1
             at = end + 1
             if at < len(tokens) and tokens[at][1] and tokens[at][0] == "{":
-                inner = Group(text, tuple(arguments), line)
-                group.groups.append(inner)
-                at = _read_into(inner, tokens, at + 1)
+                inner_group = Group(text, tuple(arguments), line)
+                group.groups.append(inner_group)
+                at = _read_into(inner_group, tokens, at + 1)
             else:
                 group.complex.setdefault(text, []).append(tuple(arguments))
                 group.lines[text] = line
@@ -89,13 +105,13 @@ def _read_into(group: Group, tokens: list[tuple[str, bool, int]], at: int) -> in
 
 
 def numbers(text: tuple[str, ...]) -> np.ndarray:
-    """Return the numbers of a list in quotes."""
+    """Return the numbers of lists in quotes, such as ``"0.1, 0.2"``, one after the other."""
     return np.array([float(x) for part in text for x in part.replace(",", " ").split()])
 
 
 @dataclass
 class Table:
-    """Values over one or two indices, linear in between and at the ends."""
+    """Values over one or two indices (often input transition and load), linear in between; beyond its ends, the end's value."""
 
     index_1: np.ndarray
     index_2: np.ndarray
@@ -129,6 +145,7 @@ class Table:
 
 
 def _place(index: np.ndarray, x: float) -> tuple[int, float]:
+    """Return the interval of an index that x lies in, and how far into it, 0 to 1."""
     if len(index) == 1:
         return 0, 0.0
     i = int(np.clip(np.searchsorted(index, x) - 1, 0, len(index) - 2))
@@ -137,7 +154,11 @@ def _place(index: np.ndarray, x: float) -> tuple[int, float]:
 
 @dataclass
 class Arc:
-    """Delay and transition of an output after an input, or the energy of an output's transition caused by it."""
+    """A group of tables between two pins: the delay or transition time of an output, or the energy that a transition takes.
+
+    ``related``: the input pin that causes it. ``kind``: its ``timing_type``. ``tables``: for the rising and the falling edge.
+    ``when``: the condition on other pins, or empty.
+    """
 
     related: str
     kind: str
@@ -155,7 +176,7 @@ class Arc:
 
 @dataclass
 class Pin:
-    """A pin: picofarads, and for outputs its function and arcs."""
+    """A pin: its capacitance in picofarads, and for outputs its function and arcs; ``setup`` (ns) for inputs of flip-flops."""
 
     name: str
     direction: str
@@ -169,7 +190,10 @@ class Pin:
 
 @dataclass
 class Cell:
-    """A standard cell: square micrometres, leakage in nanowatts."""
+    """A standard cell: area in square micrometres, leakage in nanowatts.
+
+    ``kind``: ``ff``, ``latch``, ``gate`` (an integrated clock gate) or ``logic``. ``line``: where it begins in the file.
+    """
 
     name: str
     area: float
@@ -191,7 +215,7 @@ class Cell:
 
 def cells(library: Group) -> dict[str, Cell]:
     """Return the standard cells by name."""
-    found = {}
+    cell_of_name = {}
     for group in library.all("cell"):
         kind = (
             "ff"
@@ -203,15 +227,16 @@ def cells(library: Group) -> dict[str, Cell]:
         kind = kind or ("latch" if any(group.all("latch")) else "logic")
         pins = {pin.arguments[0]: _pin(pin) for pin in group.all("pin")}
         name = group.arguments[0]
-        found[name] = Cell(
+        cell_of_name[name] = Cell(
             name,
             group.number("area"),
-            group.number("cell_leakage_power") / 1e3,
+            group.number("cell_leakage_power")
+            / 1e3,  # picowatts in this file, nanowatts in those of macros
             pins,
             kind,
             group.line,
         )
-    return found
+    return cell_of_name
 
 
 def _pin(group: Group) -> Pin:
@@ -246,7 +271,12 @@ def _arc(group: Group, names: tuple[str, str]) -> Arc:
 
 @dataclass(frozen=True)
 class Macro:
-    """A memory macro: picojoules of an access, square micrometres, nanowatts, nanoseconds to its output; ``banks`` side by side."""
+    """A memory macro.
+
+    ``area``: square micrometres. ``read_pj`` and ``write_pj``: picojoules of an access. ``output_ns``: from the clock to its
+    output. ``input_pf``: of an input pin. ``toggle_pj``: picojoules of a transition of an input, by the pin's name at port A.
+    ``lines``: where its figures stand in ``file``. ``banks``: the most banks that a memory may have of it; 512 is no limit.
+    """
 
     name: str
     words: int
@@ -266,40 +296,49 @@ class Macro:
 
 
 def macro(path: Path) -> Macro:
-    """Return the macro of a file, with the lines that its figures stand in."""
+    """Return the macro of a file, with the lines that its figures stand in. Figures are those of port A."""
     library = read(path)
     (cell,) = library.all("cell")
     words, bits = map(int, re.findall(r"_(\d+)x(\d+)_", path.name)[0])
     pins = {g.arguments[0]: g for g in (*cell.all("pin"), *cell.all("bus"))}
     clock = pins["A_CLK"]
+    # Energy of an access is listed at the clock pin, by which enables (memory, write, read) are set.
     access = {
         "".join(arc.values.get("when", "").split()): arc for arc in clock.all("internal_power")
     }
     read_arc, write_arc = access["A_MEN&!A_WEN&A_REN"], access["A_MEN&A_WEN&!A_REN"]
-    of = {
+    access_pj = {
         name: Table.of(next(arc.all("rise_power"))).at(0)
         for name, arc in (("r", read_arc), ("w", write_arc))
     }
-    output = next(pins["A_DOUT"].all("timing"))
-    slowest = max(
-        Table.of(next(output.all(edge))).values[0].max() for edge in ("cell_rise", "cell_fall")
+    output_timing = next(pins["A_DOUT"].all("timing"))
+    slowest_ns = max(
+        Table.of(next(output_timing.all(edge))).values[0].max()
+        for edge in ("cell_rise", "cell_fall")
     )
     toggles = {}
     for name in ("A_ADDR", "A_DIN", "A_MEN", "A_WEN", "A_REN"):
-        inner = next(pins[name].all("pin"), pins[name]) if name in ("A_DIN",) else pins[name]
-        holders = [
-            g for g in (inner, *pins[name].all("pin"), pins[name]) if any(g.all("internal_power"))
+        first_bit = next(pins[name].all("pin"), pins[name]) if name in ("A_DIN",) else pins[name]
+        groups_with_power = [
+            g
+            for g in (first_bit, *pins[name].all("pin"), pins[name])
+            if any(g.all("internal_power"))
         ]
-        arcs = (
-            [_arc(g, ("rise_power", "fall_power")) for g in holders[0].all("internal_power")]
-            if holders
+        power_arcs = (
+            [
+                _arc(g, ("rise_power", "fall_power"))
+                for g in groups_with_power[0].all("internal_power")
+            ]
+            if groups_with_power
             else []
         )
-        toggles[name] = float(np.mean([arc.mean(0, 0) for arc in arcs])) if arcs else 0.0
+        toggles[name] = (
+            float(np.mean([arc.mean(0, 0) for arc in power_arcs])) if power_arcs else 0.0
+        )
     name = cell.arguments[0]
     return Macro(
-        name, words, bits, 2 if "_2P_" in name else 1, cell.number("area"), of["r"], of["w"],
-        cell.number("cell_leakage_power"), float(slowest), pins["A_ADDR"].number("capacitance"),
+        name, words, bits, 2 if "_2P_" in name else 1, cell.number("area"), access_pj["r"], access_pj["w"],
+        cell.number("cell_leakage_power"), float(slowest_ns), pins["A_ADDR"].number("capacitance"),
         max(_setup(pins[name]) for name in ("A_ADDR", "A_DIN", "A_MEN")), toggles, path.name,
         {"area": cell.lines["area"], "read": read_arc.line, "write": write_arc.line,
          "leakage": cell.lines["cell_leakage_power"]},

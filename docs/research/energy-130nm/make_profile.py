@@ -24,7 +24,12 @@ from hw_model.rtl.images import layouts
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
 CHECK = runs.ROOT / "docs/research/energy-130nm/check.csv"
 SETS = {"Objects": "objects-hybrid-loihi", "Containers": "containers-hybrid-loihi"}
-MADE_FROM, QUIET, CHECKED_ON = 24, 8, 20
+MADE_FROM = 24
+"""Training recordings of a set that the profile is fitted to, one of each class in turn."""
+QUIET = 8
+"""Further training recordings: those with the fewest events, which tell updates and operations apart."""
+CHECKED_ON = 20
+"""Test recordings of a set that the profile is checked on. With the others at most 64 are played, the lanes of a simulation."""
 SUPPLY = "1.2 V, 25 C, typical"
 
 
@@ -35,7 +40,7 @@ def build(folder: Path) -> runs.Built:
 
 
 def given_library(what: str | None) -> Path:
-    """Return the folder with the liberty files, as the command line gives it; ``what`` the script is for."""
+    """Return the folder with the liberty files that the command line names; ``what`` says what the script is for."""
     parser = argparse.ArgumentParser(description=what)
     parser.add_argument(
         "--liberty", type=Path, default=runs.LIBRARY, help="folder with the liberty files"
@@ -53,13 +58,22 @@ def main() -> None:
     CHIP.write_text(chip_file(built, ends["none"], ends["modelled"]))
     rows = []
     for name in SETS:
-        found = pricing.compare(built, ends["modelled"], *played(built, name)[1], "modelled")
+        picojoules_of = pricing.compare(
+            built, ends["modelled"], *played(built, name)[1], "modelled"
+        )
         rows += [
-            (name, i, f"{a:.0f}", f"{b:.0f}", f"{a / b - 1:.4f}", f"{c:.0f}")
-            for i, (a, b, c) in enumerate(found)
+            (
+                name,
+                recording,
+                f"{by_profile:.0f}",
+                f"{at_gate_level:.0f}",
+                f"{by_profile / at_gate_level - 1:.4f}",
+                f"{in_memories:.0f}",
+            )
+            for recording, (by_profile, at_gate_level, in_memories) in enumerate(picojoules_of)
         ]
         print(
-            f"{name}: the profile is {np.abs(found[:, 0] / found[:, 1] - 1).max():.1%} off at most"
+            f"{name}: the profile is {np.abs(picojoules_of[:, 0] / picojoules_of[:, 1] - 1).max():.1%} off at most"
         )
     with CHECK.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -76,20 +90,23 @@ def main() -> None:
         writer.writerows(rows)
 
 
+# A program, its recordings and what the netlist did while it played them.
 Played = tuple[hw.ChipProgram, np.ndarray, gates.Activity]
 
 
 @cache
 def played(built: runs.Built, name: str) -> tuple[Played, Played]:
-    """Return the recordings of a set that the profile is made from, and those that it is checked on, played together."""
+    """Play a set's recordings once; return those that the profile is made from, and those that it is checked on."""
     program = runs.compiled(SETS[name])
     train, test = runs.training(name, MADE_FROM, QUIET), runs.real(name, "test", CHECKED_ON)
-    whole = built.play(program, runs.stacked(program, np.concatenate((train, test))), probes=True)
-    many = len(train)
-    return (program, train, whole.part(0, many)), (
+    activity = built.play(
+        program, runs.stacked(program, np.concatenate((train, test))), probes=True
+    )
+    train_count = len(train)
+    return (program, train, activity.part(0, train_count)), (
         program,
         test,
-        whole.part(many, many + len(test)),
+        activity.part(train_count, train_count + len(test)),
     )
 
 
@@ -131,15 +148,15 @@ def macros_of(built: runs.Built) -> str:
         f"{m.ports}P {m.words}x{m.bits}": (m.words, m.bits, m.ports, m)
         for m in built.files.macros.values()
     }
-    for one in built.chosen:
-        if isinstance(one, Latches):
-            words, bits = len(one.shape.held), one.shape.bits
-            words = one.shape.words if one.shape.period else words
-            kinds[f"latches {words}x{bits}"] = (words, bits, 2, arrays.measure(built.files, one))
+    for array in built.chosen:
+        if isinstance(array, Latches):
+            words, bits = len(array.shape.held), array.shape.bits
+            words = array.shape.words if array.shape.period else words
+            kinds[f"latches {words}x{bits}"] = (words, bits, 2, arrays.measure(built.files, array))
     return "".join(
-        f"  {name}: {{words: {words}, bits: {bits}, ports: {ports}, {'banks: 1, ' * name.startswith('latches')}area: {its.area:.0f}, "
-        f"read_pj: {its.read_pj:.4f}, write_pj: {its.write_pj:.4f}}}\n"
-        for name, (words, bits, ports, its) in sorted(
+        f"  {name}: {{words: {words}, bits: {bits}, ports: {ports}, {'banks: 1, ' * name.startswith('latches')}area: {costs.area:.0f}, "
+        f"read_pj: {costs.read_pj:.4f}, write_pj: {costs.write_pj:.4f}}}\n"
+        for name, (words, bits, ports, costs) in sorted(
             kinds.items(), key=lambda kind: (kind[0][:2], kind[1][:2])
         )
     )

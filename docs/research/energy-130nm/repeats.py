@@ -1,8 +1,9 @@
 """Memories of constants that compartments share: a word that equals the last but one is not read again.
 
-Words are swept in order, even and odd ones lie in memories of their own, and these keep showing what was read last. A
-latch for each word says whether it repeats the last but one; of 32 words the first two are always read, so that words may
-be written in any order.
+Many compartments have equal constants, and those of a neuron alternate. Words are read in order; even and odd words lie in
+memories of their own, which keep showing what was read last. So a word that equals the word two before needs no read. A latch
+for each word, its *flag*, says whether it repeats; the first two of 32 words are always read, so that groups of 32 words may be
+written in any order.
 """
 
 from collections.abc import Mapping
@@ -17,12 +18,12 @@ from hw_model.rtl.memory_needs import WORDS_PER_FLAGS, own_bits, reads_without_r
 
 SAME, OWN, FLAGS = "_same", "_own", "_flags"
 PLACE = (WORDS_PER_FLAGS - 1).bit_length()
-"""Bits of an address that choose a flag of its word."""
+"""Bits of an address that choose a flag in a word of flags."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """A memory in parts: the bits of ``own`` are read as they are, all others repeat."""
+    """A memory in two parts: the bits in ``own``, which differ between compartments and are always read, and all others."""
 
     shape: Shape
     own: tuple[int, ...]
@@ -48,19 +49,19 @@ def splits(sizes: Sizes) -> list[Split]:
 
 
 def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> dict[str, Memory]:
-    """Return the memories of the core after splitting, with what a recording does to each."""
-    found = dict(traffic)
+    """Return the memories of the core, those of constants in parts, with the accesses of a recording to each."""
+    memories = dict(traffic)
     for split in splits(sizes):
-        memory = found.pop(split.shape.name)
+        memory = memories.pop(split.shape.name)
         for name, bits in split.parts.items():
-            part = replace(memory, name=name, bits=len(bits))
+            part_memory = replace(memory, name=name, bits=len(bits))
             if name.endswith(SAME):
                 reads = sum(
                     reads_without_repeats(core, sizes, split.shape.name, phase)
                     for phase in range(len(core.phases))
                 )
-                part = replace(
-                    part,
+                part_memory = replace(
+                    part_memory,
                     words=memory.words // 2,
                     copies=2,
                     reads=reads,
@@ -68,17 +69,25 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
                     single=False,
                     seen=tuple(-(-word // 2) for word in memory.seen),
                 )
-            found[name] = part
-        flags, many = split.shape.name + FLAGS, memory.reads * 2 / WORDS_PER_FLAGS
+            memories[name] = part_memory
+        # A word of flags is read for each half. Its writes are next to nothing, but not 0: it needs a port of its own for them.
+        flags, flag_reads = split.shape.name + FLAGS, memory.reads * 2 / WORDS_PER_FLAGS
         words = memory.words // WORDS_PER_FLAGS
-        found[flags] = Memory(
-            flags, words, WORDS_PER_FLAGS, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False
+        memories[flags] = Memory(
+            flags,
+            words,
+            WORDS_PER_FLAGS,
+            1,
+            flag_reads,
+            1e-9,
+            dict.fromkeys(memory.rows, flag_reads),
+            False,
         )
-    return found
+    return memories
 
 
 def verilog(split: Split) -> str:
-    """Return module ``memory_<name>``, made of modules of its parts, and what tells which words repeat."""
+    """Return module ``memory_<name>``, made of the modules of its parts, and module ``repeats_<name>`` with the flags."""
     shape, top = split.shape, split.shape.address - 1
     lines, from_part = [shape.ports_text], {}
     for name, bits in split.parts.items():
@@ -114,6 +123,9 @@ def verilog(split: Split) -> str:
     )  # fmt: skip
 
 
+# Writing: a word equals the last but one if both belong to the same run of addresses; the flags of 32 words are collected and
+# written as one word. Reading: a repeat is skipped only after two reads in a row at following addresses (`streak`), because only
+# then the memories show the words of the two addresses before.
 REPEATS = """\
 module repeats_{name} (input logic clk, write, read, input logic [{top}:0] write_address, read_address,
     input logic [{last}:0] write_data, output logic again);

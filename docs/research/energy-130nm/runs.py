@@ -1,4 +1,8 @@
-"""From the core's sources and a folder with the libraries to the energy of recordings; what takes long is kept."""
+"""From the core's sources and a folder with the libraries to the energy of recordings.
+
+:class:`Library` reads the files, :class:`Built` synthesises the core and simulates it. Synthesis, simulation and energies take
+minutes to hours, so each result is kept under ``build/energy``, in a file whose name has a hash of all that it depends on.
+"""
 
 import hashlib
 import io
@@ -36,20 +40,21 @@ SIZES = {
     "axons": 1024, "synapses": 16384, "compartments": 512, "slots": 2, "charge": 16, "join": 26, "bitmap": 2048,
     "visits": 128, "entries": 128, "step": 3, "places": 256, "sums": 32,
 }  # fmt: skip
-"""The core of the chip file: it holds the hybrid of either example."""
+"""Parameters of the core in the chip file: it holds the hybrids of both examples."""
 SAVING = {"at_once": 1, "lazy": 1}
-"""Parameters of the core that save energy here; charges of a larger one lie in macros, which do not answer at once."""
+"""Parameters of the core that save energy: charges in latches, which answer in the same cycle, and states that are read and written
+only if needed. The charges of a larger core lie in macros, which do not answer at once."""
 HELD = {
     "axons": 744, "synapses": 7424, "bitmap": 1024, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
 }  # fmt: skip
-"""Words that are made of memories, where parameters of the core are powers of two above them."""
+"""Words that memories really have, as many as the two hybrids need; the parameters of the core are powers of two above them."""
 COMPARTMENTS = 416
-"""Of 512 compartments those that memories hold."""
+"""Compartments that memories really hold, of the 512 of the parameter."""
 
 
 @dataclass(frozen=True)
 class Core:
-    """A core in macros: its parameters, words and compartments that memories hold; ``saving``: parameters that save energy."""
+    """A core to be made: its parameters, the words and compartments that its memories hold, and parameters that save energy."""
 
     sizes: Sizes
     held: Mapping[str, int]
@@ -61,7 +66,7 @@ OURS = Core(Sizes(**SIZES), HELD, COMPARTMENTS, SAVING)
 
 
 def holding(program: hw.ChipProgram, rows: int) -> tuple[CoreProgram, Core]:
-    """Return the core that holds a larger program, and the program on it, for recordings of so many rows."""
+    """Return a larger program mapped for recordings of so many rows, and the smallest core that holds it."""
     mapped = CoreProgram(program, rows, sizes=replace(SIMULATED, sums=SIZES["sums"]))
     needs = mapped.needs
     held = {"axons": needs.axons, "synapses": needs.synapses // 2, "bitmap": needs.bitmap, "visit_list": needs.visits,
@@ -94,7 +99,10 @@ class Library:
 
 
 class Built:
-    """The core in cells and macros: netlist, times without wires and with those of the library's model."""
+    """The core in cells and macros: netlist, circuit, simulator, and times with each model of wires.
+
+    ``chosen``: what every memory is made of. ``gated``: with clock gates. ``sources``: the folder of the core's SystemVerilog.
+    """
 
     def __init__(
         self,
@@ -105,15 +113,16 @@ class Built:
         core: Core = OURS,
     ) -> None:
         self.files, self.chosen, self.gated, self.core = files, chosen, gated, core
-        texts = b"".join(p.read_bytes() for p in netlist.parts(sources))
+        source_bytes = b"".join(p.read_bytes() for p in netlist.parts(sources))
+        # The scripts that make netlist and simulator are part of the hash: a change of theirs builds the core again.
         names = ("netlist.py", "memories.py", "latches.py", "repeats.py", "gates.py", "gates.cpp")
-        made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
+        script_bytes = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
         plan = repr([(c.shape, c.text) for c in chosen])
         sizes = asdict(core.sizes)
-        key = hashlib.sha256(
-            texts + made_by + repr((sizes, core.saving, plan, gated)).encode()
+        build_key = hashlib.sha256(
+            source_bytes + script_bytes + repr((sizes, core.saving, plan, gated)).encode()
         ).hexdigest()[:12]
-        self.folder = KEPT / key
+        self.folder = KEPT / build_key
         if not (self.folder / "netlist.json").exists():
             split = repeats.splits(core.sizes)
             netlist.synthesise(
@@ -182,7 +191,7 @@ class Built:
         by_class: bool = False,
         probes: bool = False,
     ) -> gates.Activity:
-        """Play recordings (batch, steps, channels); what was played before is not played again."""
+        """Play recordings (batch, steps, channels), or load what the netlist did with them in an earlier run."""
         key = hashlib.sha256(recordings.tobytes() + program.name.encode())
         key.update(
             repr(
@@ -194,20 +203,21 @@ class Built:
                 )
             ).encode()
         )
-        kept = self.folder / f"played-{key.hexdigest()[:12]}.pkl"
-        if not kept.exists():
+        result_file = self.folder / f"played-{key.hexdigest()[:12]}.pkl"
+        if not result_file.exists():
             core = CoreProgram(program, recordings.shape[1], sizes=self.core.sizes)
             load = core.load_words(self.core.sizes)
             words = [words_of(core, one) for one in recordings]
             with tempfile.TemporaryDirectory(dir=self.folder) as folder:
-                found = gates.play(
+                activity = gates.play(
                     Path(folder), self.binary, load, words, self.circuit, probes, by_class
                 )
-            kept.write_bytes(pickle.dumps(found))
-        return pickle.loads(kept.read_bytes())
+            result_file.write_bytes(pickle.dumps(activity))
+        return pickle.loads(result_file.read_bytes())
 
     def energy(self, found: gates.Activity, wires: str) -> picojoules.Energy:
-        """Return the energy of what was played, by recording, or by class of all together; it is kept."""
+        """Return the energy of what was played, by recording, or by class of all together, from the kept file if there is one."""
+        # Part of a run: take it out of the energy of the run, which is kept as a whole.
         if found.whole is not None:
             whole, begin, end = found.whole
             return self.energy(whole, wires).part(begin, end)
@@ -222,6 +232,7 @@ class Built:
         return pickle.loads(kept.read_bytes())
 
     def _energy(self, found: gates.Activity, wires: str) -> picojoules.Energy:
+        # Columns of the toggles are recordings or the three classes; three recordings are taken for recordings.
         by_class = found.toggles.shape[1] == 3 and len(found.answers) != 3
         cycles, accesses = found.answers[:, 4:7], found.accesses
         cycles = cycles.sum(axis=0) if by_class else cycles.sum(axis=1)
@@ -234,7 +245,10 @@ class Built:
 
 
 def real(dataset: str, part: str, count: int) -> np.ndarray:
-    """Return the first recordings of a part of a public set, one of every class in turn, (count, steps, channels); -1: all."""
+    """Return the first recordings of a part of a public set, one of every class in turn, (count, steps, channels).
+
+    A ``count`` of -1 gives all. Files are named ``sample_NUMBER_label_LABEL.npy``.
+    """
     archive = zipfile.ZipFile(RECORDINGS / f"Ev-{dataset}.zip")
     names = [n for n in archive.namelist() if f"/{part}/sample_" in n and n.endswith(".npy")]
 
@@ -245,20 +259,21 @@ def real(dataset: str, part: str, count: int) -> np.ndarray:
     by_class: dict[int, list[str]] = {}
     for name in sorted(names, key=place):
         by_class.setdefault(place(name)[1], []).append(name)
-    order = [
-        several[turn]
+    names_in_turn = [
+        names_of_class[turn]
         for turn in range(max(map(len, by_class.values())))
-        for _, several in sorted(by_class.items())
-        if turn < len(several)
+        for _, names_of_class in sorted(by_class.items())
+        if turn < len(names_of_class)
     ]
     arrays = [
-        np.load(io.BytesIO(archive.read(name))) for name in (order if count < 0 else order[:count])
+        np.load(io.BytesIO(archive.read(name)))
+        for name in (names_in_turn if count < 0 else names_in_turn[:count])
     ]
     return np.stack([a.reshape(-1, a.shape[-1]).T for a in arrays]).astype(np.uint8)
 
 
 def training(dataset: str, many: int, quiet: int) -> np.ndarray:
-    """Return the first training recordings of a set, and of all others those with the fewest events."""
+    """Return the first ``many`` training recordings of a set, then the ``quiet`` ones of the others with the fewest events."""
     every = real(dataset, "train", -1)
     events = every[many:].sum(axis=(1, 2))
     return np.concatenate((every[:many], every[many:][np.argsort(events, kind="stable")[:quiet]]))
@@ -292,13 +307,13 @@ def compiled(model: str) -> hw.ChipProgram:
 
 
 def traffic_of() -> dict[str, traffic.Memory]:
-    """Return the memories of the core, in parts where words repeat, and what a training recording does to them."""
+    """Return the memories of the core, constants in parts, with the accesses of a training recording of Objects to each."""
     program = compiled("objects-hybrid-loihi")
     return repeats.parts_of(counted(), CoreProgram(program, 250, sizes=OURS.sizes), OURS.sizes)
 
 
 def counted() -> dict[str, traffic.Memory]:
-    """Return the memories of the core, and what a training recording of Objects does to them."""
+    """Return the memories of the core as its sources have them, with the accesses of a training recording of Objects to each."""
     program = compiled("objects-hybrid-loihi")
     return counted_for(program, real("Objects", "train", 4), OURS)
 
@@ -306,17 +321,19 @@ def counted() -> dict[str, traffic.Memory]:
 def counted_for(
     program: hw.ChipProgram, recordings: np.ndarray, core: Core
 ) -> dict[str, traffic.Memory]:
-    """Return the memories of a core, and what a recording does to them; what was counted is kept."""
-    texts = b"".join(p.read_bytes() for p in netlist.parts(netlist.CORE))
-    made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr(
+    """Return the memories of a core with the mean accesses of these recordings to each, from the kept file if there is one."""
+    source_bytes = b"".join(p.read_bytes() for p in netlist.parts(netlist.CORE))
+    script_bytes = (Path(__file__).parent / "traffic.py").read_bytes() + repr(
         (program.name, core.sizes, core.saving)
     ).encode()
-    kept = (
+    result_file = (
         KEPT
-        / f"traffic-{hashlib.sha256(texts + made_by + recordings.tobytes()).hexdigest()[:12]}.pkl"
+        / f"traffic-{hashlib.sha256(source_bytes + script_bytes + recordings.tobytes()).hexdigest()[:12]}.pkl"
     )
-    if not kept.exists():
-        found = traffic.count(program, stacked(program, recordings), core.sizes, core.saving)
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_bytes(pickle.dumps({memory.name: memory for memory in found}))
-    return pickle.loads(kept.read_bytes())
+    if not result_file.exists():
+        memories_counted = traffic.count(
+            program, stacked(program, recordings), core.sizes, core.saving
+        )
+        result_file.parent.mkdir(parents=True, exist_ok=True)
+        result_file.write_bytes(pickle.dumps({memory.name: memory for memory in memories_counted}))
+    return pickle.loads(result_file.read_bytes())

@@ -1,4 +1,7 @@
-"""What each measure saves against the core without it, from counted cycles and accesses."""
+"""What each measure saves against the core without it, from counted cycles and accesses, for the page's table of savings.
+
+No second core is built: a measure saves accesses, clock ticks or area, and these are counted and priced.
+"""
 
 from dataclasses import replace
 
@@ -23,30 +26,36 @@ def savings(
     counts = hw.simulate(
         runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4), probe=()
     ).counts
+    # Accesses were counted on training recordings, the page is about test recordings: scale by synaptic operations.
     scale = played.answers[:, 2].mean() / (counts.synaptic_ops / 4)
     cycles = played.answers[:, 4:7].sum(axis=1).mean()
-    clocked = float(spent.of("clock").mean())
-    bits = len([i for i in built.circuit.order if files.cells[i.type].kind == "latch"])
-    stopped = _pj_of_a_tick(built) * len(built.circuit.flops) * cycles - clocked
-    in_macros = latched = flat = 0.0
-    states, kept = next(c for c in built.chosen if c.shape.name == "states"), traffic["states"]
+    clock_pj = float(spent.of("clock").mean())
+    latch_count = len([i for i in built.circuit.order if files.cells[i.type].kind == "latch"])
+    gating_pj = _pj_of_a_tick(built) * len(built.circuit.flops) * cycles - clock_pj
+    macro_pj = latch_pj = packing_pj = 0.0
+    states, state_traffic = (
+        next(c for c in built.chosen if c.shape.name == "states"),
+        traffic["states"],
+    )
     assert isinstance(states, memories.Choice)
-    lazy = (counts.neuron_updates / 4 - kept.reads) * states.read_pj
-    lazy += (counts.neuron_updates_active / 4 - kept.writes) * states.write_pj
-    for one in built.chosen:
-        memory = traffic[one.shape.name]
+    lazy_pj = (counts.neuron_updates / 4 - state_traffic.reads) * states.read_pj
+    lazy_pj += (counts.neuron_updates_active / 4 - state_traffic.writes) * states.write_pj
+    for choice in built.chosen:
+        memory = traffic[choice.shape.name]
         # Macros, which do not answer at once, would need the pipeline of an FPGA.
-        in_turn = replace(memory, at_once=False)
-        macros = [c for c in plans.options(files, in_turn) if isinstance(c, memories.Choice)]
-        if isinstance(one, Latches):
-            best = min(macros, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area)
-            in_macros, latched = (
-                in_macros + plans.cost(files, best, memory),
-                latched + plans.cost(files, one, memory),
+        in_macros_only = replace(memory, at_once=False)
+        macros = [c for c in plans.options(files, in_macros_only) if isinstance(c, memories.Choice)]
+        if isinstance(choice, Latches):
+            cheapest = min(
+                macros, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area
+            )
+            macro_pj, latch_pj = (
+                macro_pj + plans.cost(files, cheapest, memory),
+                latch_pj + plans.cost(files, choice, memory),
             )
         else:
-            least = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
-            flat += plans.cost(files, least, memory) - plans.cost(files, one, memory)
+            smallest = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
+            packing_pj += plans.cost(files, smallest, memory) - plans.cost(files, choice, memory)
     return [
         (
             "targets stored as distances from the one before, 24 bits for two synapses instead of 40",
@@ -54,33 +63,36 @@ def savings(
         ),
         (
             "clock gating: of modules, of registers with an enable, and of groups of eight bits in which none changes",
-            stopped / 1e6,
+            gating_pj / 1e6,
         ),
         (
-            f"latches in place of macros for the smallest memories ({bits:,} bits)",
-            (in_macros - latched) * scale / 1e6,
+            f"latches in place of macros for the smallest memories ({latch_count:,} bits)",
+            (macro_pj - latch_pj) * scale / 1e6,
         ),
         (
             "shallow banks and words packed into rows, in place of the least area",
-            flat * scale / 1e6,
+            packing_pj * scale / 1e6,
         ),
         (
             "states that are read and written only where the next step depends on them",
-            lazy * scale / 1e6,
+            lazy_pj * scale / 1e6,
         ),
     ]
 
 
 def narrower(files: runs.Library) -> float:
-    """Return picojoules per recording that words of steps save, with the fillers among them."""
-    memory, full = (
+    """Return picojoules per recording that storing distances of targets saves, although lists then have more words."""
+    memory, core_full_targets = (
         runs.traffic_of()["synapses"],
         replace(runs.OURS, sizes=replace(runs.OURS.sizes, step=0, places=0)),
     )
-    fewer = 1 / (1 + fillers())
-    rows = {pack: many * fewer for pack, many in memory.rows.items()}
-    wide = replace(
-        memory, bits=layouts(full.sizes)["synapses"].width, reads=memory.reads * fewer, rows=rows
+    share_of_words = 1 / (1 + fillers())
+    rows = {pack: row_reads * share_of_words for pack, row_reads in memory.rows.items()}
+    full_targets = replace(
+        memory,
+        bits=layouts(core_full_targets.sizes)["synapses"].width,
+        reads=memory.reads * share_of_words,
+        rows=rows,
     )
 
     def least(memory: traffic.Memory, core: runs.Core) -> float:
@@ -91,32 +103,37 @@ def narrower(files: runs.Library) -> float:
             memory,
         )
 
-    return least(wide, full) - least(memory, runs.OURS)
+    return least(full_targets, core_full_targets) - least(memory, runs.OURS)
 
 
 def fillers() -> float:
-    """Return how many words more lists of Objects take as steps, as a share of those that tell targets in full."""
+    """Return how many more words the lists of Objects take with distances of targets, as a share of those with full targets.
+
+    A distance that is too large for its field takes a word without a synapse, a filler.
+    """
     program = runs.compiled("objects-hybrid-loihi")
-    steps, full = (CoreProgram(program, 250, sizes=sizes) for sizes in (runs.OURS.sizes, None))
-    return float(steps.lengths.sum() / full.lengths.sum() - 1)
+    with_distances, with_targets = (
+        CoreProgram(program, 250, sizes=sizes) for sizes in (runs.OURS.sizes, None)
+    )
+    return float(with_distances.lengths.sum() / with_targets.lengths.sum() - 1)
 
 
 def _pj_of_a_tick(built: runs.Built) -> float:
     """Return picojoules that a cycle costs in the clock pin of a flip-flop, with its share of the modelled tree."""
     found = built.circuit
-    toggles, ungated = np.zeros((found.nets, 1)), np.ones(1)
+    toggles, one_cycle = np.zeros((found.nets, 1)), np.ones(1)
     toggles[[found.at(flop, "CLK") for flop in found.flops]] = 1
-    only = replace(
+    flops_only = replace(
         found, order=[], gates={net: gate for net, gate in found.gates.items()}, memories=[]
     )
-    spent = picojoules.measure(
-        only,
+    energy = picojoules.measure(
+        flops_only,
         built.files.cells,
         built.files.macros,
         built.times["modelled"],
         toggles,
-        ungated,
+        one_cycle,
         np.zeros((0, 2, 1)),
         True,
     )
-    return float(spent.of("clock")[0]) / len(found.flops)
+    return float(energy.of("clock")[0]) / len(found.flops)

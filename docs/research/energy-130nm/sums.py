@@ -1,6 +1,7 @@
 """Accesses of the core's memories and what they cost, from the simulator's spikes and the chip file: no hardware, no library.
 
-The chip file says in its comments which macros a memory is made of and what an access of each costs.
+This is an independent check of the gate-level energies of memories: it uses neither RTL nor netlist. The chip file says in its
+comments which macros a memory is made of and what an access of each costs.
 """
 
 import re
@@ -14,28 +15,29 @@ from hw_model.rtl.images import CoreProgram, Sizes, layouts
 
 CHIP = Path(__file__).parents[3] / "hw_model/chips/locsnn-130nm.yaml"
 OWN: dict[str, set[str]] = {"leaks": set(), "fires": {"parent", "entry"}}
-"""Memories of constants, and their fields that are read for each compartment; the others are not where they repeat."""
+"""Memories of constants, and their fields that are read for each compartment. The other fields are not read again if they equal
+those of the compartment two before."""
 _MEMORY = re.compile(r"^#   (\w+) +(\d+) x \((.+?)\)(?:, (\d) words a row)?$", re.M)
 _FIGURE = re.compile(r"_(\dP)_(\d+x\d+)_\S*: read ([\d.]+) \(line \d+\), write ([\d.]+)")
 
 
 def prices(text: str) -> dict[str, tuple[int, float, float]]:
-    """Return words in a row, picojoules of reading a row and of writing a word, of every memory of macros in the chip file."""
+    """Return, for every memory of macros in the chip file: words in a row, and picojoules of reading a row and writing a word."""
     figures = {
         f"{ports} {size}": (float(read), float(write))
         for ports, size, read, write in _FIGURE.findall(text)
     }
-    found = {}
+    price_of_memory = {}
     for name, _, row, pack in _MEMORY.findall(text):
         if row.endswith("latches"):
             continue
-        each = [figures[macro] for macro in row.split(" + ")]
-        found[name] = (
+        figures_of_row = [figures[macro] for macro in row.split(" + ")]
+        price_of_memory[name] = (
             int(pack or 1),
-            sum(read for read, _ in each),
-            sum(write for _, write in each),
+            sum(read for read, _ in figures_of_row),
+            sum(write for _, write in figures_of_row),
         )
-    return found
+    return price_of_memory
 
 
 def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
@@ -53,7 +55,10 @@ def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
 def sent_by(
     core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int
 ) -> np.ndarray:
-    """Return how often each source sends (sources,) in recording ``i``, (steps, channels)."""
+    """Return how often each source sends, (sources,), in ``recording`` (steps, channels), which is number ``i`` of ``found``.
+
+    Sources are, in this order: channels for the first phase, rows that later phases visit by channel, and compartments.
+    """
     sent = np.zeros(len(core.starts))
     sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
     for channel, source in zip(
@@ -75,7 +80,7 @@ def accesses(
     """Return rows read and words written of every memory for one recording."""
     counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
     sent = sent_by(core, recording, found, i)
-    taken = parents = 0
+    charges_taken = parents = 0
     states = np.zeros(2, dtype=np.int64)
     constants = core.tables["compartments"]
     assert not constants["blocks"].any()
@@ -83,33 +88,39 @@ def accesses(
         numbers = core.numbers[phase.name]
         parents += int(constants["has_children"][numbers].sum()) * phase.steps
         for name, columns in core.program.columns_of(phase.name).items():
-            here = numbers[columns]
+            numbers_here = numbers[columns]
+            # A charge that is not 0 is set to 0 when it is taken. It was not 0 if the current is more than what decay left of it.
             u = found.u[name][i].astype(np.int64)
             before = np.vstack((np.zeros_like(u[:1]), u[:-1]))
-            left = np.sign(before) * (np.abs(before) * constants["keep_u"][here] >> 12)
-            taken += np.count_nonzero(u != left)
-            # A state is written where the next step depends on it, and read then; that of the first of a sweep is always read.
-            lasts = (constants["keep_u"][here] | constants["keep_v"][here]) != 0
+            u_decayed = np.sign(before) * (np.abs(before) * constants["keep_u"][numbers_here] >> 12)
+            charges_taken += np.count_nonzero(u != u_decayed)
+            # A state is written if the next step depends on it, and then read in that step. The state of the first compartment
+            # of a sweep is always read; so is the second's if the first is the last of a group of 8 that share a word of
+            # at_rest.sv.
+            lasts = (constants["keep_u"][numbers_here] | constants["keep_v"][numbers_here]) != 0
             kept = lasts & ((u != 0) | (found.v[name][i] != 0))
             first = numbers.min()
-            alone = not sizes.places and first % 8 == 7
-            read = kept[:-1] | (here == first) | ((here == first + 1) & alone)
-            states += [np.count_nonzero(read), np.count_nonzero(kept)]
+            group_ends = not sizes.places and first % 8 == 7
+            reads = kept[:-1] | (numbers_here == first) | ((numbers_here == first + 1) & group_ends)
+            states += [np.count_nonzero(reads), np.count_nonzero(kept)]
+    # Rows of `pack` words that each list touches.
     starts, ends = core.starts, core.starts + core.lengths
     pack = of["synapses"][0]
     rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)
-    axons, updates = sent.sum(), counts.neuron_updates
+    lists_read, updates = sent.sum(), counts.neuron_updates
     entries = int(constants["read_out"].sum())
     read_out = sum(
         int(constants["read_out"][core.numbers[p.name]].sum()) * p.steps for p in core.phases
     )
     events, visits = counts.input_events, len(core.tables["visits"]["step"])
-    found_here = {
-        "axons": (axons / of["axons"][0], 0),
+    accesses_of_memory = {
+        "axons": (lists_read / of["axons"][0], 0),
         "synapses": (sent @ rows, 0),
         "charges": (
             counts.synaptic_ops + updates,
-            counts.synaptic_ops + taken + sizes.slots * (sizes.places or sizes.compartments),
+            counts.synaptic_ops
+            + charges_taken
+            + sizes.slots * (sizes.places or sizes.compartments),
         ),
         "states": tuple(states),
         "sums": (parents, parents),
@@ -118,20 +129,20 @@ def accesses(
         "bitmap": (events + visits * (core.row_words + 1), events + sizes.bitmap),
         "visit_list": (visits, 0),
     }
-    # Constants of compartments: the part of their own in rows of several words, the other where it does not repeat.
+    # Constants of compartments: fields of their own are read always, several words in a row; the others unless they repeat.
     for name, own in OWN.items():
         layout = layouts(Sizes(**asdict(hw.chip("locsnn-130nm").open_core)))[name]
         fields = [constants[field.name] for field in layout.fields if field.name not in own]
         begins = [0, *core.ends[:-1]]
-        read = sum(
+        reads = sum(
             phase.steps * np.count_nonzero(_differs(fields, begin, end))
             for phase, begin, end in zip(core.phases, begins, core.ends, strict=True)
         )
-        found_here |= {
-            f"{name}_same": (read, 0),
+        accesses_of_memory |= {
+            f"{name}_same": (reads, 0),
             f"{name}_own": (updates / of.get(f"{name}_own", (1,))[0], 0),
         }
-    return found_here
+    return accesses_of_memory
 
 
 def _differs(fields: list, begin: int, end: int) -> np.ndarray:

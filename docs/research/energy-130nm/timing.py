@@ -1,6 +1,8 @@
-"""Loads, transitions and arrival times of a netlist: a static analysis over the liberty tables.
+"""Loads, transitions and arrival times of a netlist: a static timing analysis over the liberty tables.
 
-Graph based: the worse of both edges and of all arcs, an ideal clock, no false paths, and wires of a model or none.
+It is graph based: every net has one arrival time, the latest of all paths to it, by the worse of both edges and of all arcs. The
+clock is ideal, no path is known to be false, and wires have the capacitance of a model or none. Energies use loads and
+transition times (:mod:`picojoules`), the page the longest path.
 """
 
 from collections.abc import Collection, Mapping
@@ -12,12 +14,17 @@ from gates import Circuit
 from liberty import Cell, Group, Macro
 
 CLOCK_NS = 0.1
-"""Transition of clock pins and of the core's inputs."""
+"""Transition time of clock pins and of the core's inputs, in nanoseconds. Chosen by hand."""
+CLOCK_GATE_SETUP_NS = 0.1
+"""Setup time of the enable of a clock gate. Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Wires:
-    """Picofarads of a wire by how many pins it drives, as a ``wire_load`` group says; none: nothing."""
+    """Picofarads of a wire by how many pins it drives, as a ``wire_load`` group of the library says; by default 0.
+
+    ``fanouts`` and ``lengths``: a table of lengths. ``slope``: length for each pin more. ``capacitance``: of a unit of length.
+    """
 
     name: str = "none"
     capacitance: float = 0.0
@@ -53,6 +60,7 @@ def wires_for(library: Group, area: float) -> Wires:
 
 
 Path = tuple[str, ...]
+# The modules that an instance lies in, from the top down. A last "" stands for the module's own cells, without modules in it.
 
 
 def block_of(name: str) -> Path:
@@ -63,11 +71,11 @@ def block_of(name: str) -> Path:
 
 
 class Blocks:
-    """Wires where modules are placed as blocks: a net has the load for the area of what its pins lie in.
+    """Wires of modules that are placed as blocks: a net has the load for the area over which its pins may lie.
 
-    That is the module's own cells where no other module is on the net, and else all of the smallest module that holds
-    the pins. Macros, and ``arrays`` of latches, which are placed like them, do not count for what lies around them.
-    ``flat``: outside of arrays every net has the load for the area of all, which is the library's own mode.
+    This is the area of a module's own cells if all pins of the net are there, and else all of the smallest module that holds
+    the pins. Macros, and ``arrays`` of latches, which are placed like macros, do not add to the area around them.
+    ``flat``: outside of arrays every net has the load for the area of all logic, which is the library's own mode.
     """
 
     def __init__(
@@ -79,34 +87,36 @@ class Blocks:
         flat: bool = False,
     ) -> None:
         self.area: dict[Path, float] = {(): 0.0}
-        pins = [(block_of(i.name), i) for i in found.netlist.instances]
-        for path, instance in pins:
+        path_and_instance = [(block_of(i.name), i) for i in found.netlist.instances]
+        for path, instance in path_and_instance:
             if instance.type not in cells:
                 continue
-            least = max((k + 1 for k, name in enumerate(path) if name in arrays), default=0)
-            for depth in range(least, len(path) + 1):
+            array_depth = max((k + 1 for k, name in enumerate(path) if name in arrays), default=0)
+            for depth in range(array_depth, len(path) + 1):
                 self.area[path[:depth]] = (
                     self.area.get(path[:depth], 0.0) + cells[instance.type].area
                 )
+            # The module's own cells, also by themselves.
             own = (*path, "")
             self.area[own] = self.area.get(own, 0.0) + cells[instance.type].area
+        # The block of a net is the longest path that all its pins have in common; ports of the core lie in no module.
         self.block: dict[int, Path] = {
             found.net[bit]: () for _, bits in found.netlist.ports.values() for bit in bits
         }
-        for path, instance in pins:
+        for path, instance in path_and_instance:
             own = (*path, "") if instance.type in cells else path[:-1]
             if flat and not set(path) & set(arrays):
                 own = ()
             for bits in instance.pins.values():
                 for bit in bits:
-                    known = self.block.setdefault(found.net[bit], own)
-                    same = sum(
+                    path_so_far = self.block.setdefault(found.net[bit], own)
+                    common = sum(
                         1
                         for _ in takewhile(
-                            lambda pair: pair[0] == pair[1], zip(known, own, strict=False)
+                            lambda pair: pair[0] == pair[1], zip(path_so_far, own, strict=False)
                         )
                     )
-                    self.block[found.net[bit]] = known[:same]
+                    self.block[found.net[bit]] = path_so_far[:common]
         self.wires = {path: wires_for(library, um2) for path, um2 in self.area.items()}
 
     def pf(self, net: int, fanout: int) -> float:
@@ -119,7 +129,11 @@ class Blocks:
 
 @dataclass
 class Timing:
-    """By net: ``load`` (pF), ``fanout``, ``slew`` and ``arrival`` (ns); ``worst``: the longest path, and where it ends."""
+    """What the analysis gives.
+
+    By net: ``load`` (pF), ``fanout`` (pins), ``slew`` (transition time, ns) and ``arrival`` (ns).
+    ``worst``: nanoseconds of the longest path. ``end``: where it ends. ``path``: its instances, from the first to the last.
+    """
 
     load: np.ndarray
     fanout: np.ndarray
@@ -133,7 +147,7 @@ class Timing:
 def loads(
     found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires | Blocks
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return picofarads and pins of every net."""
+    """Return the load in picofarads and the number of pins of every net, wires included."""
     load, fanout = np.zeros(found.nets), np.zeros(found.nets, dtype=int)
     for instance in found.netlist.instances:
         if instance.type in macros:
@@ -159,13 +173,18 @@ def analyse(
     """Return loads and times of every net."""
     load, fanout = loads(found, cells, macros, wires)
     slew, arrival = np.full(found.nets, CLOCK_NS), np.zeros(found.nets)
-    before = np.full(found.nets, -1)
+    net_before = np.full(
+        found.nets, -1
+    )  # the net before on the latest path; -1: a path begins here
+    # Paths begin at flip-flops and memories ...
     for flop in found.flops:
         for pin in cells[flop.type].outputs:
             if flop.pins.get(pin):
                 net = found.at(flop, pin)
-                out = cells[flop.type].pins[pin]
-                for delay, transition in zip(out.delays, out.transitions, strict=True):
+                output_pin = cells[flop.type].pins[pin]
+                for delay, transition in zip(
+                    output_pin.delays, output_pin.transitions, strict=True
+                ):
                     if delay.related == "CLK":
                         arrival[net] = delay.worst(CLOCK_NS, load[net])
                         slew[net] = transition.worst(CLOCK_NS, load[net])
@@ -174,30 +193,33 @@ def analyse(
         for port in "AB"[: macro.ports]:
             for bit in memory.pins.get(f"{port}_DOUT", []):
                 arrival[found.net[bit]] = macro.output_ns
+    # ... go through logic, in the order of levels, so the times of all inputs are known ...
     for instance in found.order:
         cell = cells[instance.type]
         for pin in cell.outputs:
             if not instance.pins.get(pin):
                 continue
-            net, out = found.at(instance, pin), cell.pins[pin]
+            net, output_pin = found.at(instance, pin), cell.pins[pin]
             slew[net] = 0.0
-            for delay, transition in zip(out.delays, out.transitions, strict=True):
+            for delay, transition in zip(output_pin.delays, output_pin.transitions, strict=True):
                 source = found.at(instance, delay.related)
+                # Nets 0 and 1 are constants; resets of latches are no paths.
                 if source < 2 or (cell.kind == "latch" and delay.related not in ("D", "GATE")):
                     continue
-                at = arrival[source] + delay.worst(slew[source], load[net])
-                if at > arrival[net]:
-                    arrival[net], before[net] = at, source
+                time = arrival[source] + delay.worst(slew[source], load[net])
+                if time > arrival[net]:
+                    arrival[net], net_before[net] = time, source
                 slew[net] = max(slew[net], transition.worst(slew[source], load[net]))
+    # ... and end at flip-flops, latches, clock gates and memories, each with its setup time.
     ends = [
         (arrival[found.at(f, "D")] + cells[f.type].pins["D"].setup, f.name, found.at(f, "D"))
         for f in found.flops
     ]
-    # Latches close in the middle of a cycle.
+    # Latches close in the middle of a cycle, so a path to one counts twice.
     latches = [i for i in found.order if cells[i.type].kind == "latch"]
     ends += [(2 * arrival[found.at(i, "D")], i.name, found.at(i, "D")) for i in latches]
     ends += [
-        (arrival[found.at(g, "GATE")] + 0.1, g.name, found.at(g, "GATE"))
+        (arrival[found.at(g, "GATE")] + CLOCK_GATE_SETUP_NS, g.name, found.at(g, "GATE"))
         for g in found.gates.values()
     ]
     for memory in found.memories:
@@ -221,5 +243,5 @@ def analyse(
             if instance
             else "input"
         )
-        net = before[net]
+        net = net_before[net]
     return Timing(load, fanout, slew, arrival, float(worst), end, path[::-1])

@@ -1,4 +1,8 @@
-"""The core's memories and what a recording does to them, counted in a simulation of its SystemVerilog with Verilator."""
+"""The core's memories and the accesses of a recording to each, counted in a simulation of its SystemVerilog with Verilator.
+
+``memory.sv`` is replaced by a version that counts and prints its counts in the end; the search for a plan of memories
+(:mod:`plans`) multiplies them with energies of macros.
+"""
 
 import json
 import re
@@ -16,6 +20,9 @@ from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import built, command_of, run_tool, sources
 
 PACKS = (2, 4, 8)
+"""Words of a memory that a plan may pack into a row."""
+# rows2, rows4 and rows8 count reads that leave the row of the read before, for each of PACKS. The last $write lists the addresses
+# of words that are read with something in them, as spans: the first address of each and the one after it, in turn.
 COUNTING = """
 module single_port #(parameter integer WIDTH = 8, parameter integer DEPTH = 16) (
     input logic clk, write, read, input logic [$clog2(DEPTH)-1:0] address,
@@ -64,11 +71,11 @@ endmodule
 
 @dataclass(frozen=True)
 class Memory:
-    """A memory of the core, and what is done to it per recording, by all of its copies together.
+    """A memory of the core, and its accesses per recording, of all copies together.
 
-    ``rows[k]``: reads that do not follow one of the same ``k`` words. ``ports``: 1 where it is only written while loaded;
-    ``single``: it has one address for both; ``at_once``: it answers in the cycle in which it is asked. ``seen``: words
-    that are read with something in them, in turn the first of some and the first after them.
+    ``rows[k]``: reads of another row of ``k`` words than the read before. ``ports``: 1 if it is written only while a program is
+    loaded. ``single``: it has one address for reads and writes. ``at_once``: it answers in the cycle in which it is read.
+    ``seen``: spans of addresses at which something other than 0 was read: the first of each and the one after it, in turn.
     """
 
     name: str
@@ -84,12 +91,12 @@ class Memory:
 
     @property
     def ports(self) -> int:
-        """Ports that it needs."""
+        """The number of ports that it needs."""
         return 2 if self.writes else 1
 
 
 def set_in(text: str, parameters: Mapping[str, int]) -> str:
-    """Return the text of a module with other parameters."""
+    """Return the text of a module with other default values of parameters."""
     for name, value in parameters.items():
         text, found = re.subn(rf"(parameter integer {name.upper()} = )\d+", rf"\g<1>{value}", text)
         assert found == 1, name
@@ -99,7 +106,10 @@ def set_in(text: str, parameters: Mapping[str, int]) -> str:
 def count(
     program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving: Mapping[str, int]
 ) -> list[Memory]:
-    """Return the memories of a core of these sizes, for recordings (batch, steps, channels); ``saving``: more parameters."""
+    """Return the memories of a core of these sizes, with mean accesses over recordings (batch, steps, channels).
+
+    ``saving``: further parameters of the core.
+    """
     core, texts = CoreProgram(program, recordings.shape[1], sizes=sizes), sources()
     changed = {"locsnn_core.sv": set_in(texts["locsnn_core.sv"], saving), "single_port.sv": "", "memory_at_once.sv": "",
                "memory.sv": COUNTING}  # fmt: skip
@@ -108,21 +118,21 @@ def count(
         folder = Path(name)
         (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
         (folder / "words").write_text(
-            "".join(f"{word:x}\n" for one in recordings for word in words_of(core, one))
+            "".join(f"{word:x}\n" for counts in recordings for word in words_of(core, counts))
         )
         text = run_tool(command_of(binary), folder, "the open core")
-    found: dict[str, list[dict]] = {}
+    copies_of_memory: dict[str, list[dict]] = {}
     for line in text.splitlines():
         if line.startswith("memory "):
-            one = json.loads(line[7:])
-            name = one["name"].removesuffix(".only").split(".")[-1]
-            found.setdefault(name, []).append(one)
-    n = len(recordings)
+            counts = json.loads(line[7:])
+            name = counts["name"].removesuffix(".only").split(".")[-1]
+            copies_of_memory.setdefault(name, []).append(counts)
+    recording_count = len(recordings)
     return [
         Memory(
-            name, copies[0]["words"], copies[0]["bits"], len(copies), sum(c["reads"] for c in copies) / n,
-            sum(c["writes"] for c in copies) / n, {k: sum(c[f"rows{k}"] for c in copies) / n for k in PACKS},
+            name, copies[0]["words"], copies[0]["bits"], len(copies), sum(c["reads"] for c in copies) / recording_count,
+            sum(c["writes"] for c in copies) / recording_count, {k: sum(c[f"rows{k}"] for c in copies) / recording_count for k in PACKS},
             bool(copies[0]["single"]), bool(copies[0]["at_once"]), tuple(at for c in copies for at in c["seen"][:-1]),
         )
-        for name, copies in sorted(found.items())
+        for name, copies in sorted(copies_of_memory.items())
     ]  # fmt: skip
