@@ -1,7 +1,7 @@
 """What every compiled network has, whatever the chip: a program, its check, and the report of both.
 
-``compile`` returns a subclass for each family of chips: ``CompiledModel`` for meshes of cores and the
-open core, ``CompiledXylo`` and ``CompiledSpinnaker``.
+``compile`` returns a subclass for each family of chips: ``CompiledModel`` for meshes of cores and for the
+open core (this project's own RTL, a single core), ``CompiledXylo`` and ``CompiledSpinnaker``.
 """
 
 from abc import ABC, abstractmethod
@@ -24,6 +24,9 @@ from locsnn_compile.request.choose_strategy import Choice
 
 if TYPE_CHECKING:
     from hw_model.targets.programs import AnyProgram
+
+NAME_CHARACTERS = 60
+"""Characters of the network's name that ``repr`` shows, so that it stays about a line. Chosen by hand."""
 
 
 class Compiled(ABC):
@@ -62,7 +65,7 @@ class Compiled(ABC):
 
     @abstractmethod
     def with_gates(self, gates: tuple[GateFigures, ...]) -> "Compiled":
-        """Return the same with gates, bounds that were asked for and their outcome, in the report."""
+        """Return the same network with gates in its report: the bounds that a user asked for, and which are met."""
 
     @abstractmethod
     def program_files(self) -> Files:
@@ -70,12 +73,18 @@ class Compiled(ABC):
 
     @abstractmethod
     def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
-        """Return the files of some kinds of ``--emit``."""
+        """Return the files of the given kinds of ``--emit``, by name.
+
+        ``shown`` is the recording that those files show, if there is one.
+        """
 
     def __repr__(self) -> str:
-        sentence = matches(self.figures).sentence.rstrip(".")
-        name = self.network.name[:60]
-        return f"<{type(self).__name__} {name!r} on {self.chip_name}: {sentence}>"
+        # The sentence of the report's first verdict, "Does it match?".
+        match_verdict = matches(self.figures)
+        sentence = match_verdict.sentence.rstrip(".")
+        # Names come from files and may be of any length.
+        short_name = self.network.name[:NAME_CHARACTERS]
+        return f"<{type(self).__name__} {short_name!r} on {self.chip_name}: {sentence}>"
 
     def _repr_html_(self) -> str:
         # Notebooks show this.
@@ -93,8 +102,8 @@ class Compiled(ABC):
     def files(self, emit: Sequence[str] = (), shown: ShownRecording | None = None) -> Files:
         """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
 
-        ``emit`` has kinds of ``--emit``; some of them show one recording, ``shown``. Equal inputs give
-        equal bytes.
+        ``emit`` lists kinds of ``--emit``; the files of some kinds show one recording, ``shown``. Equal
+        inputs give equal bytes.
         """
         files = self.program_files() | report_files(self.report, self.composed)
         return files | self.emitted_files(emit, shown)
@@ -103,6 +112,6 @@ class Compiled(ABC):
     def save(self, folder: str | Path) -> None:
         """Write the program and its reports into a folder, all or none of them.
 
-        Other files there stay, and with them what ``--emit`` wrote for an earlier build.
+        Other files in the folder stay, including those that ``--emit`` wrote for an earlier build.
         """
         write_build(Path(folder), self.files())

@@ -9,7 +9,8 @@ payload below:
 - 4 and 5 are the next 12 or 8 pixels of the vector, the first in bit 0; a set bit is an event
 - 6 and 8 set the low and the high 12 bits of the time, in microseconds, which wraps after 16.8 s
 
-Each word sets what holds for those behind it. Long files are decoded chunk by chunk, each as whole
+Words of all other kinds, such as trigger signals, are skipped. What a word sets holds for the words
+behind it, until another word sets it again. Long files are decoded chunk by chunk, each as whole
 arrays, and :class:`_Evt3State` is what one chunk leaves set for the next.
 """
 
@@ -37,11 +38,14 @@ _NEXT_8_PIXELS = 5
 _SETS_TIME_LOW = 6
 _SETS_TIME_HIGH = 8
 _PAYLOAD_BITS = 12
+_TIME_PART_BITS = _PAYLOAD_BITS
+"""Bits of the low part of the time, and of the high part: a word holds one of them."""
+_TIME_PART_MASK = (1 << _TIME_PART_BITS) - 1
 _PAYLOAD_MASK = (1 << _PAYLOAD_BITS) - 1
 _COORDINATE_MASK = (1 << 11) - 1
 _POLARITY_BIT = 11
 _UNSET = -(1 << 40)
-"""A place or time before the first that is set: below zero, whatever is added to it."""
+"""Stands for a column, row or time before any word has set it: stays below 0 whatever is added to it."""
 
 
 class _Evt3Words(Frozen, eq=False):
@@ -76,10 +80,14 @@ class _Evt3State(Frozen):
 
 
 class _Vectors(Frozen, eq=False):
-    """The vector that each word finds, each array (words,).
+    """The vector that is in force at each word of a chunk, each array (words,).
 
-    ``pixels`` is the number of pixels of the word itself, 0 for words that are not part of a vector.
-    ``x`` is the column of its first pixel, and ``polarity`` that of all its events.
+    A vector is a row of neighbouring pixels: it begins with a word of kind 3, and words of kinds 4 and 5
+    continue it.
+
+    - ``pixels``: the number of pixels in the word itself; 0 for words that hold no pixels of a vector
+    - ``x``: the column of the word's first pixel
+    - ``polarity``: the polarity of all events of the vector
     """
 
     pixels: IntArray
@@ -140,7 +148,7 @@ def _decoded_chunk(chunk: IntArray, state: _Evt3State) -> tuple[CameraEvents, _E
     pixels = _in_order(_single_events(words), _vector_events(words, vectors))
     events = _placed(
         CameraEvents(
-            times=(time_high << _PAYLOAD_BITS | time_low)[pixels.word],
+            times=(time_high << _TIME_PART_BITS | time_low)[pixels.word],
             x=pixels.x,
             y=y[pixels.word],
             polarity=pixels.polarity,
@@ -162,12 +170,12 @@ def _time_high(words: _Evt3Words, state: _Evt3State) -> IntArray:
     counter = words.payload[sets_high]
     if state.time_high >= 0:
         # The last counter of the previous chunk goes in front, so that a wrap between both is seen.
-        last_counter = state.time_high & _PAYLOAD_MASK
+        last_counter = state.time_high & _TIME_PART_MASK
         earlier_wraps = state.time_high - last_counter
         with_last = np.append(last_counter, counter)
-        unwrapped_counter = unwrapped(with_last, _PAYLOAD_BITS)[1:] + earlier_wraps
+        unwrapped_counter = unwrapped(with_last, _TIME_PART_BITS)[1:] + earlier_wraps
     else:
-        unwrapped_counter = unwrapped(counter, _PAYLOAD_BITS)
+        unwrapped_counter = unwrapped(counter, _TIME_PART_BITS)
     time_high = np.zeros(len(words.kind), dtype=np.int64)
     time_high[sets_high] = unwrapped_counter
     return latest_set(time_high, sets_high, state.time_high)
@@ -176,8 +184,9 @@ def _time_high(words: _Evt3Words, state: _Evt3State) -> IntArray:
 def _time_low(words: _Evt3Words, time_high: IntArray, state: _Evt3State) -> IntArray:
     """Return the low part of the time at each word, (words,).
 
-    A new high part begins at a low part of 0, until that is set as well. Cameras repeat a high part
-    that has not changed, which leaves the low part as it is.
+    From a new high part on, the low part is 0 until a word sets it. The format does not say so, but
+    Prophesee's own decoder (OpenEB) does it: an old low part would put events up to 4 ms too late.
+    Cameras repeat a high part that has not changed, which leaves the low part as it is.
     """
     sets_low = words.kind == _SETS_TIME_LOW
     is_new_high = np.diff(time_high, prepend=state.time_high) != 0
@@ -186,14 +195,15 @@ def _time_low(words: _Evt3Words, time_high: IntArray, state: _Evt3State) -> IntA
 
 
 def _vectors(words: _Evt3Words, state: _Evt3State) -> _Vectors:
-    """Return the vector that each word finds; its x moves on by the pixels of every word of it."""
+    """Return the vector in force at each word; every word of a vector moves its x on by the pixels of the word."""
     pixels = np.zeros(len(words.kind), dtype=np.int64)
     pixels[words.kind == _NEXT_12_PIXELS] = 12
     pixels[words.kind == _NEXT_8_PIXELS] = 8
     pixels_before = np.cumsum(pixels) - pixels
     begins = words.kind == _BEGINS_VECTOR
-    # Where a vector would have begun had it moved since the first word of the chunk: then all words
-    # of the vector add the same running sum, and none has to know where their vector began.
+    # x of a word = x where its vector began + pixels between that beginning and the word
+    #             = (x where it began - pixels of the chunk before the beginning) + pixels before the word.
+    # The term in brackets, the origin, is the same for all words of a vector, so no loop is needed.
     origin = latest_set(words.coordinate - pixels_before, begins, state.vector_x)
     polarity = latest_set(words.polarity, begins, state.vector_polarity)
     return _Vectors(pixels, origin + pixels_before, polarity)
@@ -212,8 +222,8 @@ def _vector_events(words: _Evt3Words, vectors: _Vectors) -> _PixelEvents:
     is_set = words.payload[vector_word, None] >> bits & 1 != 0
     # Words of 8 pixels may have other bits above them.
     is_pixel = bits < vectors.pixels[vector_word, None]
-    row, bit = np.nonzero(is_set & is_pixel)
-    word = vector_word[row]
+    nth_vector_word, bit = np.nonzero(is_set & is_pixel)
+    word = vector_word[nth_vector_word]
     return _PixelEvents(word, vectors.x[word] + bit, vectors.polarity[word])
 
 

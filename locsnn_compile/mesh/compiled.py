@@ -60,7 +60,7 @@ class CompiledModel(Compiled, Frozen, eq=False, repr=False):
         return self.program.chip.name
 
     def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledModel":
-        """Return the same with gates, bounds that were asked for and their outcome, in the report."""
+        """Return the same network with gates in its report: the bounds that a user asked for, and which are met."""
         return replace(self, figures=self.figures.with_gates(gates))
 
     def program_files(self) -> Files:

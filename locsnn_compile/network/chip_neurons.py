@@ -1,7 +1,9 @@
 """Neurons whose every number is an integer that the chip holds.
 
 ``quantize`` makes them from float neurons. A network trained on the chip's own arithmetic has them from the start, and
-keeps them as they are. Their compartments take the step of :mod:`hw_model.arithmetic.loihi`; in the equations below,
+keeps them as they are. Their compartments take the step of :mod:`hw_model.arithmetic.loihi`, with a current u, a
+voltage v, and the charge q that arrives in a step. Weights, thresholds and biases count in *units* of 64 counts of a
+register, which is the charge of a weight of 1. In the equations below,
 ``rz(x, d)`` is what a decay of d leaves of x: ``x (4096 - d) / 4096``, truncated toward zero. Every parameter of a
 neuron is an int64 array (n,).
 """
@@ -18,11 +20,15 @@ from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
 
 BIAS_PLACES = 4
-"""Bits of a bias register's mantissa beyond the 8 of a weight."""
+"""Bits of magnitude of a bias mantissa (12, and a sign) beyond the 8 of a weight's mantissa."""
 
 
 class ChipNeuron(Neuron, Frozen, eq=False):
-    """Base of all neurons in the chip's integers."""
+    """Base of all neurons in the chip's integers.
+
+    - ``decay_u``, ``decay_v``: the share of u and of v that is lost per step, in 4096ths
+    - ``threshold``: the threshold's mantissa, as the chip stores it, in units
+    """
 
     decay_u: IntArray
     decay_v: IntArray
@@ -32,7 +38,7 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
     @property
     def spikes_at(self) -> IntArray:
-        """The register's threshold."""
+        """The value that v must exceed to spike, in counts of its register: 64 times the mantissa ``threshold``."""
         voltage: IntArray = loihi.threshold_of(self.threshold)
         return voltage
 
@@ -43,17 +49,18 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
     @property
     def registers(self) -> dict[str, IntArray]:
-        """Parameters of its soma other than decays and threshold, by the names of ``Compartments``."""
+        """Parameters of the soma other than decays and threshold, by the names of the fields of ``Compartments``."""
         return {}
 
     @property
     def has_floor(self) -> bool:
-        """Whether it sets the lower limit of the voltage register."""
+        """Whether the model has a lower limit of v, ``vmin``, other than the end of the register."""
         return self.limits != {}
 
     @property
     def limits(self) -> dict[str, IntArray]:
-        """The limits of v that all its compartments have, by the names of ``Compartments``."""
+        """The limits of v that all compartments of a neuron have, by the names of the fields of ``Compartments``."""
+        # A subclass may have no such field.
         vmin: IntArray | None = getattr(self, "vmin", None)
         return {} if vmin is None else {"vmin": vmin}
 
@@ -74,7 +81,9 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 class ChipCuba(Shown, ChipNeuron):
     """One compartment per neuron, with the chip's own reset: :func:`hw_model.arithmetic.loihi.step` says what it does.
 
-    With a ``vmin`` (n,), ``1 - 2^k``, v is clipped to it from below, and else to the end of its register.
+    - ``bias_mantissa``, ``bias_exponent``: the bias is ``bias_mantissa * 2^bias_exponent`` counts of a register
+    - ``refractory``: the least number of steps from a spike to the next
+    - ``vmin``: the lower limit of v, of the form ``1 - 2^k``; None for the end of the register
     """
 
     bias_mantissa: IntArray
@@ -82,20 +91,24 @@ class ChipCuba(Shown, ChipNeuron):
     refractory: IntArray
     vmin: IntArray | None = None
 
+    # Defaults of ``ChipCuba.of``.
     usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
 
     def with_biases(self, mantissas: IntArray, exponent: int) -> "ChipCuba":
         """Return these neurons with biases of ``mantissas * 2^exponent`` units.
 
-        ``mantissas`` (n,) have 8 bits, as weights have. The bias register counts in 1/64 of a unit, so the mantissas
-        are shifted by ``bits_of_unit(exponent)`` places. As many places as fit go into the bias mantissa, which has
-        :data:`BIAS_PLACES` more bits than a weight, and the others into the bias exponent, which cannot be negative.
+        ``mantissas`` (n,) have 8 bits, as weights have. A bias counts in counts of a register, 64 of which are a unit,
+        so a bias of ``mantissa * 2^exponent`` units is ``mantissa << (exponent + 6)``. As many of these places as fit
+        go into the bias mantissa, which has :data:`BIAS_PLACES` more bits than a weight, and the others into the bias
+        exponent, which cannot be negative.
         """
         places = loihi_inverse.bits_of_unit(exponent)
         mantissa_places = min(places, BIAS_PLACES)
         if mantissa_places >= 0:
             bias_mantissa = np.left_shift(mantissas, mantissa_places)
         else:
+            # Below an exponent of -6, a mantissa has bits below one count of a register. They are cut off, rounding
+            # toward minus infinity, as the charge of a weight is: 64 floor(mantissa 2^exponent).
             bias_mantissa = np.right_shift(mantissas, -mantissa_places)
         bias_exponent = integers(places - mantissa_places, len(mantissas))
         return replace(self, bias_mantissa=bias_mantissa, bias_exponent=bias_exponent)
@@ -107,8 +120,12 @@ class ChipCuba(Shown, ChipNeuron):
 
     @property
     def registers(self) -> dict[str, IntArray]:
-        """Bias and refractory count."""
-        return {key: getattr(self, key) for key in ("bias_mantissa", "bias_exponent", "refractory")}
+        """Bias and refractory steps."""
+        return {
+            "bias_mantissa": self.bias_mantissa,
+            "bias_exponent": self.bias_exponent,
+            "refractory": self.refractory,
+        }
 
 
 class HostCuba(ChipCuba):
@@ -124,11 +141,19 @@ class HostCuba(ChipCuba):
 class Refractory(Frozen, eq=False):
     """The self-synapses (*taps*) by which a neuron's own spikes inhibit it, as a refractory kernel does in float.
 
-    Taps reach the alpha dendrite, or a refractory dendrite of the neuron.
-
     Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
-    -255..255, negative if a spike inhibits. Weights of equal delay add up. With a ``decay`` (n,) the taps drive a
-    refractory dendrite: ``s(t) = rz(s(t - 1), decay) + q_own(t)``, ``r(t) = rz(r(t - 1), decay) + s(t)``.
+    -255..255, negative if a spike inhibits. Weights of equal delay add up. In step t, own spikes cause the charge
+
+        q_own(t) = sum over taps k with a spike in step t - 1 - delay[k]:  64 floor(mantissa[k] 2^exponent[k])
+
+    A *dendrite* is a compartment that never spikes and adds its voltage to the neuron's soma (:class:`ChipSrm`). With a
+    ``decay`` (n,), the charge reaches a *refractory dendrite*, which has only these inputs; its current is s and its
+    voltage r:
+
+        s(t) = rz(s(t - 1), decay) + q_own(t)
+        r(t) = rz(r(t - 1), decay) + s(t)
+
+    Without a ``decay``, it reaches the *alpha dendrite*, next to the neuron's inputs.
     """
 
     delay: IntArray
@@ -151,12 +176,16 @@ class Refractory(Frozen, eq=False):
         if per_tap.ndim == 1:  # one mantissa for all neurons
             per_tap = per_tap[:, None]
         taps = len(delays)
+        # A read-only int64 copy.
         mantissas = matrix(np.broadcast_to(per_tap, (taps, size)), np.int64)
         decay = None if refractory_decay is None else integers(refractory_decay, size)
         return cls(integers(delays, taps), mantissas, integers(exponent, taps), decay)
 
     def parameters(self, size: int) -> list[Parameter]:
-        """Return its arrays."""
+        """Return the arrays whose shapes are checked, for ``size`` neurons.
+
+        ``delay`` is not among them: its length says how many taps there are, which the other shapes must match.
+        """
         taps = len(self.delay)
         of_taps = [
             Parameter("tap exponent", self.exponent, (taps,)),
@@ -168,17 +197,20 @@ class Refractory(Frozen, eq=False):
 
 
 class ChipSrm(Shown, ChipNeuron):
-    """A neuron without reset: a memoryless soma to which dendrites add their voltages.
+    """A spike response neuron, which is not reset: a soma without memory, to which dendrites add their voltages.
 
         u(t) = rz(u(t - 1), decay_u) + q(t)                  the alpha dendrite
         v(t) = rz(v(t - 1), decay_v) + u(t)
         potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
 
     It spikes where its potential exceeds the threshold, as in :mod:`hw_model.arithmetic.loihi`; nothing is reset.
-    Without a refractory dendrite, own spikes are part of ``q``. With ``dendrites`` above 1, there are as many of each
-    kind, with the same decays. Each alpha dendrite has its own inputs, and each refractory one gets the own spikes, all
-    with the same weight. The potential is the sum over all dendrites, so it can be as many times larger than one
-    register. A ``vmin`` works as in :class:`ChipCuba`, in every compartment.
+    Without a refractory dendrite, the charge of own spikes is part of ``q``. A ``vmin`` works as in :class:`ChipCuba`,
+    in every compartment.
+
+    If the voltage of one dendrite would be clipped too often, a neuron has several ``dendrites`` of each kind, all with
+    the same decays. Every input weight is divided among the alpha dendrites, and own spikes reach every refractory
+    dendrite with the same weight. The potential is the sum over all dendrites, so with d of each kind, the sum can be d
+    times as large. The soma's register clips it, which changes no spike because the soma keeps nothing.
     """
 
     refractory: Refractory
@@ -200,7 +232,7 @@ class ChipSrm(Shown, ChipNeuron):
 
     @property
     def strategy(self) -> str:
-        """The strategy that lays this neuron out."""
+        """The strategy that makes these compartments of a spike response neuron."""
         if self.refractory.decay is None:
             return "delay-line"
         return "dendrite" if self.dendrites == 1 else "paired-dendrite"
@@ -221,7 +253,7 @@ class ChipSrm(Shown, ChipNeuron):
         return {kind: self.refractory}
 
     def parameters(self, size: int) -> list[Parameter]:
-        """Return its arrays, those of the refractory part included."""
+        """Return the arrays of the neuron and of its taps."""
         return super().parameters(size) + self.refractory.parameters(size)
 
 
