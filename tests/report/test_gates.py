@@ -1,6 +1,7 @@
 """Gates: bounds on figures of the report that a user sets. A figure that equals its bound keeps it.
 
-Every gate is tested at its bound and next to it, and with figures that are unknown, which never keep a bound.
+Every gate is tested at its bound and next to it, and with figures that are unknown, which never keep a bound. A bound on
+spikes is also one of the error budget, within which the compiler chooses a setting; the two must agree.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ CASES = [
 
 @pytest.fixture
 def report(document: dict[str, Any]) -> ReportFigures:
-    """A report of 3 cores whose figures have few digits."""
+    """A report of 3 cores. Its figures are exact in floats, so a bound can equal them: 0.875 is 7/8, for example."""
     document["match"] |= {
         "prediction_agreement": 0.75,
         "spike_agreement": 0.875,
@@ -69,10 +70,13 @@ def test_a_figure_that_equals_its_bound_keeps_it(report, case):
     assert (gate.option, gate.holds, gate.found) == (case.option, False, case.sentence_broken)
 
 
+# Of the bounds of whole percents, some of those for which 1 minus the agreement is above the bound in floats.
 @pytest.mark.parametrize("bound", [0.01, 0.02, 0.05, 0.15, 0.3])
 def test_a_share_of_spikes_that_equals_a_bound_keeps_it_in_floats(report, bound):
-    """1 - 0.99 is 0.010000000000000009 in floats, which is above 0.01."""
-    agreement = round((1 - bound) * 100) / 100
+    """1 - 0.99 is 0.010000000000000009 in floats, which is above 0.01. Gates and the error budget both forgive it."""
+    agreement = (
+        round((1 - bound) * 100) / 100
+    )  # as an agreement of whole percents is computed: 99 / 100
     (gate,) = check_gates(with_spike_agreement(report, agreement), {"--max-spike-error": bound})
     assert gate.holds
     losses = Losses(
@@ -115,7 +119,10 @@ def test_a_gate_on_latency_fails_where_no_operation_has_a_time(report):
     assert gate.found == "the latency is not known, as the profile has no times of operations"
 
 
-def test_a_build_with_a_profile_without_times_fails_a_gate_on_latency(tmp_path, capsys):
+def test_a_build_with_a_profile_without_times_of_operations_fails_a_gate_on_latency(
+    tmp_path, capsys
+):
+    """The barrier between steps has a time, which is not enough: a recording takes mostly operations."""
     profile = tmp_path / "energy-only.yaml"
     profile.write_text(
         "{source: ours, basis: measured, energy_pj: {synaptic_ops: 30.0}, time_ns: {}, "
@@ -131,7 +138,8 @@ def test_a_build_with_a_profile_without_times_fails_a_gate_on_latency(tmp_path, 
         "1e9",
         "--quiet",
     ]
-    assert main([*arguments, "-o", str(tmp_path / "out")]) == 3
+    exit_code = main([*arguments, "-o", str(tmp_path / "out")])
+    assert exit_code == 3  # a gate failed
     assert capsys.readouterr().err == (
         "gate failed: --max-latency-us: the latency is not known, as the profile has no times of operations.\n"
     )
