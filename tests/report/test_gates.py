@@ -74,9 +74,8 @@ def test_a_figure_that_equals_its_bound_keeps_it(report, case):
 @pytest.mark.parametrize("bound", [0.01, 0.02, 0.05, 0.15, 0.3])
 def test_a_share_of_spikes_that_equals_a_bound_keeps_it_in_floats(report, bound):
     """1 - 0.99 is 0.010000000000000009 in floats, which is above 0.01. Gates and the error budget both forgive it."""
-    agreement = (
-        round((1 - bound) * 100) / 100
-    )  # as an agreement of whole percents is computed: 99 / 100
+    equal_percent = round((1 - bound) * 100)
+    agreement = equal_percent / 100  # a quotient of counts, as agreements are
     (gate,) = check_gates(with_spike_agreement(report, agreement), {"--max-spike-error": bound})
     assert gate.holds
     losses = Losses(
