@@ -113,25 +113,46 @@ def test_expected_spikes_weigh_the_traffic():
     assert core_traffic(placed, np.zeros(9)).sum() == 0
 
 
+def chain_of_16(order):
+    """Return 16 cores on 4 x 4 tiles, each of which sends to the next one in this order."""
+    size = 16
+    graph = random_graph(0, size, 0)
+    chain = replace(
+        graph.synapses[1],
+        source_index=read_only(order[:-1]),
+        target_index=read_only(order[1:]),
+        mantissa=read_only(np.full(size - 1, 2)),
+        delay=read_only(np.zeros(size - 1)),
+    )
+    return place_cores(replace(graph, synapses=(graph.synapses[0], chain)), small_chip(16, 4))
+
+
 def test_a_line_of_cores_lies_in_neighbouring_tiles():
     """Each core sends to the next one. In a snake every packet takes one hop.
 
     In network order on 4 x 4 tiles, 3 packets per row take one hop, and those from the end of a row to the start of the
     next take 4: 3 columns back and 1 row down.
     """
-    size = 16
-    group = random_graph(0, size, 0)
-    chain = replace(
-        group.synapses[1],
-        source_index=read_only(np.arange(size - 1)),
-        target_index=read_only(np.arange(1, size)),
-        mantissa=read_only(np.full(size - 1, 2)),
-        delay=read_only(np.zeros(size - 1)),
-    )
-    placed = place_cores(replace(group, synapses=(group.synapses[0], chain)), small_chip(16, 4))
+    placed = chain_of_16(np.arange(16))
     hops_in_network_order = 4 * 3 + 3 * 4
     assert hops(placed) == hops_in_network_order
-    assert hops(arrange_cores(placed)) == size - 1
+    assert hops(arrange_cores(placed)) == 15
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["as found", "negated"])
+def test_a_scattered_chain_goes_down_a_column_and_up_the_next(monkeypatch, sign):
+    """Every fifth core follows on core 0, which lies at the start whatever the sign of an eigenvector is."""
+    eigh = np.linalg.eigh
+
+    def signed_eigh(matrix):
+        result = eigh(matrix)
+        return result._replace(eigenvectors=sign * result.eigenvectors)
+
+    monkeypatch.setattr(np.linalg, "eigh", signed_eigh)
+    order = 5 * np.arange(16) % 16
+    slots = np.array(arrange_cores(chain_of_16(order)).slots)
+    columns = [[0, 4, 8, 12], [13, 9, 5, 1], [2, 6, 10, 14], [15, 11, 7, 3]]
+    assert slots[order].reshape(4, 4).tolist() == columns
 
 
 @pytest.mark.parametrize("seed", range(3))

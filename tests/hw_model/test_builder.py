@@ -292,3 +292,71 @@ def test_delays_that_memory_cannot_hold_are_refused():
         "phase 'time': its longest delay keeps more charges in flight than the simulator allows "
         "(65536 steps of 2049 compartments against 134217728). Shorten the delay, or relay the spike through compartments."
     )
+
+
+def test_a_compartment_keeps_all_and_rests_one_step_unless_told_otherwise():
+    (core,) = build().cores
+    (profile,) = core.profiles
+    assert (profile.decay_u, profile.decay_v, profile.refractory, profile.joined) == (0, 0, 1, 0)
+    assert (core.bias.tolist(), core.vmin, core.vmax) == ([0], 1 - 2**23, 2**23 - 1)
+
+
+@pytest.mark.parametrize("kind", [np.array, sparse.csr_array], ids=["dense", "sparse"])
+def test_delays_may_differ_by_synapse(kind):
+    """The weights are a diagonal, so that the delays besides it belong to no synapse."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    n = builder.add_compartments("n", 2, threshold=10)
+    builder.connect(x, n, [[2, 0], [0, 2]], delay=kind([[3, 9], [0, 5]]))
+    assert builder.graph().synapses[0].delay.tolist() == [3, 5]
+
+
+def test_sparse_delays_of_another_shape_are_refused():
+    with pytest.raises(hw.InputError) as caught:
+        build(delay=sparse.csr_array(np.ones((2, 2), dtype=int)))
+    assert str(caught.value) == (
+        "synapses 'x' -> 'n': delay has the wrong shape ((2, 2) against (1, 2)). Give n_target rows and n_source columns."
+    )
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["largest", "lowest"])
+def test_numbers_beyond_those_of_any_register_are_refused_first(sign):
+    """Up to 2^53, floats hold every whole number; such a bias is refused because it has no mantissa."""
+    with pytest.raises(hw.TargetError) as caught:
+        build(parameters={"bias": sign * 2**53})
+    assert str(caught.value).startswith(f"compartments 'n': bias {sign * 2**53} of compartment 0")
+    with pytest.raises(hw.InputError) as caught:
+        build(parameters={"bias": sign * (2.0**53 + 2)})
+    assert str(caught.value) == (
+        f"compartments 'n': bias has values that no register holds ({sign * 2.0**53:g}). Quantise them first."
+    )
+
+
+def test_a_slice_that_is_crowded_by_output_axons_shrinks_to_one_neuron():
+    """Four neurons that reach two cores have eight output axons, and two that reach one core have two, with room for four.
+
+    Without its excess of six, the larger slice keeps two axons, those of one neuron.
+    """
+    chip = limited(compartments_per_core=6, output_axons_per_core=4)
+    builder = hw.ProgramBuilder(chip)
+    x = builder.add_input("x", 1)
+    four = builder.add_compartments("four", 4, threshold=1)
+    two = builder.add_compartments("two", 2, threshold=1)
+    targets = builder.add_compartments("targets", 12, threshold=1)
+    for group in (four, two):
+        builder.connect(x, group, np.full((group.size, 1), 2))
+    builder.connect(four, targets, np.full((12, 4), 2))
+    to_first_core = np.zeros((12, 2), dtype=int)
+    to_first_core[:6] = 2
+    builder.connect(two, targets, to_first_core)
+    program = builder.build()
+    slices = [[(s.group, s.start, s.stop) for s in core.slices] for core in program.cores]
+    assert slices == [
+        [("four", 0, 1)],
+        [("four", 1, 2)],
+        [("four", 2, 3)],
+        [("four", 3, 4)],
+        [("two", 0, 2), ("targets", 0, 4)],
+        [("targets", 4, 10)],
+        [("targets", 10, 12)],
+    ]

@@ -196,3 +196,21 @@ def test_first_lines_that_do_not_fit_are_refused(first_lines, measured):
     assert str(error.value) == (
         f"input 'turned': its first lines do not fit ({measured}). Give one per channel."
     )
+
+
+@pytest.mark.parametrize(
+    ("first_lines", "shared"),
+    [([0, 2, 4], False), ([0, 1, 4], True), ([4, 0, 3], True)],
+    ids=["apart", "the first two", "the last and the first"],
+)
+def test_two_channels_of_three_that_share_lines_are_enough(first_lines, shared):
+    """Of 6 lines, each channel takes 2 if the last one begins at line 4."""
+    made = with_visits(1, size=6, positions=[0, 0, 0], first_lines=first_lines)
+    if not shared:
+        check_graph(made, CHIP)
+        return
+    with pytest.raises(hw.InputError) as error:
+        check_graph(made, CHIP)
+    assert str(error.value) == (
+        "input 'turned': two channels of one step share lines. Give each lines of its own."
+    )

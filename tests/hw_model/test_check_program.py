@@ -105,6 +105,11 @@ def two_phases(program: ChipProgram) -> ChipProgram:
     return replace(program, phases=(TIME, replace(TIME, name="later")), cores=cores)
 
 
+NOTHING = {"slices": ()} | {
+    name: getattr(PROGRAM.cores[0], name)[:0]
+    for name in ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
+}
+"""The fields of a core without compartments."""
 TIME = PROGRAM.phases[0]
 WAYS = PROGRAM.input_routes[0]
 # A program, and the place and the table that the message names.
@@ -118,6 +123,7 @@ BROKEN = {
     "a weight too few": (axons(1, mantissa=PROGRAM.cores[1].axons.mantissa[:-1]), "core 1", "synapse tables"),
     "an output axon too few": (axons(0, out_core=PROGRAM.cores[0].axons.out_core[:-1]), "core 0", "output tables"),
     "a slice that begins later": (slices(0, offset=1), "core 0", "slices"),
+    "a core without compartments": (core(0, **NOTHING), "core 0", "slices"),
     "a slice of another core": (slices(1, core=0), "core 1", "slices' places"),
     "a threshold below 0": (core(0, thresholds=(-1, 6, 7)), "core 0", "thresholds"),
     "a threshold above the register": (core(0, thresholds=(5, 6, 1 << 17)), "core 0", "thresholds"),
@@ -145,6 +151,7 @@ BROKEN = {
     "a parent that is not there": (table(1, "parent", 1, 4), "core 1", "parents' range"),
     "a list that ends before it begins": (axon_table(1, "list_start", 1, 9), "core 1", "list starts"),
     "a list beyond the synapses": (axon_table(1, "list_start", -1, 8), "core 1", "list ends"),
+    "no list starts": (axons(1, list_start=PROGRAM.cores[1].axons.list_start[:0]), "core 1", "list ends"),
     "synapses before the first list": (axon_table(1, "list_start", 0, 1), "core 1", "list begins"),
     "a target that is not there": (axon_table(1, "target", 0, 4), "core 1", "targets"),
     "a target before the first": (axon_table(1, "target", 0, -1), "core 1", "targets"),
@@ -212,6 +219,20 @@ def test_an_entry_that_breaks_a_rule_is_refused_by_its_message(case):
 )  # fmt: skip
 def test_the_last_value_of_a_range_is_accepted(sound):
     check_program(sound)
+
+
+def test_cores_may_hold_the_slices_of_a_group_in_any_order():
+    """The eight neurons of a group fill two cores; the core that comes first holds the last four."""
+    b = hw.ProgramBuilder(CHIP)
+    b.connect(b.add_input("x", 1), b.add_compartments("n", 8, threshold=5), np.full((8, 1), 20))
+    program = b.build()
+    first, second = program.cores
+    check_program(program)
+    reordered = [
+        replace(core, slices=(replace(core.slices[0], start=start, stop=start + 4),))
+        for core, start in ((first, 4), (second, 0))
+    ]
+    check_program(replace(program, cores=tuple(reordered)))
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import math
 import re
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -247,3 +248,19 @@ def test_unknown_targets_are_refused_with_a_near_name(name, message):
     with pytest.raises(hw.InputError) as caught:
         hw.chip(name)
     assert str(caught.value) == message
+
+
+def test_cores_fill_tiles_row_by_row_and_chips_lie_side_by_side():
+    """Two chips of 3 columns and 2 rows, with two cores per tile."""
+    chip = hw.chip("loihi-sim")
+    board = replace(
+        chip,
+        chips=2,
+        mesh=replace(chip.mesh, columns=3, rows=2, cores_per_tile=2),
+        limits=replace(chip.limits, cores_per_chip=12),
+    )
+    tiles = [board.tile_of(slot) for slot in range(0, board.cores, 2)]
+    first_chip = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)]
+    assert tiles == [*first_chip, *[(column + 3, row) for column, row in first_chip]]
+    assert board.tile_of(23) == board.tile_of(22)
+    assert board.hops(0, 23) == (5, 1)

@@ -227,6 +227,20 @@ def test_the_most_packets_in_a_step_are_those_of_one_recording():
         assert np.array_equal(of_phase.link_most, usage["time"].link_most)
 
 
+def test_the_packets_of_each_link_are_counted():
+    """Two recordings have three events, each of which sends two packets to (1, 0), one of them on to (2, 0), and one to (0, 1)."""
+    worked = crossroads()
+    recordings = np.array([[[1], [0], [0]], [[1], [1], [0]]])
+    result = hw.simulate(worked.program, recordings, probe=("activity",))
+    _, usage = measure(worked.program, result.activity, CHIP.profile("davies2018"))
+    steps = result.activity["time"][1]
+    assert steps.routes.links == (((0, 0), (1, 0)), ((1, 0), (2, 0)), ((0, 0), (0, 1)))
+    assert usage["time"].link_packets.tolist() == [6, 3, 3]
+    assert usage["time"].link_most.tolist() == [2, 1, 1]
+    # Spikes of steps 1 and 2: three hops to the east, and one to the south.
+    assert steps.count("hops").sum(axis=1).tolist() == [0, 4, 4]
+
+
 def test_spikes_by_piece_are_those_of_its_compartments():
     """Somas and dendrites share cores, so that the pieces of a core are not consecutive columns."""
     small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=4))

@@ -15,7 +15,7 @@ import hw_model as hw
 from hw_model.mapping.graph import Readout
 from tests.support.early_stops import by_potentials, one_layer
 from tests.support.hybrids import CHIP, graph_in_phase, program_of_graphs
-from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
+from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL, LARGEST_THRESHOLD
 
 
 def stops_alone(program: hw.ChipProgram, recordings: np.ndarray) -> list[list[int]]:
@@ -234,6 +234,36 @@ def test_a_tie_of_rounded_scores_proves_nothing():
         for weight in (1.0, 0.1)
     ]
     assert stops == [[5], [6]]
+
+
+def test_one_fraction_among_the_weights_makes_scores_inexact():
+    """The second population never spikes, so that its weight alone decides whether a tie is certain."""
+    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE)
+    builder.add_compartments("silent", 2, threshold=LARGEST_THRESHOLD)
+    program = builder.build()
+    recording = np.zeros((9, 2), dtype=np.uint8)
+    recording[:4, 0] = 1
+    stops = [
+        hw.stop_when_proven(
+            replace(program, readout=Readout(("y", "silent"), (1.0, weight))), recording[None]
+        ).steps.tolist()
+        for weight in (2.0, 0.1)
+    ]
+    assert stops == [[5], [6]]
+
+
+@pytest.mark.parametrize(
+    ("tie_class", "stop"), [(None, 5), (0, 5), (1, 6)], ids=["none", "the winner", "the rival"]
+)
+def test_a_tie_of_all_classes_goes_to_the_class_for_ties(tie_class, stop):
+    """After step 5, the rival can still draw level with the first class, which wins if it is the class for ties."""
+    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=FORGETS_AT_ONCE)
+    program = builder.build()
+    readout = replace(program.readout, tie_class=tie_class)
+    recording = np.zeros((9, 2), dtype=np.uint8)
+    recording[:4, 0] = 1
+    stops = hw.stop_when_proven(replace(program, readout=readout), recording[None])
+    assert (stops.steps.tolist(), stops.prediction.tolist()) == ([stop], [0])
 
 
 def test_spikes_against_a_class_count_as_losses():

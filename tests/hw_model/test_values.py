@@ -56,6 +56,35 @@ def test_the_repr_of_a_shown_value_is_short():
     assert repr(Short(np.zeros(2), 3)) == "Short(cells=<float64 (2,)>, many=3)"
 
 
+class Shaped:
+    """It has a shape but no type of numbers, so that it is no array."""
+
+    shape = (2,)
+
+    def __repr__(self) -> str:
+        return "Shaped()"
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        ("a" * 40, repr("a" * 40)),
+        ("a" * 41, repr("a" * 40) + "..."),
+        ((1, 2, 3, 4), "(1, 2, 3, 4)"),
+        ((1, 2, 3, 4, 5), "<5 items>"),
+        (range(9), "range(0, 9)"),
+        ({"a": 1}, "<1 entry>"),
+        (Point(1), "<Point>"),
+        (Place(1, 2, "here"), "<Place 'here'>"),
+        (np.array(3), "3"),
+        (Shaped(), "Shaped()"),
+    ],
+    ids=["text", "long text", "items", "many items", "range", "mapping", "record", "record with a name", "number", "shape"],
+)  # fmt: skip
+def test_a_field_is_shown_in_short(value, shown):
+    assert repr(Short(value)) == f"Short(cells={shown})"
+
+
 def test_sums_add_up_field_by_field():
     left = Counted(1, {"a": 1, "b": 2}, (1,))
     right = Counted(2, {"b": 3, "c": 4}, (2, 3))
