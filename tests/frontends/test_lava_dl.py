@@ -11,6 +11,9 @@ import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
 from tests.support.net_files import CONV, IMAGE, NETS, RNG, dense, even, neuron, play, write_net
 
+FEWEST_SPIKES = 5
+"""The number of spikes that every layer has to exceed. Chosen by hand."""
+
 
 def spikes(lines, steps=90, rate=0.3):
     """Return random events, (steps, lines)."""
@@ -31,7 +34,8 @@ def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
     for engine in ("fast", "reference"):
         result = hw.simulate(compiled.program, events, engine=engine)
         for number, rows in expected.items():
-            assert rows.sum() > 5
+            # A layer that hardly spikes would be compared in nothing but zeros.
+            assert rows.sum() > FEWEST_SPIKES
             np.testing.assert_array_equal(result.spikes[f"layer{number}"], rows)
     np.testing.assert_array_equal(
         evaluate(network, events[None]).spikes[f"layer{max(expected)}"][0], expected[max(expected)]
@@ -39,6 +43,8 @@ def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
 
 
 def test_a_conv_of_stride_1_needs_no_input_layer(tmp_path):
+    # With stride 1, the size of the output image determines that of the input image; with a stride of 2, as in
+    # CONV, two sizes of input images give the same output.
     layer = CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])}
     for name, layers in (("with", [IMAGE, layer]), ("without", [layer])):
         write_net(tmp_path / f"{name}.net", layers)
@@ -50,14 +56,14 @@ def test_a_conv_of_stride_1_needs_no_input_layer(tmp_path):
 
 
 def test_integers_are_kept_as_they_are(tmp_path):
-    layer = dense(
-        RNG, 12, 10, bias=np.arange(12.0), neuron=neuron(RNG.integers(0, 4097, 12), 77, 4321)
-    )
+    neuron_entries = neuron(i_decay=RNG.integers(0, 4097, 12), v_decay=77, threshold=4321)
+    layer = dense(RNG, outs=12, ins=10, bias=np.arange(12.0), neuron=neuron_entries)
     write_net(tmp_path / "model.net", [layer], {"Ts": 1.0, "tSample": 50})
     network = lc.load(tmp_path / "model.net")
     projection, neurons = network.projections[0], network.populations[0].neuron
     np.testing.assert_array_equal(projection.mantissa, layer["weight"])
     np.testing.assert_array_equal(neurons.decay_u, layer["neuron"]["iDecay"])
+    # A file has biases in units of 64 of the registers, as it has weights and thresholds.
     np.testing.assert_array_equal(
         neurons.bias_mantissa * 2**neurons.bias_exponent, 64 * np.arange(12)
     )
@@ -74,6 +80,7 @@ POOL = {
     "weight": np.full((1, 1, 2, 2), 88.0),
     "neuron": neuron(),
 }
+# The axes of its weights: output channels, input channels, rows, columns, delays.
 CONV_OF_ONE_CHANNEL = {**CONV, "inChannels": 1, "groups": 1, "weight": even(RNG, 4, 1, 3, 3, 1)}
 # Layers, and the shape of the last one's weights without its axes of length one.
 SQUEEZED = {
@@ -111,7 +118,7 @@ def test_pooling_pads_an_image_that_is_not_a_whole_number_of_windows(tmp_path):
 
 REFUSED = [
     pytest.param(
-        [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True) | {"gradedSpike": True})],
+        [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True))],
         ", layer 0: its spikes are graded. Train with graded_spike=False.",
         id="a graded spike",
     ),
@@ -132,7 +139,7 @@ REFUSED = [
         id="a fraction for a weight",
     ),
     pytest.param(
-        [dense(RNG, 3, 4) | {"weight": even(RNG, 4, 3)}],
+        [dense(RNG, 3, 4, weight=even(RNG, 4, 3))],
         ", layer 0: its weight has the wrong shape ((4, 3) for 3 neurons and an input of "
         "None). Export it again.",
         id="weights the other way around",
@@ -166,7 +173,7 @@ REFUSED = [
         id="a layer of no kind",
     ),
     pytest.param(
-        [dense(RNG, 3, 4, neuron=neuron(5000))],
+        [dense(RNG, 3, 4, neuron=neuron(i_decay=5000))],
         ", layer 0: iDecay is not a decay (5000..5000 against 0..4096). Correct it.",
         id="a decay out of range",
     ),

@@ -1,4 +1,9 @@
-"""Every kind of block of a section, drawn on the page and in Markdown, and compared with markup written out by hand."""
+"""Every kind of block of a section, in HTML and in Markdown, compared with markup written out by hand.
+
+A block is a piece of a section, such as a paragraph, a table or a picture (:mod:`locsnn_compile.report.content`).
+HTML draws all of them. Markdown has no pictures, bars or folds: some blocks have no text there, and their section has
+the same figures in a table.
+"""
 
 from __future__ import annotations
 
@@ -50,9 +55,14 @@ END_MARK = f'{MARK.format(14)}<line class="end" x1="7" x2="7" y1="2" y2="12"/></
 MEDIAN_MARK = f'{MARK.format(14)}<line class="median" x1="7" x2="7" y1="0" y2="14"/></svg>'
 MEAN_MARK = f'{MARK.format(14)}<circle class="mean" cx="7" cy="7" r="4.5"/></svg>'
 
+WIDE_HEADS = "".join(f'<th scope="col">{name}</th>' for name in "abcdefgh")
+WIDE_CELLS = "".join(f"<td>{cell}</td>" for cell in "2345678")
+"""The heads, and the cells after the first, of the table with eight columns."""
+
 # For each case: a block, its markup on the page, and its text in Markdown.
 CASES = [
     pytest.param(
+        # HTML sets an option in <code>, and keeps a number and its unit on one line; Markdown leaves both as they are.
         "3 µJ <with> --max-cores",
         "<p>3&nbsp;µJ &lt;with&gt; <code>--max-cores</code></p>",
         "3 µJ &lt;with&gt; --max-cores",
@@ -96,18 +106,21 @@ CASES = [
         id="table",
     ),
     pytest.param(
-        Table("Wide", tuple("abcdefgh"), (tuple("12345678"),), folded=True),
+        # Eight columns are enough for the class `wide`, and for a box that is scrolled by keyboard.
+        Table("Wide", columns=tuple("abcdefgh"), rows=(tuple("12345678"),), folded=True),
         '<details class="long"><summary>Wide (1 rows)</summary><div class="scroll" tabindex="0" role="region"'
         ' aria-label="Wide"><table class="plain wide"><caption><span>Wide</span></caption>'
-        f"<thead><tr>{''.join(f'<th scope=%col%>{name}</th>' for name in 'abcdefgh')}</tr></thead>"
-        f'<tbody><tr><th scope="row">1</th>{"".join(f"<td>{cell}</td>" for cell in "2345678")}'
-        "</tr></tbody></table></div></details>".replace("%", '"'),
+        f"<thead><tr>{WIDE_HEADS}</tr></thead>"
+        f'<tbody><tr><th scope="row">1</th>{WIDE_CELLS}'
+        "</tr></tbody></table></div></details>",
         "**Wide**\n\n| a | b | c | d | e | f | g | h |\n"
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
         "| 1 | 2 | 3 | 4 | 5 | 6 | 7 | 8 |",
         id="wide-table-folded",
     ),
     pytest.param(
+        # A bar of a table of equal shares is filled by what is lacking: with full_at=0.05, the 3 % that are lacking of 97 %
+        # fill 3 / 5 of it.
         Table(
             "Spikes",
             ("of", "", "equal"),
@@ -144,7 +157,15 @@ CASES = [
         id="folded",
     ),
     pytest.param(
-        Stack("Energy", (Bar(0.25, "a", 0), Bar(None, "b", 1), Bar(0.75, "c & d", 7))),
+        # There are six hatchings, p0 to p5, so number 7 is p1 again.
+        Stack(
+            "Energy",
+            (
+                Bar(0.25, "a", pattern=0),
+                Bar(None, "b", pattern=1),
+                Bar(0.75, "c & d", pattern=7),
+            ),
+        ),
         "<figure><figcaption>Energy</figcaption>"
         '<svg class="stack" width="100%" height="28" role="img" aria-label="Energy: a; b; c &amp; d">'
         '<rect class="track" width="100%" height="28"/>'
@@ -187,10 +208,10 @@ CASES = [
     pytest.param(
         Plot(
             "Error",
-            "step",
-            ENDS,
-            Axis(0.0, 1.0, (1.0,), "{:g}".format),
-            (Curve("chip", ((0.0, 0.0), (4.0, 1.0))), Curve("none", ())),
+            x_label="step",
+            x=ENDS,
+            y=Axis(0.0, 1.0, (1.0,), "{:g}".format),
+            curves=(Curve("chip", ((0.0, 0.0), (4.0, 1.0))), Curve("none", ())),
             marked=3.0,
         ),
         "<figure><figcaption>Error</figcaption>"
@@ -213,12 +234,13 @@ CASES = [
     pytest.param(
         Raster(
             "Spikes",
-            "two spikes",
-            4,
-            2,
-            "step",
-            ENDS,
-            (Strokes("equal", "both", ((0, 0), (1, 1))), Strokes("chip", "none", ())),
+            description="two spikes",
+            columns=4,
+            rows=2,
+            x_label="step",
+            x=ENDS,
+            strokes=(Strokes("equal", "both", ((0, 0), (1, 1))), Strokes("chip", "none", ())),
+            # Column and row of the neuron that the ring and the line point at.
             flag=(2, 1),
             flag_label="neuron <1>",
         ),
@@ -241,7 +263,15 @@ CASES = [
         id="raster",
     ),
     pytest.param(
-        Mesh("Mesh", "one core", 2, 1, 1, 1, (MeshCore(1, 0, 0.5, "50"),)),
+        Mesh(
+            "Mesh",
+            description="one core",
+            columns=2,
+            rows=1,
+            tile_columns=1,
+            tile_rows=1,
+            cores=(MeshCore(column=1, row=0, share=0.5, text="50"),),
+        ),
         "<figure><figcaption>Mesh</figcaption>"
         '<svg class="mesh" width="100%" height="31" role="img"><title>Mesh</title>'
         '<desc>one core</desc><rect class="tile" x="2.00%" y="0" width="46.00%" height="26"/>'

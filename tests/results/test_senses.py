@@ -1,4 +1,9 @@
-"""The study of touch, sight and sound: how recordings are divided, and that a study goes on."""
+"""The study of touch, sight and sound, docs/research/senses.
+
+Its scripts divide recordings correctly, continue an interrupted study, and count what a branch can see; its tables, page
+and example configurations agree with each other. A made-up set of sixty recordings stands for the four sets of the
+study, which are too large for the repository.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +30,15 @@ from locsnn_compile.training.event_counts import ridge_scores
 from locsnn_compile.training.rates import rate_for_updates
 
 STUDY = Path(run_senses.__file__).parent
-ROUNDS = Sense(name="made_up", file="made_up.npz", grid="4x1", tie="still", test_share=0.2)
+RECORDINGS = 60
+CHANNELS = 8
+STEPS = 10
+ROUNDS = 5
+"""A share of 0.2 makes five test parts."""
+FOLDS = 4
+"""A share of 0.25 (``sense.FOLD_SHARE``) makes four parts to hold out."""
+MADE_UP = Sense(name="made_up", file="made_up.npz", grid="4x1", tie="still", test_share=1 / ROUNDS)
+"""A set without a published test part. Each of the 4 taxels of its grid has two polarities: 8 channels."""
 CLASS_NAMES = np.array(["left", "right", "still"])
 TASK = Task(
     sense="made_up",
@@ -46,31 +59,34 @@ TASK = Task(
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Sixty recordings: channel and step of the only event of a recording say its number."""
     folder = tmp_path_factory.mktemp("sets")
-    spikes = np.zeros((60, 8, 10), dtype=np.uint8)
-    for number in range(60):
-        spikes[number, number % 8, number // 8] = 1
-    labels = np.arange(60) % 3
+    spikes = np.zeros((RECORDINGS, CHANNELS, STEPS), dtype=np.uint8)
+    for number in range(RECORDINGS):
+        spikes[number, number % CHANNELS, number // CHANNELS] = 1
+    labels = np.arange(RECORDINGS) % len(CLASS_NAMES)
     np.savez(folder / "made_up.npz", spikes=spikes, labels=labels, class_names=CLASS_NAMES)
     return folder
 
 
 def numbers(recordings: Recordings) -> list[int]:
-    """Return which recordings these are."""
+    """Return the numbers of the recordings in the set, sorted, by their only events (see :func:`data`)."""
     _, step, channel = np.nonzero(recordings.spikes)
-    return sorted((8 * step + channel).tolist())
+    return sorted((CHANNELS * step + channel).tolist())
 
 
 def test_rounds_test_every_recording_once(data: Path) -> None:
-    tested = [numbers(ROUNDS.to_report(data, number).measured) for number in range(1, 6)]
-    assert sorted(chain.from_iterable(tested)) == list(range(60))
+    tested = [
+        numbers(MADE_UP.to_report(data, round_number).measured)
+        for round_number in range(1, ROUNDS + 1)
+    ]
+    assert sorted(chain.from_iterable(tested)) == list(range(RECORDINGS))
 
 
 @pytest.mark.parametrize("round_number", [1, 4])
 def test_networks_are_chosen_without_the_test_part(data: Path, round_number: int) -> None:
-    reported = ROUNDS.to_report(data, round_number)
+    reported = MADE_UP.to_report(data, round_number)
     held_out = []
-    for fold in range(1, 5):
-        parts = ROUNDS.to_choose(data, round_number, fold)
+    for fold in range(1, FOLDS + 1):
+        parts = MADE_UP.to_choose(data, round_number, fold)
         together = numbers(parts.learned) + numbers(parts.measured)
         assert sorted(together) == numbers(reported.learned)
         held_out += numbers(parts.measured)
@@ -90,20 +106,20 @@ def test_an_entry_asks_for_rounds_folds_and_seeds() -> None:
         {"sense": "fsdd", "purpose": "choose", "network": "hybrid", "folds": [1, 2], "epochs": 5},
         {"sense": "fsdd", "purpose": "report", "network": "window-snn", "seeds": [0, 1]},
     ]
-    asked = [
-        (task.purpose, task.network, task.round, task.fold, task.seed, task.epochs)
-        for task in run_senses.tasks(entries)
-    ]
-    assert asked == [
-        ("choose", "hybrid", 1, 1, 0, 5),
-        ("choose", "hybrid", 1, 2, 0, 5),
-        ("report", "window-snn", 1, 0, 0, 1),
-        ("report", "window-snn", 1, 0, 1, 1),
+    plain = replace(TASK, sense="fsdd", delays="", hidden=0, options="{}", seed=0)
+    chosen = replace(plain, purpose="choose", network="hybrid", round=1, epochs=5)
+    # To report, no fold is held out: its number is 0. Without an entry `epochs` there is one.
+    reported = replace(plain, purpose="report", network="window-snn", round=1, fold=0, epochs=1)
+    assert list(run_senses.tasks(entries)) == [
+        replace(chosen, fold=1),
+        replace(chosen, fold=2),
+        replace(reported, seed=0),
+        replace(reported, seed=1),
     ]
 
 
 def test_training_options_are_those_of_the_task_and_the_set() -> None:
-    assert TASK.config(ROUNDS, Path("sets")) == {
+    assert TASK.config(MADE_UP, Path("sets")) == {
         "model": "tactile-snn",
         "seed": 3,
         "epochs": 2,
@@ -142,7 +158,7 @@ def test_a_row_says_which_task_it_was(tmp_path: Path) -> None:
 def test_a_study_goes_on_from_its_table(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(run_senses.SENSES, "made_up", ROUNDS)
+    monkeypatch.setitem(run_senses.SENSES, "made_up", MADE_UP)
     table = tmp_path / "trainings.csv"
     asked = tmp_path / "tasks.yaml"
     entry = "- {sense: made_up, purpose: choose, network: tactile-snn, hidden: 4, folds: [1]}\n"
@@ -151,6 +167,7 @@ def test_a_study_goes_on_from_its_table(
     monkeypatch.setattr(sys, "argv", [*words, "--senses", "made_up"])
     run_senses.main()
     (first,) = read_rows(table)
+    # The test part is 12 of 60 recordings; of the other 48, a fold of 12 is held out.
     assert (first["learned_from"], first["measured_on"]) == ("36", "12")
     checkpoints = list(tmp_path.glob("*.pt"))
     assert len(checkpoints) == 1
@@ -189,17 +206,21 @@ def test_every_row_of_the_table_is_asked_for() -> None:
     ],
 )
 def test_a_view_smears_one_axis(view: View, expected: list[int]) -> None:
+    """Counts come bin by bin, and within a bin in the order of the axis that is not smeared."""
     recording = np.array([[1, 0, 0, 0], [0, 1, 0, 1], [1, 0, 1, 0]], dtype=np.uint8)
     walk = np.array([3, 0, 1, 2])
     assert counts(recording[np.newaxis], view, walk).tolist() == [expected]
 
 
 def test_a_view_measures_recordings_that_it_did_not_learn_from(data: Path) -> None:
-    parts = ROUNDS.to_choose(data, 1, 2)
-    figure = measure(ROUNDS, View("location", "reverse", 2), parts, data, 2)
+    parts = MADE_UP.to_choose(data, round_number=1, fold=2)
+    figure = measure(MADE_UP, View("location", "reverse", width=2), parts, data, fold=2)
+    # From the last taxel to the first; the two channels of a taxel, its polarities, stay in order.
     walk = [6, 7, 4, 5, 2, 3, 0, 1]
+    # A bin is two channels of the walk. Counts are ordered by bin, then by step.
+    bins = CHANNELS // 2
     known, unknown = (
-        part.spikes[:, :, walk].reshape(len(part), 10, 4, 2).sum(axis=3).transpose(0, 2, 1)
+        part.spikes[:, :, walk].reshape(len(part), STEPS, bins, 2).sum(axis=3).transpose(0, 2, 1)
         for part in (parts.learned, parts.measured)
     )
     scores = ridge_scores(
@@ -208,7 +229,7 @@ def test_a_view_measures_recordings_that_it_did_not_learn_from(data: Path) -> No
         unknown.reshape(len(unknown), -1).astype(float),
     )
     right = float((scores.argmax(axis=1) == parts.measured.labels).mean())
-    assert (figure.counts, figure.accuracy) == (40, round(right, 4))
+    assert (figure.counts, figure.accuracy) == (bins * STEPS, round(right, 4))
 
 
 def test_a_line_of_the_summary_is_over_rounds_folds_and_seeds() -> None:
@@ -244,17 +265,25 @@ def test_the_summary_is_that_of_the_table() -> None:
     assert read_rows(STUDY / "summary.csv") == lines
 
 
+def cells_of(line: str) -> list[str]:
+    """Return the cells of a row of a Markdown table."""
+    return [cell.strip() for cell in line.removeprefix("|").removesuffix("|").split("|")]
+
+
 def rows_of_views() -> list[list[str]]:
     """Return the cells of the page's table of views."""
     page = (STUDY.parent / "senses.md").read_text("utf-8")
     _, table = page.split("| set | every channel, all steps |")
+    # The first two lines are the rest of the heads, and the line of dashes.
     lines = table.split("\n\n")[0].splitlines()[2:]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return [cells_of(line) for line in lines]
 
 
 @pytest.mark.parametrize("cells", rows_of_views(), ids=lambda cells: f"{cells[0]}, {cells[5]}")
 def test_the_views_of_the_page_are_those_of_the_table(cells: list[str]) -> None:
+    # `time` has three cells: all steps in one bin, then bins of 20 and of 5 steps.
     title, *time, steps_alone, words, coarse, fine = cells
+    # The name of the walk stands between backticks.
     walk = words.split("`")[1]
     figures = [row for row in read_figures(STUDY / "views.csv") if TITLES[row["sense"]] == title]
     expected = [mean_of(figures, "time", "", width) for width in (WHOLE, 20, 5)]
@@ -268,7 +297,8 @@ CONFIGURED = {
     "fsdd-hybrid": ("fsdd", 2_700, {}),
     "braille-hybrid": ("braille", 6_480, {}),
 }
-"""Configuration -> its set, the recordings it learns from, and what their length chooses."""
+"""Configuration -> its set, the number of recordings that it learns from, and the options that ``locsnn train`` chooses
+by the steps of a recording: a low threshold for the 24 steps of a grasp (``training/chosen.py: SHORT_THETA``)."""
 
 
 @pytest.mark.parametrize("name", CONFIGURED)
@@ -276,7 +306,9 @@ def test_configurations_are_those_that_the_study_reports(name: str) -> None:
     """The study leaves the walk and the learning rate open; the configuration says what was chosen."""
     sense, recordings, by_length = CONFIGURED[name]
     written = read_config(STUDY.parents[2] / f"examples/configs/{name}.yaml")
-    updates = written["epochs"] * math.ceil(recordings / 16)
+    batch_size = config_from_mapping(written).batch_size
+    updates = written["epochs"] * math.ceil(recordings / batch_size)
+    # Options are chosen with two digits.
     chosen = {"order": "loop", "learning_rate": float(f"{rate_for_updates(updates):.2g}")}
     asked = [
         config_from_mapping(
@@ -288,6 +320,7 @@ def test_configurations_are_those_that_the_study_reports(name: str) -> None:
         for task in run_senses.tasks(run_senses.entries_of(STUDY / "tasks.yaml"))
         if (task.sense, task.purpose, task.seed) == (sense, "report", 0)
         and task.network == "hybrid"
+        # The study also reports a hybrid with default options; the configuration is the other one.
         and task.options != "{}"
     ]
     of_files = {"layout": None, "split": None, "step_seconds": None}
@@ -313,6 +346,16 @@ def test_a_row_of_test_figures_says_what_the_network_is() -> None:
     ).row()
     reported = training | {"sense": "fsdd", "purpose": "report"}
     lines = summary([{name: str(value) for name, value in reported.items()}])
-    row = reported_table(lines).splitlines()[2]
+    heads, _, row = reported_table(lines).splitlines()
     words = "`tactile-snn`, 4 neurons, delays of 0 to 2 steps, chosen options"
-    assert row == f"| spoken digits | {words} | 1 | 0.500 | 0.250 |  | 4 | 1.0 |"
+    assert dict(zip(cells_of(heads), cells_of(row), strict=True)) == {
+        "set": "spoken digits",
+        "network": words,
+        "trainings": "1",
+        "float": "0.500",
+        "on the chip": "0.250",
+        # One training has no deviation.
+        "deviation": "",
+        "nJ a recording": "4",
+        "cores": "1.0",
+    }

@@ -179,7 +179,7 @@ NETS = {
     "dense": [dense(RNG, 12, 10), dense(RNG, 5, 12)],
     "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, 12, 10)],
     "input layer with neurons": [
-        {**IMAGE, "neuron": neuron(4096, 4096, 32)},
+        {**IMAGE, "neuron": neuron(i_decay=4096, v_decay=4096, threshold=32)},
         CONV,
         {"type": "flatten", "shape": np.array([36])},
         dense(RNG, 5, 36),
@@ -190,7 +190,7 @@ NETS = {
             "shape": np.array([10]),
             "weight": np.array([26.0]),
             "bias": np.array([0.0]),
-            "neuron": neuron(4096, 1024, 40),
+            "neuron": neuron(i_decay=4096, v_decay=1024, threshold=40),
         },
         dense(RNG, 12, 10),
     ],
@@ -205,7 +205,9 @@ NETS = {
             12,
             10,
             neuron=neuron(
-                RNG.integers(0, 4097, 12), RNG.integers(0, 4097, 12), RNG.integers(100, 500, 12)
+                i_decay=RNG.integers(0, 4097, 12),
+                v_decay=RNG.integers(0, 4097, 12),
+                threshold=RNG.integers(100, 500, 12),
             ),
         )
     ],
