@@ -1,4 +1,8 @@
-"""Read the YAML files of chips, energy profiles and boards, and check profiles."""
+"""Read the YAML files of chips, energy profiles and boards, and check profiles.
+
+A *profile* is a published set of costs: picojoules and nanoseconds for each unit of a count, such as a spike
+(:mod:`hw_model.description.profile`). Its *constants* are these costs by the name of their count.
+"""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -26,7 +30,8 @@ ChipName = Annotated[
 MAX_FILE_BYTES = 1 << 20
 """The longest description, in bytes; the files that ship have 11 kB at most."""
 TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
-"""Counts that a profile may give a time."""
+"""Counts that a profile may give a time: those known for each step and core, and two that are derived from them there
+(:meth:`hw_model.accounting.activity.StepActivity.count`), since a step lasts as long as its slowest core."""
 
 
 def is_yaml_path(name_or_path: str | Path) -> bool:
@@ -46,7 +51,11 @@ def read_description(path: Path, what: str, example: str) -> str:
     """
     missing = f"Give the path of a {what} YAML file."
     content = read_bytes(
-        path, path.name, MAX_FILE_BYTES, f"Give a {what} file like {example}.", missing
+        path,
+        where=path.name,
+        most=MAX_FILE_BYTES,
+        fix=f"Give a {what} file like {example}.",
+        missing=missing,
     )
     with parsing(path.name, "it is not UTF-8 text", fix=missing):
         return content.decode("utf-8")
@@ -63,7 +72,9 @@ def parse(kind: type[T], text: str, where: str, like: str = _SHIPPED, **given: A
 
 def plain_values(text: str, where: str, like: str = _SHIPPED) -> object:
     """Return the plain values of a description: mappings, lists, numbers and texts."""
-    return load_yaml(text, where, "it is not YAML{line}", f"Compare it with {like}.")
+    # Not an f-string: load_yaml replaces {line} by the place of the fault in the text.
+    fault = "it is not YAML{line}"
+    return load_yaml(text, where, fault, fix=f"Compare it with {like}.")
 
 
 _NOT_PRICED = {
@@ -73,7 +84,8 @@ _NOT_PRICED = {
         "Give power that does not depend on work as static_power.",
     ),
 }
-"""Counts that no profile may price: why not, and what to do instead."""
+"""Counts that no profile may price: why not, and what to do instead. The simulators play programs compartment by
+compartment; only the open core itself, in a simulation of its RTL or on a board, has clock cycles to count."""
 
 
 def check_profile(profile: Profile, where: str) -> None:
@@ -104,13 +116,14 @@ def check_profile(profile: Profile, where: str) -> None:
 def _check_names(profile: Profile, where: str) -> None:
     """Refuse names of no count, of counts that have no price, and of no constant."""
     constants = {**profile.energy_pj, **profile.time_ns}
-    # Key of the profile, the names it has there, the names it may have, and what is wrong with
-    # others.
+    # Each row: a key of the profile, the names it has there, the names it may have, and what an error says about any
+    # other name.
     rows: list[tuple[str, Collection[str], Collection[str], str]] = [
         ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
         ("time_ns", profile.time_ns, TIMED, "is not counted"),
     ]
     for entry in profile.not_included:
+        # A bound of what a profile leaves out is also given by count.
         rows.append(("not_included", entry.bound_pj, COUNT_NAMES, "is not counted"))
     rows += [
         ("energy_pj_range", profile.energy_pj_range, profile.energy_pj, "has no constant"),
@@ -130,6 +143,7 @@ def _check_ranges(profile: Profile, where: str) -> None:
     for key in ("energy_pj", "time_ns"):
         for name, (least, most) in getattr(profile, f"{key}_range").items():
             constant = getattr(profile, key)[name]
+            # Without a least value, 0 is one; without a largest value there is no limit.
             is_too_low = constant < (least or 0.0)
             is_too_high = most is not None and constant > most
             if is_too_low or is_too_high:

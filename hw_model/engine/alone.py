@@ -1,8 +1,20 @@
 """The step of a single compartment, :mod:`hw_model.arithmetic.loihi` on 32-bit numbers, for compiled loops.
 
-The fast engine does not use it: it is for loops over compartments that do not lie in chunks, such as those of
-networks in training. These functions become part of such a loop, and LLVM then runs it in vectors. q is in whole units
-of 64, and registers may have any width up to 29 bits. Conditions are 0 or 1.
+The fast engine does not use it: it is for loops over compartments that do not lie in chunks of 16, such as those of
+networks in training (:mod:`locsnn_compile.models.chip_layers`). These functions become part of such a loop, and LLVM
+then runs it in vectors. Conditions are returned as 0 or 1.
+
+Arguments that every function has, in the letters of the page of the arithmetic:
+
+- ``charge``: the charge that acts in this step, in whole units of 64. Its register q wraps to
+  ``-half_charge..half_charge - 1``.
+- ``half_current``: u, and u + bias, wrap to ``-half_current..half_current - 1``
+- ``last``: v is clipped to ``-last..last``
+
+Registers may have any width up to 29 bits: the sum of two of them, such as the v that is kept and u, then fits 32 bits
+with one to spare.
+
+``charge & 0`` makes a 0 of the type of the arguments, a value of the compiled loop; a plain 0 of Python is none.
 """
 
 from hw_model.arithmetic import loihi
@@ -41,6 +53,7 @@ def dendrite(  # noqa: PLR0913 - registers and parameters of a step, by name
         vmin=-last,
         vmax=last,
     )
+    # Only what happens before the threshold: the rest of a step would change nothing.
     response = loihi.respond(OnLanes((half_charge, half_current)), p, u, v, charge, nothing)
     return response.u, response.v, *_event_counts(response, ALWAYS, nothing)
 
@@ -51,7 +64,8 @@ def sum_of_joined(
 ) -> Numbers:
     """Run a step of a compartment that is only the sum of its children.
 
-    Return v as it was compared with the threshold, whether it spikes, and how often it met each event.
+    Return v as it was compared with the threshold, whether it spikes, and how often it met each event. It has no
+    memory, so it starts at rest, and its state after the step is not returned.
     """
     nothing = joined & 0
     p = Parameters(
@@ -59,6 +73,7 @@ def sum_of_joined(
         keep_v=nothing,
         bias=nothing,
         threshold=threshold,
+        # The least there is: the compartment may spike in every step.
         refractory=nothing + 1,
         vmin=-last,
         vmax=last,
@@ -98,7 +113,7 @@ def compartment(  # noqa: PLR0913 - registers and parameters of a step, by name
 
 
 def _event_counts(response: Response, live: Truth, nothing: Lanes) -> list[Lanes]:
-    """Return how often each event was met in the step, in the order of :data:`EVENTS`."""
+    """Return how often each event was met in the step, in the order of :data:`EVENTS`: wraps of q and u, clips of v."""
     counts = dict.fromkeys(EVENTS, nothing)
     for event, met in loihi.events(response, live):
         counts[event] = counts[event] + met

@@ -36,6 +36,7 @@ from hw_model.program.write import (
 from hw_model.values import IntArray
 
 
+# `checked` makes an argument of another type than annotated an InputError.
 @checked
 def load_program(folder: str | Path) -> ChipProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
@@ -99,6 +100,8 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
     inputs = []
     routes = []
     for index, item in enumerate(document["inputs"]):
+        # A transposed recording comes through the transpose buffer: an event of channel c at step t becomes a spike of
+        # line first_lines[c] + t at step positions[c] of the phase. Without first_lines, they are 0.
         positions = arrays[f"input{index}/positions"] if item["transposed"] else None
         first_lines = arrays.get(f"input{index}/first_lines")
         entries = {name: item[name] for name in INPUT_ENTRIES} | {"size": int(item["size"])}
@@ -115,11 +118,13 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
         readout=_readout(document),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
+        # RECORDINGS: numbers on how recordings become steps and predictions, such as `step_seconds`.
         **{name: _optional_number(document, name, kind) for name, kind in RECORDINGS.items()},
         class_names=_class_names(document.get("class_names")),
         channel_order=_channel_order(document.get("channel_order")),
         start=_start(document.get("start")),
         time_unit=_time_unit(document.get("time_unit")),
+        # Which channels of a larger sensor it reads.
         recorded=recorded_of(PROGRAM_YAML, document.get("recorded")),
     )
 
@@ -185,6 +190,7 @@ def _readout(document: Mapping[str, Any]) -> Readout | None:
     first_step: int | tuple[int | None, ...] | None = None
     if isinstance(potentials_from, dict):
         steps = (potentials_from.get(name) for name in weights)
+        # A population that the mapping does not name is read by its spikes: None.
         first_step = tuple(None if step is None else int(step) for step in steps)
     elif potentials_from is not None:
         first_step = int(potentials_from)
@@ -197,10 +203,16 @@ def _readout(document: Mapping[str, Any]) -> Readout | None:
 
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
-    """Return a core; the arrays of its synapses are removed from ``arrays``."""
+    """Return a core; the arrays of its synapses are removed from ``arrays``.
+
+    Synapses are most of a program: each array is removed when its compact copy has been made, so that the original is
+    freed at once.
+    """
     prefix = f"core{int(core['number'])}/"
+    # `slot` is the place of the core on the board, counted through all chips.
     fields: dict[str, Any] = {name: int(core[name]) for name in ("number", "slot", "vmin", "vmax")}
     fields |= {name: arrays[prefix + name] for name in CORE_ARRAYS}
+    synapses = {name: compact(arrays.pop(prefix + name)) for name in OF_SYNAPSES}
     return Core(
         **fields,
         phase=core["phase"],
@@ -211,7 +223,6 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
             formats=tuple(SynapseFormat(**form) for form in core["synapse_formats"]),
             synapse_words=int(core["synapse_words"]),
             **{name: arrays[prefix + name] for name in AXON_ARRAYS if name not in OF_SYNAPSES},
-            # Synapses are most of a program. Popped, so that the original is freed once its compact copy exists.
-            **{name: compact(arrays.pop(prefix + name)) for name in OF_SYNAPSES},
+            **synapses,
         ),
     )

@@ -9,6 +9,8 @@ example:
 """
 
 # The docstring above is the help of the command, so it stays in these words.
+# Without --weights, `join` finds weights with which the class scores of all members vary alike: on the recordings of
+# --calibration, or else on those that the checkpoints carry.
 
 import argparse
 from pathlib import Path
@@ -25,7 +27,9 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
 def run(args: argparse.Namespace) -> int:
     """Read the checkpoints, weigh their class scores, and write the committee."""
+    # Without the option, the path of --calibration is None, which the check skips.
     inputs = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
+    # The output must not replace a file that is read.
     check_places(inputs, [("--output", Path(args.output))])
     if Path(args.output).suffix != ".pt":
         raise InputError("--output", "it is not a .pt file", fix="Give a name that ends in .pt.")
@@ -34,13 +38,14 @@ def run(args: argparse.Namespace) -> int:
             "--calibration", "the weights are given", fix="Leave out --calibration or --weights."
         )
     # Reading checkpoints needs no torch, but writing the .pt file does: say so before the work.
-    needed("torch", "train", "locsnn pack")
+    needed(package="torch", extra="train", where="locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
     committee = join(
         [network_of(checkpoint) for checkpoint in checkpoints],
-        args.weights,
-        args.calibration,
-        undivided_reading_options(args),
+        weights=args.weights,
+        calibration=args.calibration,
+        # How --calibration is read. All its recordings are used: the command has no options that divide them.
+        reading=undivided_reading_options(args),
     )
     weights = tuple(member.weight for member in committee.members)
     Pack(checkpoints, weights).save(args.output)

@@ -21,7 +21,11 @@ _SHORTER = "Train with a shorter time constant, or take longer steps."
 
 
 def check_fits_spinnaker(chip: SpinnakerChip, network: Network) -> None:
-    """Raise ``TargetError`` for a network that cannot be lowered because of its neurons, whatever the chip's size."""
+    """Raise ``TargetError`` for a network that cannot be lowered because of its neurons, whatever the chip's size.
+
+    ``chip`` is not used: it is an argument because every family of chips has such a check, and some of them use it
+    (``locsnn_compile/families.py``).
+    """
     check_network(network)
     check_neurons(network)
 
@@ -60,7 +64,10 @@ def _check_single(where: str, group: Compartments) -> None:
 
 
 def _check_decay_v(where: str, group: Compartments) -> None:
-    """Refuse potentials that never decay."""
+    """Refuse potentials that never decay.
+
+    A decay is the share that a step loses, in 4096ths; ``FORGETS`` is 4096.
+    """
     slowest = int(group.decay_v.min())
     if slowest < DECAY_V_MIN:
         what = "its potential never decays, and on SpiNNaker no input would then move it"
@@ -69,7 +76,11 @@ def _check_decay_v(where: str, group: Compartments) -> None:
 
 
 def _check_decay_u(where: str, group: Compartments) -> None:
-    """Refuse currents that decay so slowly that their initial value does not fit 32 bits."""
+    """Refuse currents that decay so slowly that what a weight is multiplied by does not fit 32 bits.
+
+    SpiNNaker multiplies a weight by a factor, the initial share, which makes the current of all later steps sum to
+    tau_syn times the weight (:func:`hw_model.arithmetic.spinnaker.initial_share`). It grows with tau_syn.
+    """
     slowest = int(group.decay_u.min())
     if slowest < DECAY_U_MIN:
         what = "its current decays too slowly: a weight would leave 32 bits on SpiNNaker"
@@ -97,7 +108,8 @@ def _check_floor(where: str, group: Compartments, charges: FloatArray) -> None:
 def _lowest_potential(group: Compartments, lowest_charge: FloatArray) -> FloatArray:
     """Return the value at which v settles, (n,), if every step brings the lowest charge (n,).
 
-    ``settles_at`` takes positive drives only. The dynamics are symmetric, so the sign is turned before and after.
+    ``settles_at`` gives the highest value that v reaches from 0. The lowest is that of the negated drive, negated,
+    since truncation treats both signs alike. A drive that never pulls v below 0 gives 0, from which v starts.
     """
     lowest_current = -loihi_bounds.settles_at(-lowest_charge, group.decay_u)
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)

@@ -1,4 +1,4 @@
-"""Entry of report.json on worst cases: bounds on time and queues that hold for any input.
+"""The entry ``bounds`` of report.json, the worst cases: bounds on time and queues that hold for any input.
 
 A bound is stated for a rate, the most events in a step. It is computed from the program alone, so it
 also holds for recordings that nobody played. The report shows it next to what was measured.

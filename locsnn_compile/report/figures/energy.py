@@ -1,4 +1,4 @@
-"""Entry of report.json on energy: total, spread, breakdowns, and each constant with its source.
+"""The entry ``energy`` of report.json: total, spread, breakdowns, and each constant with its source.
 
 Energy is the sum of counts times costs: the simulator counts operations, and a profile of the chip has published costs
 per operation. It is broken down by recordings, classes, steps, cores and populations. Every breakdown adds up to the

@@ -1,4 +1,4 @@
-"""Entry of report.json on the host: the first layers of a network whose input is numbers rather than spikes.
+"""The entry ``host`` of report.json: the first layers of a network whose input is numbers rather than spikes.
 
 The host computer evaluates these layers and sends their spikes to the chip. Their operations are counted
 apart from those of the chip, and their energy is not estimated.

@@ -1,4 +1,4 @@
-"""Entry of report.json on latency: total, spread, breakdowns, critical paths, links, and the pace of a sensor.
+"""The entry ``latency`` of report.json: total, spread, breakdowns, critical paths, links, and the pace of a sensor.
 
 On a mesh, all cores wait for each other at the end of a step. So a step takes as long as the core that
 finishes last, which may itself have waited for a packet of another core: its sender. Times are counts of

@@ -1,4 +1,4 @@
-"""Entry of report.json on an FPGA on which the open core was placed; ``locsnn rtl fit`` adds it."""
+"""The entry ``placed`` of report.json: an FPGA on which the open core was placed. ``locsnn rtl fit`` adds it."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Entry of report.json on wraps and clips: whether they matter, and which settings have none.
+"""The entry ``overflows`` of report.json, wraps and clips: whether they matter, and which settings have none.
 
 A charge or current that leaves its register wraps to the other end, and a voltage clips at the end. The
 check replays the affected recordings with registers too wide for either, and compares.
