@@ -19,6 +19,8 @@ from locsnn_compile.verification.matching import PopulationMatch
 
 CHIP = hw.chip("loihi-sim")
 RUNS = {(run.case.name, run.case.strategy): run for run in long_runs()}
+"""The long runs by name and strategy. Each plays a block of 1,000 steps again and again, up to a million steps; tests play
+fewer."""
 
 
 def test_the_float_run_is_the_reference():
@@ -39,6 +41,7 @@ def test_balanced_weights_drift_as_fast_as_their_rounding():
     # Errors are given by tenth of the run.
     in_proportion = [tenths * drift.error[0] for tenths in range(1, 11)]
     assert drift.error == pytest.approx(in_proportion, rel=0.1)
+    # Nothing is truncated in this case, so the bound is nearly reached.
     assert 0.9 * drift.bound <= drift.error[-1] <= drift.bound
 
 
@@ -56,12 +59,13 @@ def test_what_fades_does_not_grow():
 def test_growth_is_told_where_nothing_fades_and_where_spikes_drift_apart():
     run = RUNS["leak of 10 steps", "native"]
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
+    # The last error is above a tenth of a threshold, from which on a cause is named. It is one only where nothing fades.
     grown = replace(row.drift, steps=1_000_000, error=(0.05, 0.6))
     assert not [*drift_module.growth(row, grown, fades=True)]
     assert [*drift_module.growth(row, grown, fades=False)] == [
         "nothing fades, so rounding adds up: 0.60 thresholds in 1,000,000 steps"
     ]
-    # Of 10 spikes on either side, 2 are equal.
+    # Of 10 spikes on either side, 2 are equal in the last tenth. The 97.8 % are those of the run itself.
     apart = replace(
         row.drift, spikes=(PopulationMatch(reference_spikes=10, chip_spikes=10, common_spikes=2),)
     )
@@ -81,6 +85,7 @@ def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
 
 def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
+    # Far below any error of the run.
     monkeypatch.setattr(drift_module, "drift_bound", lambda *_: 1e-5)
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     assert row.verdict == "unexplained"

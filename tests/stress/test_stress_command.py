@@ -1,6 +1,7 @@
 """``locsnn stress`` end to end: verdicts, JSON, and the page between its marks; and the cases of ``--quick``.
 
-A case is a network with extreme numbers or inputs, and a row is a case with its verdict.
+A case is a network with extreme numbers or inputs, and a row is a case with its verdict: ``ok``, ``limited`` (a limit of
+the chip explains what was lost), ``refused`` (with a way out) or ``unexplained`` (a defect of this project).
 """
 
 import csv
@@ -61,7 +62,8 @@ def test_the_rows_that_every_run_has_exist():
 
 def test_cases_have_names_of_their_own():
     names = [(case.group, case.name, case.strategy) for case in cases()]
-    assert len(names) == len(set(names)) > 400
+    assert len(names) == len(set(names))
+    assert len(names) > 400  # so that no group of cases is lost unnoticed
 
 
 @pytest.mark.slow
@@ -138,14 +140,14 @@ def test_a_case_has_its_verdict_and_a_cause_with_these_words(
 
 @pytest.mark.slow
 def test_scale_is_all_that_differs_over_twelve_orders_of_magnitude(rows):
-    measured = [row.measured for row in rows if row.case.group == "threshold and weights together"]
-    by_strategy = {
-        row.case.strategy for row in rows if row.case.group == "threshold and weights together"
+    """Threshold and weights are scaled together, so spikes and errors in thresholds depend on the strategy alone."""
+    scaled_rows = [row for row in rows if row.case.group == "threshold and weights together"]
+    strategies = {row.case.strategy for row in scaled_rows}
+    results = {
+        (row.measured.spikes, round(row.measured.error_thresholds, 9)) for row in scaled_rows
     }
-    assert len(measured) >= 4
-    assert len(
-        {(figures.spikes, round(figures.error_thresholds, 9)) for figures in measured}
-    ) == len(by_strategy)
+    assert len(scaled_rows) >= 4
+    assert len(results) == len(strategies)
 
 
 @pytest.mark.slow
@@ -155,6 +157,7 @@ def test_refusals_are_one_line_with_a_way_out(rows):
             (line,) = row.causes
             assert "\n" not in line
             assert line.endswith(".")
+            # What is wrong is one sentence, and what to do another.
             assert line.count(". ") >= 1
 
 
