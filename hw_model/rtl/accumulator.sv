@@ -13,8 +13,8 @@
 // A word that is written in cycle 3 can be read from the next cycle on. So an operation that follows another one of the same
 // address by one, two or three cycles read an old word, and takes the result from `written3`, `written4` or `written5`.
 module accumulator #(
-    parameter integer WIDTH = 18,
-    parameter integer DEPTH = 1024
+    parameter integer WIDTH = 18,   // bits of a charge
+    parameter integer DEPTH = 1024  // charges
 ) (
     input  logic                     clk,
     input  logic                     valid,

@@ -2,8 +2,8 @@
 // in which it is asked and shows a written word in the next. An operation reads, adds and writes within one cycle, so nothing
 // has to be forwarded. locsnn_core.sv uses it where its parameter AT_ONCE is 1, on a chip.
 module accumulator_at_once #(
-    parameter integer WIDTH = 18,
-    parameter integer DEPTH = 1024
+    parameter integer WIDTH = 18,   // bits of a charge
+    parameter integer DEPTH = 1024  // charges
 ) (
     input  logic                     clk,
     input  logic                     valid,

@@ -8,7 +8,7 @@
 //     cycle 3   `valid`: `step` is the step in which the channel is visited, `source` the source of the event's row in this
 //               visit; both stay until the next mark
 module arrivals #(
-    parameter integer VISITS = 128,  // places in the memory of visits
+    parameter integer VISITS = 128,  // visits that the memory holds
     parameter integer SOURCE = 11    // bits of the number of a source
 ) (
     input  logic              clk,

@@ -2,8 +2,8 @@
 // the oldest committed word while `head_valid` is high; the next one shows in the cycle after a pop, a pushed word two cycles
 // after it was pushed and committed at the earliest. The user must not push while the queue is full.
 module held_queue #(
-    parameter integer WIDTH = 9,
-    parameter integer DEPTH = 256  // a power of two
+    parameter integer WIDTH = 9,   // bits of a word
+    parameter integer DEPTH = 256  // words; a power of two
 ) (
     input  logic                   clk,
     input  logic                   clear,

@@ -5,7 +5,7 @@
 // The parent must be issued so much later than its last child that it reads the sum after it was written: JOIN_DISTANCE of
 // hw_model/rtl/numbering.py sees to that.
 module join_sums #(
-    parameter integer WIDTH = 26,
+    parameter integer WIDTH = 26,         // bits of a sum, sign included
     parameter integer COMPARTMENTS = 512  // words for sums
 ) (
     input  logic                            clk,

@@ -4,8 +4,8 @@
 //
 // MEMORY_BLOCK, if it is defined, is the number of bits of a block RAM of the device; hw_model/rtl/board_sources.py says for which.
 module memory #(
-    parameter integer WIDTH = 8,
-    parameter integer DEPTH = 16
+    parameter integer WIDTH = 8,  // bits of a word
+    parameter integer DEPTH = 16  // words
 ) (
     input  logic                     clk,
     input  logic                     write,

@@ -1,8 +1,8 @@
 // A memory that shows a word in the same cycle in which it is read, as an array of latches does. A written word can be read in
 // the next cycle. While nothing is read, the output is 0. accumulator_at_once.sv uses it.
 module memory_at_once #(
-    parameter integer WIDTH = 8,
-    parameter integer DEPTH = 16
+    parameter integer WIDTH = 8,  // bits of a word
+    parameter integer DEPTH = 16  // words
 ) (
     input  logic                     clk,
     input  logic                     write,

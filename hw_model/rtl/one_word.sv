@@ -1,7 +1,7 @@
 // A register for one word between two valid/ready handshakes, which cuts long paths: neither `ready` nor the data pass through
 // in the same cycle. It is empty or full, so a word passes in every other cycle at most.
 module one_word #(
-    parameter integer WIDTH = 9
+    parameter integer WIDTH = 9  // bits of the word
 ) (
     input  logic             clk,
     input  logic             reset,

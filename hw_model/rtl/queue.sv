@@ -4,8 +4,8 @@
 // The oldest number waits in the register `head`. Its successor takes its place two cycles after it was popped: one to read
 // the memory, which answers late in its cycle, and one for the register.
 module queue #(
-    parameter integer WIDTH = 10,
-    parameter integer DEPTH = 512
+    parameter integer WIDTH = 10,  // bits of the number of a source
+    parameter integer DEPTH = 512  // compartments of the core
 ) (
     input  logic             clk,
     input  logic             clear,

@@ -5,7 +5,7 @@
 // population by population. The score of a class is the sum of weight * tally over the populations. A product is made bit by
 // bit of the weight, one per cycle, from shifted tallies. The first of classes with equal scores wins.
 module readout #(
-    parameter integer ENTRIES = 128,
+    parameter integer ENTRIES = 128,  // compartments that are read out
     // 1: the sign of a weight, which comes late from its memory, is applied in the addition and not before it. This makes the
     // slowest path shorter and takes more logic.
     parameter integer FAST = 0

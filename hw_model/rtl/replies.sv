@@ -8,7 +8,7 @@
 //     0x84 spikes   what spike_report gives (3 bytes each)
 //     0x85 error    the problem; its sequence number is that of the frame or, for problems 1 to 5, the one that must come next
 module replies #(
-    parameter integer BUFFER = 256,
+    parameter integer BUFFER = 256,         // bytes of frames that frame_receiver holds, which a hello tells
     parameter integer SIZES = 11,           // how many parameters a hello lists, of 24 bits each
     parameter logic [24*SIZES-1:0] SIZE = 0  // the parameters, the first one highest
 ) (

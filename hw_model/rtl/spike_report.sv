@@ -4,7 +4,7 @@
 // `crowded` makes the steps of the core wait while half of the queue is taken. A step that has begun goes on, so its spikes may
 // still find the queue full; these are counted as `lost`, and the count is answered with the class.
 module spike_report #(
-    parameter integer DEPTH = 256  // a power of two
+    parameter integer DEPTH = 256  // spikes that wait for the host; a power of two
 ) (
     input  logic        clk,
     input  logic        reset,

@@ -6,9 +6,9 @@
 // without a synapse. Its mantissa field then holds a jump of -32 to 31 targets, and the exponent of the synapses that follow.
 // So lists may have gaps of any size, any exponents, and targets in any order. hw_model/rtl/steps.py makes such lists.
 module stepped #(
-    parameter integer STEP = 3,
-    parameter integer TARGET_BITS = 7,
-    parameter integer SLOT_BITS = 1
+    parameter integer STEP = 3,         // bits of a step
+    parameter integer TARGET_BITS = 7,  // bits of a target
+    parameter integer SLOT_BITS = 1     // bits of a delay
 ) (
     input  logic                       clk,
     input  logic                       valid,   // `half` is of a word of a list

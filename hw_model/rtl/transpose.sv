@@ -30,9 +30,9 @@
 // An event, tick or end that was found waits in the registers `pending*`, in the next cycle becomes a word at the output, and
 // there waits to be taken. All else stands still while both are full (`go` is low).
 module transpose #(
-    parameter integer BITMAP = 1024,
+    parameter integer BITMAP = 1024,  // words of the buffer
     parameter integer WORD = 32,  // rows of a word, a power of two
-    parameter integer VISITS = 128,
+    parameter integer VISITS = 128,  // visits of channels, of all phases together
     parameter integer SOURCE = 11,  // bits of the number of a source
     parameter integer ONE_PORT = 0,  // 1: the buffer is a memory of one port
     parameter integer FAST = 0,  // 1: shorter paths, for more logic
