@@ -1,8 +1,13 @@
 """Divide the synapses of an input axon into lists, and count the memory words that each list takes.
 
-Routing, the report and the memory image of the open core use it. All synapses of a list have one format, so an axon has
-a list for each format of its synapses on the core, whichever populations they end on. A dense list stores no target
-numbers: it ends where a target does not follow the one before, and at the end of each population.
+Routing (``routing.py``) counts the words of a core by it, and ``--emit vectors`` packs them for a test bench
+(``locsnn_compile/backends/vectors/synapse_image.py``).
+
+All synapses of a list have one format, so an axon has a list for each format of its synapses on the core. A *sparse*
+list stores the number of each target, so one list may reach several groups of compartments. A *dense* list stores only
+its first target, because each of the others follows the one before. So it ends where the sequence of targets breaks,
+and also at the end of each slice, the part of a group that is on the core: a projection ends on one group, and what a
+dense list reaches must not depend on which group happens to lie next on the core.
 """
 
 from collections.abc import Sequence
@@ -34,32 +39,36 @@ def synapse_lists(
     list_start: IntArray,
     target: IntArray,
     format_index: IntArray,
-    formats: "Sequence[SynapseFormat]",
-    ends: IntArray,
-    memory: "SynapseMemory",
+    formats: Sequence[SynapseFormat],
+    slice_ends: IntArray,
+    memory: SynapseMemory,
 ) -> SynapseLists:
     """Return the lists of a core; axon j has the synapses ``list_start[j]..list_start[j + 1]``.
 
-    ``ends`` has an entry per slice of a group on the core: the compartment after its last, ascending.
+    ``target`` and ``format_index`` are (synapses,). The synapses of an axon that have one format are expected in
+    ascending order of target on each slice, as routing sorts them; in another order, dense lists break more often.
+    ``slice_ends`` has an entry per slice of a group on the core: the compartment after its last, ascending.
     """
     is_dense = np.array([form.index_bits == 0 for form in formats], dtype=np.bool_)
     bits = np.array([form.bits_per_synapse for form in formats], dtype=np.int64)
 
-    # Synapses in the order of memory: axon by axon, and of an axon format by format.
-    axon_by_target = np.repeat(np.arange(len(list_start) - 1), np.diff(list_start))
-    order = np.lexsort((format_index, axon_by_target))
-    axon = axon_by_target[order]
+    # Synapses in the order of memory: axon by axon, and the synapses of an axon format by format. lexsort sorts by its
+    # last key first, and is stable: synapses of one axon and format keep their order.
+    axon_of_synapse = np.repeat(np.arange(len(list_start) - 1), np.diff(list_start))
+    order = np.lexsort((format_index, axon_of_synapse))
+    axon = axon_of_synapse[order]
     stored_as = format_index[order]
     compartment = target[order]
-    population = np.searchsorted(ends, compartment, side="right")
+    # The number of the slice that each synapse ends on. The end of a slice belongs to the next one: side="right".
+    slice_number = np.searchsorted(slice_ends, compartment, side="right")
 
     # Compare each synapse with the one before it: a list begins where axon, format or, in a dense list, the sequence
-    # of targets changes. The first synapse of all begins a list, too, unless there is none.
+    # of targets or the slice changes. The first synapse of all begins a list, too, unless the core has no synapse.
     other_axon = np.diff(axon) != 0
     other_format = np.diff(stored_as) != 0
     skips_targets = np.diff(compartment) != 1
-    other_population = np.diff(population) != 0
-    ends_dense_list = is_dense[stored_as[1:]] & (skips_targets | other_population)
+    other_slice = np.diff(slice_number) != 0
+    ends_dense_list = is_dense[stored_as[1:]] & (skips_targets | other_slice)
     begins = other_axon | other_format | ends_dense_list
     start = np.flatnonzero(np.append(True, begins)[: len(compartment)])
     length = np.diff(np.append(start, len(compartment)))

@@ -19,8 +19,9 @@ from locsnn_compile.frontends.slayer.config import SlayerConfig, axis_of
 class Chosen(Frozen):
     """The layers that run: a chain for each axis.
 
-    - ``channels``: the number of channels of the recordings, if no layer runs along time, whose inputs they are, and
-      another part of the checkpoint determines it; else None
+    - ``channels``: the number of channels of the recordings, where only the choice of layers tells it: no layer runs
+      along time, but an unused time layer, or the steps over which training counted spikes, have as many. None if the
+      first layer along time has them as its inputs, or if nothing tells
     - ``assumed``: sentences about assumptions
     """
 
@@ -45,13 +46,16 @@ def choose_layers(
     stated = config.branches if branches is None else branches
     if stated is not None:
         return _stated(shapes, stated, where)
+    # Nobody states the branches, so the names of the layers decide.
     by_name: dict[Axis, tuple[str, ...]] = {
         axis: tuple(name for name in shapes if axis_of(name) == axis) for axis in AXES
     }
     chains = {axis: names for axis, names in by_name.items() if names}
+    # The two doubts below are about which of two branches run. They do not arise with one branch, nor if the YAML lists
+    # its layers: its author has then said which layers there are, and that all of them run.
     if config.layers or len(chains) == 1:
-        return Chosen(chains, None, _listed(chains, config))
-    if _counts_locations(shapes, chains, config):
+        return Chosen(chains, None, _all_taken(chains, config))
+    if _trained_location_alone(shapes, chains, config):
         locations: dict[Axis, tuple[str, ...]] = {"location": chains["location"]}
         sentence = (
             f"The YAML counts the spikes of {config.counted_steps} steps, which are the locations: the location branch "
@@ -59,7 +63,7 @@ def choose_layers(
         )
         return Chosen(locations, config.counted_steps, (sentence,))
     _refuse_joined(shapes, chains, where)
-    return Chosen(chains, None, _listed(chains, config))
+    return Chosen(chains, None, _all_taken(chains, config))
 
 
 def _stated(shapes: Mapping[str, Shape], branches: Branches, where: str) -> Chosen:
@@ -71,6 +75,7 @@ def _stated(shapes: Mapping[str, Shape], branches: Branches, where: str) -> Chos
     for name in named:
         if name not in shapes:
             raise InputError(
+                # Cut, because the name is the user's and may be of any length; those below are in the checkpoint.
                 f"{where}, layer {name[:80]!r}",
                 "it is not in the checkpoint",
                 fix=did_you_mean(name, shapes),
@@ -109,8 +114,11 @@ def _inputs(shape: Shape) -> int:
     return math.prod(shape[1:])
 
 
-def _listed(chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig) -> tuple[str, ...]:
-    """Return a sentence about the choice of all layers; none for a single layer, or if the YAML lists the layers."""
+def _all_taken(chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig) -> tuple[str, ...]:
+    """Return the sentence that all layers were taken by their names, as a tuple of one.
+
+    Empty where there was nothing to choose: for a single layer, or if the YAML lists the layers.
+    """
     if config.layers or sum(map(len, chains.values())) == 1:
         return ()
     return (
@@ -124,15 +132,16 @@ def _text(chains: Mapping[Axis, tuple[str, ...]]) -> str:
     return ", ".join(f"{axis}={','.join(names)}" for axis, names in chains.items())
 
 
-def _counts_locations(
+def _trained_location_alone(
     shapes: Mapping[str, Shape], chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig
 ) -> bool:
-    """Return whether training counted spikes over as many steps as there are locations: only that branch was trained.
+    """Return whether only the location branch was trained: spikes were counted over as many steps as locations.
 
-    The inputs of a time branch are the locations (channels), those of a location branch the time steps.
+    The inputs of a time branch are the locations (channels), those of a location branch the time steps. Needs both.
     """
     locations = _inputs(shapes[chains["time"][0]])
     time_steps = _inputs(shapes[chains["location"][0]])
+    # With as many locations as time steps, the count fits either branch, so it tells nothing.
     return config.counted_steps == locations and locations != time_steps
 
 
@@ -141,19 +150,27 @@ def _refuse_joined(
 ) -> None:
     """Raise ``InputError`` if the last layer of the checkpoint seems to run over the outputs of both branches.
 
-    By its name, it would be the last layer of the time branch. But it has one input and one output per class, and comes
-    after all layers of both branches, which suggests that each branch ended before it.
+    By its name, it would be the last layer of the time branch. But it has one input per class, as many as either branch
+    has outputs without it, and comes after all layers of both branches: this suggests that each branch ended before it.
+    ``chains`` has both branches.
     """
     *before, last = chains["time"]
+    if not before:
+        # It is the only layer along time, so there is no time branch that could have ended before it.
+        return
+    # The outputs of a branch are the classes: the rows of the weights of its last layer.
     classes = shapes[chains["location"][-1]][0]
-    if not before or (shapes[before[-1]][0], _inputs(shapes[last])) != (classes, classes):
+    time_outputs_before = shapes[before[-1]][0]
+    if time_outputs_before != classes or _inputs(shapes[last]) != classes:
         return
     in_order = list(shapes)
     location_first = in_order.index(before[0]) > in_order.index(chains["location"][0])
     is_no_deeper = len(chains["time"]) <= len(chains["location"])
-    # If the location branch comes first, the last layer may well be the time branch's own, unless that branch would
-    # then be deeper than the location branch.
-    if in_order[-1] != last or (location_first and is_no_deeper):
+    if in_order[-1] != last:
+        return
+    # If the location branch comes first, the checkpoint ends with a time layer anyway, so its last layer may be the
+    # time branch's own, unless that branch would then be deeper than the location branch.
+    if location_first and is_no_deeper:
         return
     branches = f"time={','.join(before)},location={','.join(chains['location'])}"
     raise InputError(

@@ -1,8 +1,10 @@
 """The entry ``energy`` of report.json: total, spread, breakdowns, and each constant with its source.
 
 Energy is the sum of counts times costs: the simulator counts operations, and a profile of the chip has published costs
-per operation. It is broken down by recordings, classes, steps, cores and populations. Every breakdown adds up to the
-total; operations that are counted without a step and a core are only in ``elsewhere_pj``.
+per operation. A chip can have several profiles. The first is its default, by which all breakdowns are made; of the
+others, only totals are shown. Energy is broken down by operations, phases, populations, cores and steps (means per
+recording), and over recordings and classes. Every breakdown adds up to the total; those by population, core and step do
+with ``elsewhere_pj``, the energy of operations that are counted without a step and a core, such as input events.
 """
 
 import math
@@ -37,7 +39,8 @@ from locsnn_compile.report.figures.spread import (
 from locsnn_compile.verification.matching import Match
 
 _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
-"""Names of the counts that are known for every step, core and population; the last two are derived from others."""
+"""Names of the counts that are known for every step, core and population. ``neuron_updates_inactive`` and ``hops`` are
+not in ``BY_CORE`` because they are not kept: they are computed from counts that are."""
 
 
 class PopulationEnergy(Entry):
@@ -48,7 +51,7 @@ class PopulationEnergy(Entry):
 
 
 class CoreEnergy(Entry):
-    """The energy of a core."""
+    """The energy of a core. ``INLINED``: the keys of its place stand next to ``pj`` in report.json, without nesting."""
 
     place: Annotated[Place, INLINED]
     pj: float
@@ -73,7 +76,7 @@ class ClassEnergy(ClassCost):
     max_pj: float
 
     @property
-    def ends(self) -> tuple[float, float, float]:
+    def least_mean_largest(self) -> tuple[float, float, float]:
         """The least, the mean and the largest energy."""
         return self.min_pj, self.mean_pj, self.max_pj
 
@@ -115,7 +118,11 @@ class ConstantFigures(Entry):
 
 
 class ProfileFigures(Entry):
-    """A profile (a set of published costs per operation), with the source and the range of each constant."""
+    """A profile (a set of published costs per operation), with the source and the range of each constant.
+
+    ``basis`` says in words how the source has obtained its costs, such as by a simulation before silicon.
+    ``barrier_ns`` is the time of the barrier at which all cores wait at the end of each step.
+    """
 
     source: str
     basis: str
@@ -128,7 +135,8 @@ class EnergyFigures(Entry):
     """``energy`` by the default profile of the chip; means per recording, except in the fields on its spread.
 
     A branch is a phase of the program: its neurons step over time or over location. ``by_step_pj`` adds up
-    the steps of a phase in bins. ``over_samples_pj`` is the spread over recordings.
+    the steps of a phase in bins. ``over_samples_pj`` is the spread over recordings. ``source``, ``basis`` and
+    ``voltage_v`` are those of the default profile; ``profiles`` has all profiles of the chip, the default among them.
     """
 
     profile: str
@@ -160,9 +168,9 @@ def energy_figures(
 ) -> EnergyFigures | None:
     """Return the energy by the default profile of the chip; None for a chip without a profile."""
     name = program.chip.default_profile
-    profile = program.chip.costs
     if name is None:
         return None
+    profile = program.chip.profile(name)
     counts = total(match.counts)
     samples = match.samples
     breakdown = _breakdown(counts, profile, samples)
@@ -244,17 +252,25 @@ def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> Ends:
     An end is None if a constant that was used has a range without that end. A constant without a range
     is taken as exact.
     """
+    least, most = 0, 1  # the two ends of a range, by their index
+    return (
+        _end_of_range_pj(counts, profile, samples, least),
+        _end_of_range_pj(counts, profile, samples, most),
+    )
 
-    def end(index: int) -> float | None:
-        costs = {
-            name: profile.energy_pj_range.get(name, (pj, pj))[index]
-            for name, pj in profile.energy_pj.items()
-        }
-        if any(cost is None and counts[name] for name, cost in costs.items()):
+
+def _end_of_range_pj(counts: Counts, profile: hw.Profile, samples: int, end: int) -> float | None:
+    """Return the mean energy with every cost at one end of its range; None if the end of a cost is unknown."""
+    parts_pj = []
+    for name, exact_pj in profile.energy_pj.items():
+        cost_pj = profile.energy_pj_range.get(name, (exact_pj, exact_pj))[end]
+        if counts[name] == 0:
+            # An operation that never happened costs nothing, whether or not its cost is known.
+            continue
+        if cost_pj is None:
             return None
-        return math.fsum(counts[name] * (cost or 0.0) for name, cost in costs.items()) / samples
-
-    return end(0), end(1)
+        parts_pj.append(counts[name] * cost_pj)
+    return math.fsum(parts_pj) / samples
 
 
 def _pieces_pj(program: ChipProgram, match: Match, profile: hw.Profile) -> dict[str, FloatArray]:
@@ -318,7 +334,9 @@ def _static(
     power = profile.static_power
     if power is None:
         return None
+    # Without times of operations, ``match.mean_ns`` is not the time that a recording takes.
     is_timed = target_of(program.chip).timed
+    # The slot of a core counts through all cores of the board, chip by chip.
     chips = len({core.slot // program.chip.limits.cores_per_chip for core in program.cores})
     return StaticEnergy(
         chip_mw=power.chip_mw,
@@ -335,12 +353,18 @@ def rows_left_out(
     """Return what the energy leaves out: what the profile does not price, and the energy at rest, if known."""
     rows = []
     for item in profile.not_included:
-        counted_pj = math.fsum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
-        bound_pj = item.bound_recording_pj + counted_pj
+        # A profile bounds what it leaves out by picojoules for each unit of some counts, plus some for each recording.
+        bound_by_count = item.bound_pj
+        counted_pj = math.fsum(counts[name] * pj for name, pj in bound_by_count.items()) / samples
+        at_most_pj = item.bound_recording_pj + counted_pj
         # Without bounds in the profile, the sum is 0, which is not a bound.
-        has_bound = bool(item.bound_pj) or bound_pj > 0
+        has_bound = bool(bound_by_count) or at_most_pj > 0
         rows.append(
-            NotIncluded(item.what, bound_pj if has_bound else None, item.bound_source or None)
+            NotIncluded(
+                what=item.what,
+                at_most_pj=at_most_pj if has_bound else None,
+                bound_source=item.bound_source or None,
+            )
         )
     if static is not None:
         what = f"static power ({static.chip_mw:g} mW per chip, {static.source})"
@@ -351,7 +375,7 @@ def rows_left_out(
 
 
 def _profile(profile: hw.Profile) -> ProfileFigures:
-    # Each operation once, in order: one may have an energy, a time or both.
+    # Each operation once, in order (dict.fromkeys drops repeats): an operation may have an energy, a time or both.
     names = dict.fromkeys((*profile.energy_pj, *profile.time_ns))
     return ProfileFigures(
         source=profile.source,

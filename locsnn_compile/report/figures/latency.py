@@ -89,7 +89,7 @@ class ClassTime(ClassCost):
     max_ns: float
 
     @property
-    def ends(self) -> tuple[float, float, float]:
+    def least_mean_largest(self) -> tuple[float, float, float]:
         """The least, the mean and the longest time."""
         return self.min_ns, self.mean_ns, self.max_ns
 

@@ -49,7 +49,7 @@ class ClassCost(Entry):
     recordings: int
 
     @property
-    def ends(self) -> tuple[float, float, float]:
+    def least_mean_largest(self) -> tuple[float, float, float]:
         """The least, the mean and the largest cost, whatever their unit."""
         raise NotImplementedError
 

@@ -78,7 +78,7 @@ class Cost(Frozen):
         """Return a table by class; None if the recordings have no labels."""
         if not self.classes:
             return None
-        largest = max(max(class_cost.ends) for class_cost in self.classes)
+        largest = max(max(class_cost.least_mean_largest) for class_cost in self.classes)
         return Table(
             f"{self.name} by class{self._by_profile}",
             ("class", "", "recordings", "mean", "least", "most"),
@@ -86,7 +86,7 @@ class Cost(Frozen):
         )
 
     def _class_row(self, class_cost: ClassCost, largest: float) -> tuple[Cell, ...]:
-        least, mean, most = class_cost.ends
+        least, mean, most = class_cost.least_mean_largest
         return (
             self._class_name(class_cost.class_),
             Bar(share_of(mean, largest), f"mean {self.shown(mean)}"),
