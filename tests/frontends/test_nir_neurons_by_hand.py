@@ -146,6 +146,18 @@ def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_p
     )
 
 
+def test_a_delay_of_more_steps_than_a_float_holds_is_refused_without_a_warning(tmp_path):
+    """1e308 s are 1e311 steps, more than float64 holds. Warnings are errors in these tests."""
+    delay = nir.Delay(np.array([1e308]))
+    graph = chain((1,), ("d", delay), ("w", linear(RNG, 1, 1)), ("n", lif(RNG, 1)))
+    with pytest.raises(InputError) as caught:
+        load_graph(graph, tmp_path)
+    assert str(caught.value) == (
+        "model 'graph.nir', node 'd': a delay is not a whole number of steps from 0 to 1e+06 "
+        "(inf steps of 0.001 s). Correct it, or give another --dt."
+    )
+
+
 @pytest.mark.parametrize("dt", [DT, 1e-4, 1 / 300, 7e-5])
 @pytest.mark.parametrize("off", [0.0, 0.009, -0.009])
 def test_delays_are_the_nearest_whole_steps(dt, off, tmp_path):

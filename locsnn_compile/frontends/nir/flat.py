@@ -375,7 +375,9 @@ def _dense(node: NirNode, where: str) -> Layer:
             fix="Give (outputs, inputs).",
         )
     check_entries(weight.size, where)
-    bias = node.each("bias", len(weight), "output", where) if node.kind == "Affine" else 0.0
+    bias = (
+        node.each("bias", len(weight), of="output", where=where) if node.kind == "Affine" else 0.0
+    )
     return Layer(sparse.csr_array(weight.astype(np.float64)), bias, (len(weight),))
 
 
@@ -411,7 +413,7 @@ def _convolved(node: NirNode, input_shape: Shape, where: str) -> Layer:
     (groups,) = _ints(node, "groups", 1, where)
     window = _window(node, weight.shape[2:], where)
     weights, shape = convolution(weight, image, window, groups=groups, where=where)
-    bias = node.each("bias", shape[0], "channel", where)
+    bias = node.each("bias", shape[0], of="channel", where=where)
     pixels = math.prod(shape[1:])
     return Layer(weights, np.repeat(bias, pixels), shape)
 

@@ -49,7 +49,7 @@ class NirNode(Frozen, eq=False):
         assert not isinstance(value, str)
         return value
 
-    def each(self, name: str, size: int, of: str, where: str) -> FloatArray:
+    def each(self, name: str, size: int, *, of: str, where: str) -> FloatArray:
         """Return a parameter with one number per item, (size,); a single number in the file stands for all.
 
         ``of`` names an item in the error, such as ``neuron``.

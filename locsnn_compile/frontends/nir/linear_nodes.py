@@ -1,7 +1,7 @@
 """Multiply the linear nodes of a NIR graph out, into the :class:`Signal` that arrives at every neuron node.
 
 A signal is a sum of weighted, delayed spikes of populations and input lines, so linear nodes in a row become one
-matrix.
+matrix. The chip has no linear nodes: what they do must become weights and delays of synapses.
 """
 
 import numpy as np
@@ -15,21 +15,26 @@ from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.network.network import InputView
 
 WHOLE_WITHIN = 0.01
-"""A delay counts as a whole number of steps if it is this near to one: files hold it in seconds, as a rounded float."""
+"""A delay counts as a whole number of steps if it is within this share of a step of one. Files hold delays in seconds,
+as rounded floats. Chosen by hand: far above the rounding of a float, far below a fraction that is meant."""
 LONGEST_DELAY = 1e6
 """In steps. A longer delay is taken for a mistake of unit, such as one in milliseconds."""
 ANOTHER_SIZE = "its input has another size"
+"""Says of a node that its input has another number of values than the node takes."""
 
 
 def signals_of(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
-    """Return the output of every node as a signal: spikes of neurons and inputs, or a linear function of these."""
+    """Return the output of every node as a signal: spikes of neurons and inputs, or a linear function of these.
+
+    ``dt`` is the length of a step in seconds. Neurons and inputs come first, since all other signals consist of theirs.
+    """
     signals = {name: Signal.of_source(name, flat.size(name)) for name in flat.named(*NEURONS)}
     first_line = 0
     for name in flat.named("Input"):
         size = flat.size(name)
         # The view has the lines of all Inputs one after the other; those of this one begin at ``first_line``.
         lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first_line))
-        signals[name] = Signal(size, (Term(view.name, 0, lines),))
+        signals[name] = Signal(size, (Term(source=view.name, delay=0, weights=lines),))
         first_line += size
     for name in linear_order(flat.nodes, flat.sources):
         if name not in signals:
@@ -53,6 +58,8 @@ def arriving_at(flat: FlatGraph, signals: dict[str, Signal], name: str, where: s
             measured=f"{sorted(sizes)}",
             fix="Make them one size.",
         )
+    # A readout never spikes, so its output is a potential. It may pass on unchanged to an Output of the graph, where it
+    # is read, but no neuron or weight can take it.
     graded = [source for source in sources if flat.nodes[source].kind in READOUTS]
     if graded and flat.nodes[name].kind not in PASSING:
         fix = "End the graph at that node, or make it a LIF."
@@ -80,9 +87,10 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
     if node.kind in PASSING:
         return signal
     if node.kind == "Scale":
-        return signal.scaled(node.each("scale", size, "value", where))
+        return signal.scaled(node.each("scale", size, of="value", where=where))
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
+    # Only nodes with weights are left, for which flattening the graph has made layers.
     layer = flat.layers[name]
     columns = layer.weights.shape[1]
     check_same(size, columns, where, ANOTHER_SIZE, fix="Correct its weight.")
@@ -91,12 +99,14 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
 
 def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> IntArray:
     """Return the delays of a Delay node in whole steps, (size,); raise ``InputError`` for other delays."""
-    steps = node.each("delay", size, "value", where) / dt
-    whole = np.rint(steps)
-    is_negative = steps < -WHOLE_WITHIN
-    is_fraction = np.abs(steps - whole) > WHOLE_WITHIN
-    is_too_long = whole > LONGEST_DELAY
-    refused = steps[is_negative | is_fraction | is_too_long]
+    delays_seconds = node.each("delay", size, of="value", where=where)
+    # The longest delays of float64 overflow to infinity, which is then refused as too long, without a warning.
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = delays_seconds / dt
+        whole = np.rint(steps)
+        is_whole = np.abs(steps - whole) <= WHOLE_WITHIN  # False for nan
+    is_in_range = (steps >= -WHOLE_WITHIN) & (whole <= LONGEST_DELAY)
+    refused = steps[~(is_whole & is_in_range)]
     if refused.size:
         raise InputError(
             where,

@@ -138,7 +138,7 @@ def neurons_of(
     node: NirNode, signal: Signal, size: int, reading: Reading, where: str
 ) -> NirNeurons:
     """Return the neurons of a node, driven by a signal."""
-    values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
+    values = {name: node.each(name, size, of="neuron", where=where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, reading.dt, reading.discretisation, where)
     reset_to = values.get("v_reset", np.zeros(size))
     leak = values.get("v_leak", reset_to)
@@ -334,7 +334,7 @@ def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str)
     for name in flat.named("IF"):
         size = flat.size(name)
         place = f"{where}, node {name!r}"
-        resistance = flat.nodes[name].each("r", size, "neuron", place)
+        resistance = flat.nodes[name].each("r", size, of="neuron", where=place)
         dt = known_dt or DT_SECONDS
         # The tolerance is for values that files hold as float32.
         adds_weight = (resistance == 1) | np.isclose(resistance * dt, 1.0, rtol=1e-6)

@@ -61,7 +61,9 @@ class Signal(Frozen, eq=False):
     @classmethod
     def of_source(cls, name: str, size: int) -> Signal:
         """Return the spikes of a source, unchanged."""
-        return cls(size, (Term(name, 0, sparse.csr_array(sparse.eye_array(size))),))
+        return cls(
+            size, (Term(source=name, delay=0, weights=sparse.csr_array(sparse.eye_array(size))),)
+        )
 
     @classmethod
     def total(cls, parts: Iterable[Signal], size: int) -> Signal:
