@@ -266,7 +266,7 @@ def _summary(
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     if measured.comparison is not None:
         lines.append(measured.comparison.words)
-        classes = set(recordings.needed_labels("train on").tolist())
+        classes = set(recordings.needed_labels(purpose="train on").tolist())
         # A comparison says something only if there was more than one class to learn.
         if result.learned and len(classes) > 1 and measured.comparison.lost:
             remarks.append(measured.comparison.lost)

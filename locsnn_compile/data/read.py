@@ -92,7 +92,7 @@ class Division(Frozen):
             rows, labels = rows_and_labels.T
             words = f"round {fold} of {len(rounds)}"
         else:
-            all_labels = recordings.needed_labels("divide them by")
+            all_labels = recordings.needed_labels(purpose="divide them by")
             rows = stratified_split(all_labels, self.share, seed=0, fold=fold)[part_number]
             labels = all_labels[rows]
             words = f"split {self.share:g}, round {fold}"

@@ -96,7 +96,7 @@ def choose(
     ``progress`` is called with (windows judged, windows to judge).
     """
     config = config_from_mapping(values)
-    labels = recordings.needed_labels("train on")
+    labels = recordings.needed_labels(purpose="train on")
     known_classes = max(classes or 0, len(recordings.class_names or ()))
     recordings_of_class = np.bincount(labels, minlength=known_classes)
     facts = _facts(recordings, len(recordings_of_class))
@@ -181,7 +181,7 @@ def _choose_windows(
 ) -> None:
     """Choose windows and levels by cross-validation; if ``smoothing_too``, also the smoothing of prototypes."""
     config = choices.config
-    labels = recordings.needed_labels("train on")
+    labels = recordings.needed_labels(purpose="train on")
     polarities = POLARITIES if config.sensor is None else config.sensor.polarities
     choice = choose_windows(recordings.spikes, labels, polarities, config.seed, progress)
     if choice is None:

@@ -64,9 +64,9 @@ def compare_with_counting(
 
     ``confused`` is the confusion matrix of the test part.
     """
-    labels = recordings.needed_labels("train on")
+    labels = recordings.needed_labels(purpose="train on")
     if test is not None and confused is not None:
-        truth = test.needed_labels("measure with")
+        truth = test.needed_labels(purpose="measure with")
         counting = measure_baselines(recordings.spikes, labels, test.spikes, truth)
         return Comparison("test", len(test), accuracy_of(confused, test), counting)
     if result.validation_accuracy is None:

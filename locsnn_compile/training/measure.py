@@ -20,9 +20,26 @@ from hw_model.mapping.graph import decided
 from hw_model.values import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, counted
-from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig
+
+NO_CLASS = "tie"
+"""The name, in tables, of the column of ties."""
+_LIKELY = 1.645
+"""The accuracy of guessing is below chance plus this number of standard deviations in 95 % of cases (one-sided)."""
+_MOST_NAMED = 12
+"""Most labels that a remark names; more are only counted. Chosen by hand: about what fits a line."""
+_UNEVEN = 5
+"""The number of recordings of the commonest label divided by that of the rarest, from which on there is a remark.
+Chosen by hand."""
+_BATCH = 32
+"""How many recordings are evaluated at a time, which bounds the memory; chosen by hand."""
+_MOST_DIGITS = 8
+"""Most digits of a class in the option ``class_order``: more than any network has, and ``int`` takes them quickly."""
+_LOCATIONS_OF_LATENCY = 2
+"""The kernel of a spike response neuron is 0 at lag 0: a spike acts from the next location on. So after two layers, an
+output spikes two locations after an event."""
 
 
 class Loss:
@@ -53,18 +70,20 @@ class Loss:
         ``weights`` (classes,): how much a recording of each class counts; None: all count alike.
         """
         scores = network.scores(activity)
-        share_of_branches = self.config.branch_loss
         losses = self.of_counts(weighted_counts(scores, self.config.location_weight), labels)
-        if share_of_branches:
+        branch_share = self.config.branch_loss
+        if branch_share:
+            # Each branch also learns to predict alone, so that none relies on another's scores.
             branch_losses = [self.of_counts(counts, labels) for counts in scores.values()]
             mean_of_branches = torch.stack(branch_losses).mean(dim=0)
-            losses = (1.0 - share_of_branches) * losses + share_of_branches * mean_of_branches
+            losses = (1.0 - branch_share) * losses + branch_share * mean_of_branches
         if weights is not None:
             losses = weights[labels] * losses
         loss = losses.mean()
         if self.config.spike_cost:
-            hidden = [spikes.sum(dim=1).mean() for spikes in network.hidden_spikes(activity)]
-            loss = loss + self.config.spike_cost * sum(hidden, start=torch.zeros(()))
+            # For each hidden population, (batch, steps, n): its mean number of spikes per neuron and recording.
+            mean_spikes = [spikes.sum(dim=1).mean() for spikes in network.hidden_spikes(activity)]
+            loss = loss + self.config.spike_cost * sum(mean_spikes, start=torch.zeros(()))
         return loss
 
     def of_counts(self, counts: Tensor, labels: Tensor) -> Tensor:
@@ -86,6 +105,7 @@ def weighted_counts(branch_counts: Mapping[str, Tensor], location_weight: float)
     In the letters of Kang et al.: sum_t o1 + lambda * sum_l o2, and windows with weight 1. A single branch, whichever
     it is, has weight 1.
     """
+    # Branches come in the order of their architecture, where the location branch is never the first of several.
     (_, total), *further_branches = branch_counts.items()
     for branch, counts in further_branches:
         weighted = location_weight * counts if branch == "location" else counts
@@ -125,15 +145,21 @@ def _neighbours(order: str, classes: int) -> FloatArray:
     near = np.zeros((classes, classes))
     for text in order.replace(",", " ").split():
         first, _, last = text.partition("-")
-        if not all(end.isascii() and end.isdigit() and len(end) < 9 for end in (first, last)):
+        if not (_is_class_number(first) and _is_class_number(last)):
             raise _refused("it must be ranges of classes, or a .csv file", f"got {text[:60]!r}")
         if not int(first) < int(last) < classes:
             raise _refused(
                 "a range must rise within the classes", f"got {text!r} against 0-{classes - 1}"
             )
         for label in range(int(first), int(last)):
-            near[label, label + 1] = near[label + 1, label] = 1
+            near[label, label + 1] = 1
+            near[label + 1, label] = 1
     return near
+
+
+def _is_class_number(text: str) -> bool:
+    """Return whether a text is digits only, and few enough. ``isdigit`` alone would take digits such as a raised 2."""
+    return text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS
 
 
 def _matrix(path: Path, classes: int) -> FloatArray:
@@ -163,19 +189,6 @@ def _refused(what: str, measured: str) -> InputError:
         measured=measured,
         fix="Give, for example, '0-4 5-9'.",
     )
-
-
-NO_CLASS = "tie"
-"""The name, in tables, of the column of ties."""
-_LIKELY = 1.645
-"""The accuracy of guessing is below chance plus this number of standard deviations in 95 % of cases (one-sided)."""
-_NAMED = 12
-"""Most labels that a remark names; more are only counted."""
-_UNEVEN = 5
-"""The number of recordings of the commonest label divided by that of the rarest, from which on there is a remark.
-Chosen by hand."""
-_BATCH = 32
-"""How many recordings are evaluated at a time, which bounds the memory; chosen by hand."""
 
 
 def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
@@ -220,12 +233,14 @@ def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
     The last column counts the ties, recordings that predict no class. Raises ``InputError`` for recordings without
     labels, and for recordings that do not fit the network.
     """
-    labels = recordings.needed_labels("measure with")
+    labels = recordings.needed_labels(purpose="measure with")
     classes = network.description.classes
     predicted = decided(class_scores(network, recordings.spikes), network.tie_class)
     columns = classes + 1
-    # One number for each pair of label and prediction, so that one count fills the whole matrix.
-    pairs = labels * columns + np.where(predicted < 0, classes, predicted)
+    # A tie is predicted as -1; it goes to the column after those of the classes.
+    column = np.where(predicted < 0, classes, predicted)
+    # One number for each pair of label and column, so that one count fills the whole matrix.
+    pairs = labels * columns + column
     return np.bincount(pairs, minlength=classes * columns).reshape(classes, columns)
 
 
@@ -238,9 +253,10 @@ def evaluate(
     right = 0
     for rows, activity in _results_by_batch(network, spikes):
         scores = network.total(activity)
-        y = torch.from_numpy(labels[rows].copy()).to(scores.device)
+        # A copy, because torch warns about arrays that are read-only.
+        batch_labels = torch.from_numpy(labels[rows].copy()).to(scores.device)
         # The mean of a batch times its size, because the last batch may be smaller.
-        total_loss += float(loss(network, activity, y)) * len(y)
+        total_loss += float(loss(network, activity, batch_labels)) * len(batch_labels)
         predicted = decided(scores.cpu().numpy(), network.tie_class)
         right += int((predicted == labels[rows]).sum())
     return total_loss / len(labels), right / len(labels)
@@ -252,7 +268,7 @@ def check_events(recordings: Recordings) -> None:
         measured = counted(len(recordings), "recording")
         fix = "Give recordings with events."
         if recordings.binned is not None and recordings.binned.dropped > 0:
-            # There were events, but binning has left all of them out.
+            # There were events, but binning has left all of them out; the words say how many, and why.
             measured = recordings.binned.words
             fix = "Lower --threshold, or give more --steps."
         raise InputError(
@@ -265,7 +281,7 @@ def check_events(recordings: Recordings) -> None:
 
 def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:
     """Return the remarks on training recordings: on empty ones, on labels without events, and on uneven labels."""
-    labels = recordings.needed_labels("train on")
+    labels = recordings.needed_labels(purpose="train on")
     # Recordings of each label, and those of them that have an event.
     counts = np.bincount(labels, minlength=classes)
     with_events = np.bincount(labels[recordings.spikes.any(axis=(1, 2))], minlength=classes)
@@ -292,7 +308,7 @@ def _silent_remarks(
     recordings: Recordings, silent_labels: IntArray, config: TrainingConfig
 ) -> list[str]:
     """Return a sentence for each of the first labels without an event in any of their recordings."""
-    return [_silent_remark(recordings, int(label), config) for label in silent_labels[:_NAMED]]
+    return [_silent_remark(recordings, int(label), config) for label in silent_labels[:_MOST_NAMED]]
 
 
 def _missing_remarks(counts: IntArray) -> list[str]:
@@ -300,9 +316,9 @@ def _missing_remarks(counts: IntArray) -> list[str]:
     missing = np.flatnonzero(counts == 0)
     if not len(missing):
         return []
-    named = ", ".join(map(str, missing[:_NAMED]))
-    if len(missing) > _NAMED:
-        named += f" and {len(missing) - _NAMED} more"
+    named = ", ".join(map(str, missing[:_MOST_NAMED]))
+    if len(missing) > _MOST_NAMED:
+        named += f" and {len(missing) - _MOST_NAMED} more"
     largest = len(counts) - 1
     return [f"No recording to train on has label {named}: labels count from 0 to {largest} here."]
 
@@ -341,18 +357,26 @@ def _silent_remark(recordings: Recordings, label: int, config: TrainingConfig) -
     means for the label.
     """
     silent = f"No recording of {recordings.called(label)} has an event"
-    structure = ARCHITECTURES[config.model]
-    if config.tie is not None or not structure.spiking or structure.neurons == "windows":
+    # The sentence on ties holds unless ties predict a class, or scores differ even without events.
+    if config.tie is not None or not _scores_by_spikes_alone(ARCHITECTURES[config.model]):
         return f"{silent}."
     return f"{silent}: all classes tie, so it is never right. With --tie {label}, ties predict it."
 
 
-_LOCATIONS_OF_LATENCY = 2
-"""A spike acts from the next location on, so after two layers an output spikes two locations after an event."""
+def _scores_by_spikes_alone(structure: Architecture) -> bool:
+    """Return whether class scores are numbers of output spikes only, so that all are 0 for a recording without events.
+
+    The outputs of windows are potentials, and artificial networks compute theirs, both with biases.
+    """
+    return structure.spiking and not structure.window_branch
 
 
 def _walk_remarks(channels: int, config: TrainingConfig) -> list[str]:
-    """Return a sentence if a location branch ends before its outputs can spike."""
+    """Return a sentence if a location branch ends before its outputs can spike.
+
+    Only spike response neurons act a location later; leaky neurons spike at the location of an event, and windows end
+    in potentials, which are read after the last location.
+    """
     structure = ARCHITECTURES[config.model]
     walks = "location" in structure.branches and structure.neurons == "srm"
     if not walks or channels > _LOCATIONS_OF_LATENCY:
@@ -382,10 +406,11 @@ def result_remarks(
 
     ``advice`` is what to do about outputs that are silent.
     """
-    labels = recordings.needed_labels("train on")
+    labels = recordings.needed_labels(purpose="train on")
     scores = class_scores(network, recordings.spikes)
     predicted = decided(scores, network.tie_class)
-    # Without the class for ties, which would hide that all are ties. A single class always ties with itself.
+    # Decided again, without the class for ties: it would hide that all are ties (-1). With a single class there is
+    # nothing to tell apart, as the remarks on the data say.
     if (decided(scores) < 0).all() and scores.shape[1] > 1:
         return [f"{silent_outputs(network, len(labels))}: every prediction is a tie. {advice}"]
     accuracy = float((predicted == labels).mean())
@@ -394,9 +419,9 @@ def result_remarks(
 
 def silent_outputs(network: TouchModel, recordings: int) -> str:
     """Return the start of a sentence about outputs that are silent in all of so many recordings."""
-    structure = network.description.structure
-    spiking = structure.spiking and structure.neurons != "windows"
-    what = "No output neuron spikes" if spiking else "All class scores are equal"
+    what = "All class scores are equal"
+    if _scores_by_spikes_alone(network.description.structure):
+        what = "No output neuron spikes"
     return f"{what} in any of the {counted(recordings, 'recording')} it was trained on"
 
 

@@ -118,7 +118,7 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
 
     Raises ``InputError`` for data without labels, or without any event.
     """
-    labels = recordings.needed_labels("train on")
+    labels = recordings.needed_labels(purpose="train on")
     if config.device == "cuda" and not torch.cuda.is_available():
         fix = "Use cpu, or install torch with CUDA on a machine that has one."
         raise InputError("training option 'device'", "torch sees no CUDA device here", fix=fix)

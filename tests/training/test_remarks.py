@@ -269,6 +269,18 @@ def test_many_missing_labels_are_counted() -> None:
             id="a silent class that ties predict",
         ),
         pytest.param(
+            [0, 1, 2] * 4,
+            [1, 4, 7, 10],
+            {
+                "model": "hybrid-window"
+            },  # the potentials of its windows have biases, so nothing ties
+            [
+                "4 of 12 recordings to train on have no event.",
+                "No recording of label 1 (slide) has an event.",
+            ],
+            id="a silent class of a network that adds potentials",
+        ),
+        pytest.param(
             [0] * 10 + [1] * 5 + [2] * 2,
             [],
             {},
