@@ -201,11 +201,11 @@ def test_every_part_of_the_page_is_filled(work: Path) -> None:
 
 def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> None:
     from results_page import pages, write_tables
-    from tables import kept
+    from tables import read_table
 
     docs = STUDY.parent
     shutil.copytree(docs / "results", tmp_path / "results")
-    splits = kept(docs / "results/splits.csv")
+    splits = read_table(docs / "results/splits.csv")
     found = pages(write_tables({}, tmp_path / "results"), splits)
     assert found["results"] == (docs / "results.md").read_text(encoding="utf-8")
     assert found["operations"] == (docs / "results/operations.md").read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
-"""Sensors that are not what they were in training: what they do to recordings.
+"""Sensors that are not what they were in training: dead taxels, lost events, clocks that are off.
 
-A change takes spikes (samples, steps, channels) and a generator of draws, and returns spikes of the same shape.
+A *change* takes spikes (samples, steps, channels) and a random generator, and returns what such a sensor would have recorded.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 from hw_model.values import ByteArray
 
 DRAWS = 5
+"""How often taxels or events are drawn."""
 TAXELS, POLARITIES = 39, 2
 SHARES = (0.05, 0.1, 0.2)
 
@@ -38,23 +39,23 @@ def lost_events(share: float) -> Change:
 
 
 def clock(rate: float) -> Change:
-    """Bin events with a clock that runs at ``rate`` of the right one: an event of step t is read in step rate * t.
+    """Bin events with a clock that runs at ``rate`` of the right one: an event of step t is recorded in step rate * t.
 
-    What comes after the last step is lost; events that meet in a bin are one.
+    Events after the last step are lost; events that fall into one bin become one.
     """
 
     def change(spikes: ByteArray, rng: np.random.Generator) -> ByteArray:
         sample, step, channel = np.nonzero(spikes)
         moved = np.floor((step + 0.5) * rate).astype(np.int64)
-        found, held = np.zeros_like(spikes), moved < spikes.shape[1]
-        found[sample[held], moved[held], channel[held]] = 1
-        return found
+        moved_spikes, is_in_time = np.zeros_like(spikes), moved < spikes.shape[1]
+        moved_spikes[sample[is_in_time], moved[is_in_time], channel[is_in_time]] = 1
+        return moved_spikes
 
     return change
 
 
 def changes() -> Iterator[tuple[str, Change, int]]:
-    """Yield what is wrong with a sensor, in words, what it does to recordings, and how often it is drawn."""
+    """Yield what is wrong with a sensor, in words, the change, and how often it is drawn."""
     yield "nothing", lambda spikes, rng: spikes, 1
     for share in SHARES:
         yield (

@@ -24,8 +24,8 @@ from tables import Table, write_table
 import hw_model as hw
 
 
-def before(study: Study) -> None:
-    """Keep what the hybrids that ship predict of the test part, which pictures compare with the best."""
+def keep_predictions(study: Study) -> None:
+    """Write files of what the shipped networks predict for the test part; ``paper_pictures.py`` draws confusions from them."""
     for shipped in SHIPPED:
 
         def predicted(shipped: Shipped = shipped) -> dict[str, Any]:
@@ -41,6 +41,7 @@ def before(study: Study) -> None:
         study.figures(f"predicted-{Path(shipped.file).stem}", predicted)
 
 
+# What makes the table of each name.
 TABLES: Mapping[str, Callable[[Study], Table]] = {
     "robustness": robustness,
     "time-seen": seen,
@@ -60,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     args.work.mkdir(parents=True, exist_ok=True)
     study = Study(args.data, args.work, args.tables)
-    before(study)
+    keep_predictions(study)
     for name in args.only:
         write_table(args.tables / f"{name}.csv", TABLES[name](study))
 

@@ -1,4 +1,8 @@
-"""Energy against accuracy of windows, hybrids and committees: ``docs/research/results/front.csv``."""
+"""Energy against accuracy of windows, hybrids and committees: ``docs/research/results/front.csv``.
+
+Points come from three sources: networks that are compiled and played here, rows of ``chip.csv``, and the table of hybrids trained
+for the chip. ``paper_pictures.py`` draws them.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +13,16 @@ from pathlib import Path
 
 from result_rows import SEEDS
 from study import MODELS, Study
-from tables import Table, kept, seeds_of, spread
+from tables import Table, read_table, seeds_of, spread
 
 import locsnn_compile as lc
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the front: the networks of a seed, which are joined where there are several, and how they are compiled.
+    """A point of the picture: the networks of a seed, joined if there are several, and how they are compiled.
 
-    ``{}`` in a file stands for the seed; a file without it ships with the project.
+    ``{}`` in a file's name stands for the seed; a file without it is a network that ships with the project.
     """
 
     dataset: str
@@ -57,53 +61,53 @@ KNOWN = {
     "Window-SNN, windows of 16 steps": WINDOWS,
     **dict.fromkeys(TWO_BITS, WINDOWS),
 }
-"""Rows of ``chip.csv`` that are points as well, most at 8 bits."""
+"""Rows of ``chip.csv`` that are points as well, and their kind; those in :data:`TWO_BITS` have 2 weight bits, all others 8."""
 
 
 def front(study: Study) -> Table:
-    """Energy and accuracy on the chip: windows, hybrids and committees, down to 2 bits, over five seeds."""
+    """Return energy and accuracy on the chip of windows, hybrids and committees, down to 2 bits, over five seeds."""
     rows = []
     for point in POINTS:
-        found = []
+        figures_of_seeds = []
         for seed in SEEDS:
             names = [name.format(seed) for name in point.files]
             paths = [
-                study.work / name if "{}" in given else MODELS / name
-                for given, name in zip(point.files, names, strict=True)
+                study.work / name if "{}" in template else MODELS / name
+                for template, name in zip(point.files, names, strict=True)
             ]
             if all(path.exists() for path in paths):
                 stem = (
                     f"front-{'+'.join(path.stem for path in paths)}-{point.strategy}-{point.bits}"
                 )
-                found.append(
+                figures_of_seeds.append(
                     study.figures(
                         stem, lambda point=point, paths=paths: of_point(study, point, paths)
                     )
                 )
-        if found:
+        if figures_of_seeds:
             accuracy, pj = (
-                spread([each["right"] for each in found]),
-                statistics.mean(each["pj"] for each in found),
+                spread([figures["right"] for figures in figures_of_seeds]),
+                statistics.mean(figures["pj"] for figures in figures_of_seeds),
             )
-            how = f"{point.strategy}, {point.bits} bits"
-            cores = f"{statistics.mean(each['cores'] for each in found):.0f}"
+            compiled_as = f"{point.strategy}, {point.bits} bits"
+            cores = f"{statistics.mean(figures['cores'] for figures in figures_of_seeds):.0f}"
             rows.append(
                 [
                     point.dataset.title(),
                     point.label,
                     point.kind,
-                    how,
+                    compiled_as,
                     accuracy,
                     f"{pj / 1e6:.2f}",
                     cores,
                 ]
             )
-    known = kept(study.tables / "chip.csv")
-    for row in known[1] if known else ():
+    chip_rows = read_table(study.tables / "chip.csv")
+    for row in chip_rows[1] if chip_rows else ():
         label, _, dataset = row[0].rpartition(", ")
         if label in KNOWN and dataset in ("Objects", "Containers"):
-            how = f"{'auto' if KNOWN[label] == WINDOWS else 'dendrite'}, {2 if label in TWO_BITS else 8} bits"
-            rows.append([dataset, label, KNOWN[label], how, row[2], row[5], ""])
+            compiled_as = f"{'auto' if KNOWN[label] == WINDOWS else 'dendrite'}, {2 if label in TWO_BITS else 8} bits"
+            rows.append([dataset, label, KNOWN[label], compiled_as, row[2], row[5], ""])
     for dataset, strategy, bits, accuracy, energy in trained_for_the_chip(study.tables):
         rows.append(
             [
@@ -116,28 +120,30 @@ def front(study: Study) -> Table:
                 "",
             ]
         )
-    before = kept(study.tables / "front.csv")
+    table_before = read_table(study.tables / "front.csv")
     head = ["set", "network", "kind", "compiled", "accuracy on the chip", "energy, µJ", "cores"]
-    return head, over(before[1] if before else (), rows)
+    return head, over(table_before[1] if table_before else (), rows)
 
 
 def over(before: Sequence[Sequence[str]], rows: Sequence[Sequence[str]]) -> list[Sequence[str]]:
-    """Lay points over those that stood: what has fewer seeds now, or no networks any more, stays."""
-    found = {tuple(row[:4]): row for row in before}
+    """Lay points over those of the table before, where points from more seeds stay, and points whose networks are not here."""
+    row_of_point = {tuple(row[:4]): row for row in before}
     for row in rows:
-        was = found.get(tuple(row[:4]))
-        if was is None or seeds_of(row[4]) >= seeds_of(was[4]):
-            found[tuple(row[:4])] = row
-    return list(found.values())
+        row_before = row_of_point.get(tuple(row[:4]))
+        if row_before is None or seeds_of(row[4]) >= seeds_of(row_before[4]):
+            row_of_point[tuple(row[:4])] = row
+    return list(row_of_point.values())
 
 
 def of_point(study: Study, point: Point, paths: Sequence[Path]) -> dict[str, float]:
     """Compile the networks of a seed, check them on the test part, and return accuracy, energy and cores."""
     networks, events = [lc.load(path) for path in paths], study.part(point.dataset, "test")
-    one = networks if len(networks) > 1 else networks[0]
-    weights = None if len(networks) == 1 else [1.0, 0.1]  # the count_scale of either
+    model = networks if len(networks) > 1 else networks[0]
+    # A committee adds class scores. Windows and hybrids have scores of other sizes; `count_scale` of their training brings each
+    # to logarithms of probabilities.
+    weights = None if len(networks) == 1 else [1.0, 0.1]
     compiled = lc.compile(
-        one,
+        model,
         strategy=point.strategy,
         weight_bits=point.bits,
         events=events,
@@ -154,18 +160,21 @@ def of_point(study: Study, point: Point, paths: Sequence[Path]) -> dict[str, flo
 
 
 def trained_for_the_chip(tables: Path) -> list[list[str]]:
-    """Return (set, strategy, bits, accuracy, energy) of the hybrids that ``tests/benchmarks/target_aware.py`` trained."""
-    found = []
+    """Return (set, strategy, bits, accuracy, energy) of the hybrids that ``tests/benchmarks/target_aware.py`` trained.
+
+    They are read from the section that it writes into a page. Rows without energy are float networks.
+    """
+    points = []
     for path in sorted(tables.parent.rglob("*.md")):
         text = path.read_text(encoding="utf-8")
         if "<!-- target-aware: begin -->" in text:
-            part = text.partition("<!-- target-aware: begin -->")[2].partition(
+            section = text.partition("<!-- target-aware: begin -->")[2].partition(
                 "<!-- target-aware: end -->"
             )[0]
             cells = [
                 [cell.strip() for cell in line.strip("|").split("|")]
-                for line in part.splitlines()
+                for line in section.splitlines()
                 if line[:1] == "|"
             ]
-            found += [[row[0], row[1], row[2], row[3], row[6]] for row in cells[2:] if row[6]]
-    return found
+            points += [[row[0], row[1], row[2], row[3], row[6]] for row in cells[2:] if row[6]]
+    return points

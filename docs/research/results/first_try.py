@@ -22,11 +22,16 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import asked_layout
 
 EPOCHS = 40
+"""``--epochs`` of all trainings of the study."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One training run: accuracies on the test part, on the chip and of both baselines."""
+    """One training run and its figures.
+
+    ``chip`` and ``trained``: accuracies on the test part, of the chip's program and of the network as trained. ``counts`` and
+    ``counts_in_bins``: the baselines, ridge regression on numbers of events. ``hidden``: hidden neurons.
+    """
 
     sensor: str
     model: str
@@ -43,7 +48,7 @@ class Row:
 
 
 def sensor_options(words: list[str]) -> dict[str, str | int]:
-    """Return the training options of a row of ``options.txt``."""
+    """Return the training options of a line of ``options.txt``, which has flags and values in turn."""
     values: dict[str, str | int] = {}
     for flag, text in zip(words[::2], words[1::2], strict=True):
         values[flag.removeprefix("--")] = int(text) if text.isdigit() else text
@@ -52,7 +57,7 @@ def sensor_options(words: list[str]) -> dict[str, str | int]:
 
 def run(folder: Path, name: str, options: dict[str, str | int], model: str, seed: int) -> Row:
     """Train and compile one network; return its row."""
-    begin = time.process_time()
+    cpu_before = time.process_time()
     config = {**options, "epochs": EPOCHS, "seed": seed}
     if model != "default":
         config["model"] = model
@@ -67,8 +72,8 @@ def run(folder: Path, name: str, options: dict[str, str | int], model: str, seed
     description = checkpoint.description
     windows = ""
     if description.structure.window_branch:
-        own = description.windows
-        windows = f"{own.steps} every {own.stride}, levels {' '.join(map(str, own.levels))}"
+        window_structure = description.windows
+        windows = f"{window_structure.steps} every {window_structure.stride}, levels {' '.join(map(str, window_structure.levels))}"
     return Row(
         name,
         model,
@@ -81,7 +86,7 @@ def run(folder: Path, name: str, options: dict[str, str | int], model: str, seed
         sum(shape[-1] for shape in description.weight_shapes.values() if len(shape) > 1),
         report["resources"]["cores"],
         round(report["energy"]["per_sample_pj"] / 1000, 1),
-        round(time.process_time() - begin, 1),
+        round(time.process_time() - cpu_before, 1),
     )
 
 
@@ -95,12 +100,12 @@ def reading(options: dict[str, str | int]) -> dict[str, object]:
 
 
 def calibration(train: Recordings) -> Recordings:
-    """Return a few recordings of the train part."""
+    """Return the first 16 training recordings, for which the compiler rounds weights."""
     return train.subset(range(min(16, len(train))))
 
 
 def main() -> None:
-    """Fill the table."""
+    """Train what the table lacks, and write each row when it is there."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("recordings", type=Path)
     parser.add_argument("table", type=Path)

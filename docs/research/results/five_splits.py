@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from measure_run import config_of, parts, train_network
 from result_rows import DATASETS, ROWS, Dataset, Row
-from tables import NOT_RUN, Table, kept, merged, write_table
+from tables import NOT_RUN, Table, merged, read_table, write_table
 
 from locsnn_compile.data.read import Division
 from locsnn_compile.data.recordings import Recordings
@@ -35,7 +35,7 @@ NETWORKS = tuple(row for row in ROWS if row.name in ("hybrid", "hybrid-published
 
 
 def joined(train_part: Recordings, test_part: Recordings, source: str) -> Recordings:
-    """Return the recordings of both parts, those to train on first."""
+    """Return the recordings of both parts as one set, those of the train part first."""
     labels = [part.needed_labels("divide them by") for part in (train_part, test_part)]
     return replace(
         train_part,
@@ -60,7 +60,7 @@ def train_round(
 
 
 def network_of(work: Path, row: Row, dataset: Dataset, round_number: int) -> Path:
-    """Return where the network of a round lies."""
+    """Return the file of the network of a round."""
     return work / f"{dataset.name}-{row.name}-split-{round_number}.pt"
 
 
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             recordings = joined(*parts(args.data, dataset), source=str(dataset.archive))
             for round_number in ROUNDS:
                 train_round(args.work, row, dataset, recordings, round_number)
-    write_table(args.table, merged(splits(args.work), kept(args.table)))
+    write_table(args.table, merged(splits(args.work), read_table(args.table)))
 
 
 if __name__ == "__main__":

@@ -33,25 +33,28 @@ from locsnn_compile.training.target import chip_numbers
 
 
 def joined(hybrid: Checkpoint, windows: Sequence[Checkpoint], name: str) -> Checkpoint:
-    """Return the network of all three branches; its `training` says what each was trained with."""
-    ours, first = hybrid.training, windows[0].description
+    """Return the network of all three branches; its `training` has the entries of all, with the name of the branch in front."""
+    hybrid_training, first = hybrid.training, windows[0].description
     description = replace(
         hybrid.description, name=name, architecture="hybrid-window", window=first.windows
     )
     weights = dict(hybrid.float_weights)
-    for own, of_windows in zip(description.window_names, first.window_names, strict=True):
-        each = [_scale(part, hybrid) * part.weights[of_windows] for part in windows]
-        weights[own] = np.mean(each, axis=0)
-    training: dict[str, Any] = {"seed": ours["seed"], "dataset": ours["dataset"]}
+    for joined_name, windows_name in zip(description.window_names, first.window_names, strict=True):
+        scaled_weights = [_scale(part, hybrid) * part.weights[windows_name] for part in windows]
+        weights[joined_name] = np.mean(scaled_weights, axis=0)
+    training: dict[str, Any] = {
+        "seed": hybrid_training["seed"],
+        "dataset": hybrid_training["dataset"],
+    }
     names = ["windows", *(f"windows_{number}" for number in range(2, len(windows) + 1))]
     for part, network in zip(["hybrid", *names], [hybrid, *windows], strict=True):
         training |= {f"{part}_{key}": value for key, value in network.training.items()}
-    found = Checkpoint(description, weights, None, training, "")
-    return found if hybrid.chip is None else _on_integers(found, hybrid.chip)
+    joined_network = Checkpoint(description, weights, None, training, "")
+    return joined_network if hybrid.chip is None else _on_integers(joined_network, hybrid.chip)
 
 
 def _on_integers(network: Checkpoint, hybrid: ChipNumbers) -> Checkpoint:
-    """Return the joined network on the chip's integers: those of its hybrid stay, and windows are rounded to theirs."""
+    """Return the joined network on the chip's integers: those of its hybrid stay, and the windows are rounded."""
     config = TrainingConfig(target=hybrid.target, strategy=hybrid.strategy, weight_room=1.0)
     numbers = chip_numbers(config, network.description, network.weights)
     chip = replace(numbers, populations={**numbers.populations, **hybrid.populations})
@@ -61,7 +64,10 @@ def _on_integers(network: Checkpoint, hybrid: ChipNumbers) -> Checkpoint:
 
 
 def _scale(windows: Checkpoint, hybrid: Checkpoint) -> np.float32:
-    """Return how many spikes of the hybrid a potential of 1 is worth."""
+    """Return how many spikes of the hybrid a potential of 1 of the windows is worth.
+
+    Both times their `count_scale` are logarithms of probabilities, so the ratio of these scales brings one to the other.
+    """
     theirs, ours = (float(network.training["count_scale"]) for network in (windows, hybrid))  # type: ignore[arg-type]
     return np.float32(theirs / ours)
 
@@ -70,17 +76,17 @@ def write(
     path: Path, hybrid: Checkpoint, windows: Sequence[Checkpoint], test: Recordings | None
 ) -> float | None:
     """Write the joined network, and return its accuracy on ``test``, which is measured once, in float64."""
-    found = joined(hybrid, windows, path.stem)
-    training = dict(found.training)
+    joined_network = joined(hybrid, windows, path.stem)
+    training = dict(joined_network.training)
     if test is not None:
-        network = build_network(found.description, chip=found.chip)
-        network.load_weights(found.float_weights)
-        right = confusion(network.double(), test)
+        network = build_network(joined_network.description, chip=joined_network.chip)
+        network.load_weights(joined_network.float_weights)
+        confusion_matrix = confusion(network.double(), test)
         training |= {
-            "test_recordings": int(right.sum()),
-            "test_accuracy": int(np.trace(right)) / int(right.sum()),
+            "test_recordings": int(confusion_matrix.sum()),
+            "test_accuracy": int(np.trace(confusion_matrix)) / int(confusion_matrix.sum()),
         }
-    replace(found, training=training).save(path)
+    replace(joined_network, training=training).save(path)
     return training.get("test_accuracy")
 
 

@@ -30,44 +30,53 @@ RECIPES = {"objects": ("base", 1), "containers": ("near", 2)}
 """Data set -> its setting in ``tried_settings.yaml``, and how often the train part is divided into folds."""
 
 
+SHARES_STREAM = 78
+"""The purpose of the random numbers of :func:`share_of`, as :func:`epoch_generator` takes it."""
+
+
 def share_of(
     labels: NDArray[np.int64], rows: NDArray[np.int64], share: float, repeat: int
 ) -> NDArray[np.int64]:
-    """Return this share of ``rows``, of every class as many (rounded); of a larger share a part."""
-    rng, kept = epoch_generator(repeat, 78), []
+    """Return this share of ``rows``, drawn evenly from the classes; a smaller share is a part of any larger one."""
+    rng, rows_of_classes = epoch_generator(repeat, SHARES_STREAM), []
     for label in np.unique(labels):
-        own = rng.permutation(rows[labels[rows] == label])
-        kept.append(own[: max(1, round(share * len(own)))])
-    return np.sort(np.concatenate(kept))
+        rows_of_class = rng.permutation(rows[labels[rows] == label])
+        rows_of_classes.append(rows_of_class[: max(1, round(share * len(rows_of_class)))])
+    return np.sort(np.concatenate(rows_of_classes))
 
 
-def right_of(of: Division, name: str, share: float) -> list[list[float]]:
-    """Return (recordings learned from, accuracy on the fold that was held out) of each fold."""
-    path, way = of.work / f"curve-{of.dataset}-{share}-{of.repeat}.json", of.known[name]
+def right_of(division: Division, name: str, share: float) -> list[list[float]]:
+    """Return, for each fold held out: how many recordings the network learned from, and its accuracy on the fold."""
+    path, way = (
+        division.work / f"curve-{division.dataset}-{share}-{division.repeat}.json",
+        division.way_of_name[name],
+    )
     if path.exists():
         return json.loads(path.read_text())
     assert isinstance(way, Setting)
-    found, fold = [], of.fold
+    results, fold = [], division.fold
     for held in range(FOLDS):
-        rows = share_of(of.labels, np.flatnonzero(fold != held), share, of.repeat)
-        predicted = way.learn(of, rows)(of.recordings.spikes[fold == held]).argmax(axis=1)
-        found.append([len(rows), float((predicted == of.labels[fold == held]).mean())])
-    path.write_text(json.dumps(found) + "\n")
-    print(f"{path.stem}: {np.mean([right for _, right in found]):.3f}", flush=True)
-    return found
+        rows = share_of(division.labels, np.flatnonzero(fold != held), share, division.repeat)
+        predicted = way.learn(division, rows)(division.recordings.spikes[fold == held]).argmax(
+            axis=1
+        )
+        results.append([len(rows), float((predicted == division.labels[fold == held]).mean())])
+    path.write_text(json.dumps(results) + "\n")
+    print(f"{path.stem}: {np.mean([right for _, right in results]):.3f}", flush=True)
+    return results
 
 
-def whole(of: Division, name: str) -> list[list[float]]:
-    """Return the same of all three folds, from the scores that ``try_training.py`` keeps."""
-    scores, fold = scores_of(of, name), of.fold
+def whole(division: Division, name: str) -> list[list[float]]:
+    """Return what :func:`right_of` does for a share of 1, from the scores that ``try_training.py`` keeps."""
+    scores, fold = scores_of(division, name), division.fold
     assert scores is not None
-    right = scores[0].argmax(axis=1) == of.labels
+    right = scores[0].argmax(axis=1) == division.labels
     return [[int((fold != held).sum()), float(right[fold == held].mean())] for held in range(FOLDS)]
 
 
-def row_of(dataset: str, share: float, found: Sequence[Sequence[float]]) -> list[str]:
-    """Return a row: mean, and the 95 % interval of Student's t over the folds that were held out."""
-    learned, right = np.array(found).T
+def row_of(dataset: str, share: float, results: Sequence[Sequence[float]]) -> list[str]:
+    """Return a row of the table: mean, and the 95 % interval of Student's t over the folds that were held out."""
+    learned, right = np.array(results).T
     error = right.std(ddof=1) / len(right) ** 0.5
     half = float(stats.t.ppf(0.975, len(right) - 1)) * error
     ends = [f"{right.mean() + side * half:.3f}" for side in (-1, 1)]
@@ -103,9 +112,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for repeat in range(repeats)
         ]
         for share in SHARES:
-            each = [right_of(of, name, share) for of in divisions]
+            each = [right_of(division, name, share) for division in divisions]
             rows.append(row_of(dataset, share, [part for parts in each for part in parts]))
-        each = [whole(of, name) for of in divisions]
+        each = [whole(division, name) for division in divisions]
         rows.append(row_of(dataset, 1.0, [part for parts in each for part in parts]))
     head = [
         "set",

@@ -1,4 +1,8 @@
-"""Train one network of the results, and measure what the page needs of it: a checkpoint and a file of figures."""
+"""Train one network of the results, and measure what the page needs of it.
+
+A run leaves a checkpoint (.pt), a log of its epochs (.csv) and a file of figures (.json). Training that was killed goes on from
+its .state file.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ CONFIGS = Path(__file__).parents[3] / "examples/configs"
 
 
 def parts(data: Path, dataset: Dataset) -> tuple[Recordings, Recordings]:
-    """Return the train and the test part."""
+    """Return the train and the test part of a data set; those without an archive are synthetic."""
     if dataset.archive is None:
         return slip_recordings()
     archive = data / dataset.archive
@@ -38,13 +42,13 @@ def parts(data: Path, dataset: Dataset) -> tuple[Recordings, Recordings]:
 
 
 def config_of(row: Row, dataset: Dataset, seed: int) -> TrainingConfig:
-    """Return what the row's command trains with."""
+    """Return the training options of the row's command."""
     values = read_config(CONFIGS / row.config_for(dataset))
     return config_from_mapping(values | dict(row.options) | {"seed": seed})
 
 
 def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
-    """Train unless there is a checkpoint, and measure unless there are figures; a killed training goes on."""
+    """Train unless there is a checkpoint, and measure unless there are figures."""
     name = f"{dataset.name}-{row.name}-{seed}"
     path, figures = work / f"{name}.pt", work / f"{name}.json"
     if figures.exists():
@@ -54,8 +58,8 @@ def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
         _join(path, row, dataset, seed, recordings, test)
     elif not path.exists():
         train_network(path, config_of(row, dataset, seed), recordings, test)
-    found = measure(path, row, dataset, test) | {"command": command(row, dataset, seed)}
-    figures.write_text(json.dumps(found) + "\n", encoding="utf-8")
+    run_figures = measure(path, row, dataset, test) | {"command": command(row, dataset, seed)}
+    figures.write_text(json.dumps(run_figures) + "\n", encoding="utf-8")
 
 
 def train_network(
@@ -79,35 +83,38 @@ def train_network(
 def _join(
     path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings
 ) -> None:
-    """Train the networks that a row joins on the whole train part, and measure only what they are together."""
-    found = []
+    """Train the networks that a row joins on the whole train part, join them, and measure the joined network.
+
+    The parts themselves never play the test part.
+    """
+    networks = []
     for part in row.parts:
-        of_part = path.with_name(f"{dataset.name}-{part}-whole-{seed}.pt")
-        if not of_part.exists():
-            train_network(of_part, part_config(part, dataset, seed), recordings, None)
-        found.append(read_checkpoint(of_part))
-    hybrid, *windows = found
+        part_file = path.with_name(f"{dataset.name}-{part}-whole-{seed}.pt")
+        if not part_file.exists():
+            train_network(part_file, part_config(part, dataset, seed), recordings, None)
+        networks.append(read_checkpoint(part_file))
+    hybrid, *windows = networks
     if row.further is not None:
-        further = path.with_name(f"{dataset.name}-{row.further}-whole-{seed}.pt")
-        if not further.exists():
+        further_file = path.with_name(f"{dataset.name}-{row.further}-whole-{seed}.pt")
+        if not further_file.exists():
             train_network(
-                further, part_config(row.further, dataset, seed), recordings, None, hybrid
+                further_file, part_config(row.further, dataset, seed), recordings, None, hybrid
             )
-        hybrid = read_checkpoint(further)
+        hybrid = read_checkpoint(further_file)
     write(path, hybrid, windows, test)
 
 
 def part_config(part: str, dataset: Dataset, seed: int) -> TrainingConfig:
-    """Return what a network of a joined row trains with: nothing is held out, so nothing is chosen."""
-    own = {"seed": seed, "validation_fraction": 0.0, "refit": False}
-    return config_from_mapping(read_config(CONFIGS / f"{dataset.name}-{part}.yaml") | own)
+    """Return the training options of a part of a joined network: nothing is held out, so no epoch is chosen."""
+    overrides = {"seed": seed, "validation_fraction": 0.0, "refit": False}
+    return config_from_mapping(read_config(CONFIGS / f"{dataset.name}-{part}.yaml") | overrides)
 
 
 def measure(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[str, Any]:
     """Return the figures of a checkpoint on the test part."""
     checkpoint = read_checkpoint(path)
     training = checkpoint.training
-    found: dict[str, Any] = {
+    run_figures: dict[str, Any] = {
         "epochs": training.get("epochs")
         or f"{training['hybrid_epochs']} and {training['windows_epochs']}",
         "chosen_epoch": training.get("chosen_epoch", "all"),
@@ -119,16 +126,16 @@ def measure(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[st
         "classes": checkpoint.description.classes,
     }
     return (
-        found | _on_chip(path, row, dataset, test)
+        run_figures | _on_chip(path, row, dataset, test)
         if checkpoint.description.structure.spiking
-        else found
+        else run_figures
     )
 
 
 def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[str, Any]:
-    """Compile a spiking network as ``locsnn-compile --strategy STRATEGY`` does, and play it the test part.
+    """Compile a spiking network as ``locsnn-compile --strategy STRATEGY`` does, and play the test part.
 
-    Integrate-and-fire neurons have no strategies.
+    Networks without spike response neurons have no strategies, and are compiled with ``auto``.
     """
     assert test.labels is not None
     network = lc.load(path)
@@ -139,8 +146,10 @@ def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[s
         network, target="loihi-sim", strategy=strategy, events=test, diagnosis=False
     )
     played = hw.simulate(compiled.program, test.spikes)
-    heard = {view.name: view.play(test.spikes) for view in network.views} | dict(played.spikes)
-    followed = over_time(Observed(compiled.levels, test.spikes, test.labels), dataset.psi)
+    spikes_of_source = {view.name: view.play(test.spikes) for view in network.views} | dict(
+        played.spikes
+    )
+    accuracy_over_time = over_time(Observed(compiled.levels, test.spikes, test.labels), dataset.psi)
     events = test.spikes.sum(axis=(1, 2), dtype=np.int64)
     report = compiled.report
     return {
@@ -149,7 +158,8 @@ def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[s
         "spike_agreement": report["match"]["spike_agreement"],
         "prediction_agreement": report["match"]["prediction_agreement"],
         "additions": {
-            axis: each.tolist() for axis, each in additions_of_recordings(network, heard).items()
+            axis: additions.tolist()
+            for axis, additions in additions_of_recordings(network, spikes_of_source).items()
         },
         "transposed": events.tolist()
         if any(phase.axis == "location" for phase in network.phases)
@@ -162,16 +172,16 @@ def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[s
         "predictions": np.asarray(played.prediction).tolist(),
         "labels": test.labels.tolist(),
         "psi": dataset.psi,
-        "right": {name: share.tolist() for name, share in followed.right.items()}
-        if isinstance(followed, OverTime)
+        "right": {name: share.tolist() for name, share in accuracy_over_time.right.items()}
+        if isinstance(accuracy_over_time, OverTime)
         else {},
     }
 
 
 def _of_branches(populations: dict[str, dict[str, float]]) -> dict[str, float]:
-    """Return the energy of each branch: populations are called ``BRANCH_LAYER``."""
-    found: dict[str, float] = {}
+    """Return the energy of each branch; a population's name, ``BRANCH_LAYER``, says which branch it belongs to."""
+    pj_of_branch: dict[str, float] = {}
     for name, entry in populations.items():
         branch = name.partition("_")[0]
-        found[branch] = found.get(branch, 0.0) + entry["pj"]
-    return found
+        pj_of_branch[branch] = pj_of_branch.get(branch, 0.0) + entry["pj"]
+    return pj_of_branch

@@ -1,4 +1,8 @@
-"""Operations: what is published next to ours, counted by the published method and by the chip, and ratios to the artificial networks."""
+"""Tables of operations: published ones next to ours, by the published method and by the chip, and ratios to artificial networks.
+
+The published method counts multiplications and additions of artificial networks, and additions of spiking ones: spikes times
+fan-out. ``operations.md`` is made of these tables.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from result_rows import DATASETS, ROWS, Dataset, Row
-from tables import Found, Table, of_seeds, spread
+from tables import RunFigures, Table, of_seeds, spread
 
 from locsnn_compile.baselines.operations import ann_counts, ann_operations
 from locsnn_compile.data.sensor import neutouch
@@ -19,7 +23,9 @@ PUBLISHED_OPERATIONS = {
     "cnn-3d": ("8.34", "8.14", "3.5"),
     "hybrid": ("0.60", "0.83", "0.045"),
 }
+"""Operations of Kang et al. (2022), in millions, for Objects, Containers and Slip."""
 PUBLISHED_CASES = {"objects": (325, 36), "containers": (325, 20), "slip": (150, 2)}
+"""Steps and classes of the recordings of two fingertips that they are for."""
 PRINTED_RATIOS = ("9.80-14.30", "13.90-19.78", "77.78-121.78")
 
 STEPS = {"objects": 250, "containers": 325, "slip": 150}
@@ -30,7 +36,7 @@ HYBRID_PARTS = ("SNN_TSRM", "SNN_LSRM", "events transposed")
 
 
 def ann_table() -> Table:
-    """The published operations beside ours, to the last digit."""
+    """Return the published operations next to ours, to the last digit, and the ratios as printed and corrected."""
     rows = []
     for name, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
         cells = [label]
@@ -54,9 +60,9 @@ def ann_table() -> Table:
 
 
 def costs(operations: Table) -> Table:
-    """Multiplications and additions apart, and the shares of the hybrid's parts, for the input of one fingertip.
+    """Return multiplications and additions, and the shares of the hybrid's parts, for the input of one fingertip.
 
-    ``operations`` has the additions of the hybrid, part by part. A data set without them is left out.
+    ``operations``: the table with the additions of the hybrid, part by part. A data set that it lacks is left out.
     """
     means = {row[0]: row[1] for row in operations[1]}
     rows = []
@@ -84,7 +90,7 @@ def _number(cell: str) -> float:
 
 
 def corrected_ratios() -> list[str]:
-    """Return the ratio row that the printed operations give."""
+    """Return the row of ratios that follows from the published operations: of the smaller and the larger network."""
     columns = zip(
         *(map(float, PUBLISHED_OPERATIONS[name]) for name in ("gru-mlp", "cnn-3d", "hybrid")),
         strict=True,
@@ -103,17 +109,19 @@ def quantiles(values: Sequence[float]) -> list[str]:
     ]
 
 
-def operations(found: Found) -> Table:
+def operations(runs: RunFigures) -> Table:
+    """Return the additions per recording of spiking networks, branch by branch, over test recordings and seeds."""
     rows = []
     for name, dataset in DATASETS.items():
         for row in ROWS:
-            rows += _operation_rows(found.get((name, row.name), {}), row, dataset)
+            rows += _operation_rows(runs.get((name, row.name), {}), row, dataset)
     return ["network, test recordings of all seeds", "mean", "median", "99 %", "most"], rows
 
 
 def _operation_rows(
     seeds: Mapping[int, Mapping[str, Any]], row: Row, dataset: Dataset
 ) -> list[list[str]]:
+    """Return the rows of one network: its branches, transposed events, and their sum. None for networks without spikes."""
     measured = [f for f in seeds.values() if "additions" in f]
     if not measured:
         return []
@@ -122,7 +130,10 @@ def _operation_rows(
         axis: np.concatenate([f["additions"][axis] for f in measured])
         for axis in measured[0]["additions"]
     }
-    rows = [[f"{title}: {_branch(row, axis)}", *quantiles(each)] for axis, each in by_part.items()]
+    rows = [
+        [f"{title}: {_branch(row, axis)}", *quantiles(additions)]
+        for axis, additions in by_part.items()
+    ]
     if measured[0]["transposed"]:
         by_part["transposed"] = np.concatenate([f["transposed"] for f in measured])
         rows.append([f"{title}: events transposed", *quantiles(by_part["transposed"])])
@@ -132,17 +143,18 @@ def _operation_rows(
 
 
 def _branch(row: Row, axis: str) -> str:
+    """Return the name of a branch, the paper's if it is one of the paper's networks."""
     named = row.model in ("hybrid", "tactile-snn", "location-tactile-snn") and axis in BRANCH_NAMES
     return BRANCH_NAMES[axis] if named else f"{axis} branch"
 
 
-def ratios(found: Found) -> Table:
-    """Operations of the ANNs at the same input over ours, on average and for the costliest recording."""
+def ratios(runs: RunFigures) -> Table:
+    """Return operations of the artificial networks over ours, for the same input: on average, and for costly recordings."""
     rows = []
     for name, dataset in DATASETS.items():
         for row in (row for row in ROWS if row.model in ("hybrid", "window-snn")):
             for ann, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
-                measured = [f for f in found.get((name, row.name), {}).values() if "additions" in f]
+                measured = [f for f in runs.get((name, row.name), {}).values() if "additions" in f]
                 if measured:
                     rows.append(
                         [f"{row.label}, {dataset.title}, against {label}", *_ratios(measured, ann)]
@@ -152,22 +164,25 @@ def ratios(found: Found) -> Table:
 
 def _ratios(measured: Sequence[Mapping[str, Any]], ann: str) -> list[str]:
     first = measured[0]
-    theirs = ann_operations(
+    ann_ops = ann_operations(
         ann, fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"]
     )
-    ours = np.concatenate(
+    our_ops = np.concatenate(
         [np.sum([*f["additions"].values(), f["transposed"]], axis=0) for f in measured]
     )
     return [
-        f"{theirs:,}",
-        *(f"{theirs / cost:.1f}" for cost in (ours.mean(), np.percentile(ours, 99), ours.max())),
+        f"{ann_ops:,}",
+        *(
+            f"{ann_ops / cost:.1f}"
+            for cost in (our_ops.mean(), np.percentile(our_ops, 99), our_ops.max())
+        ),
     ]
 
 
-def chip_ratios(found: Found) -> Table:
-    """Operations of CNN-3D at the same input over the synaptic operations that the chip does, for all recordings and seeds."""
+def chip_ratios(runs: RunFigures) -> Table:
+    """Return operations of CNN-3D over the synaptic operations of the chip, for the same input, over recordings and seeds."""
     rows = []
-    for (name, row_name), seeds in found.items():
+    for (name, row_name), seeds in runs.items():
         measured = [f for f in seeds.values() if "synaptic_ops" in f]
         if measured:
             row = next(row for row in ROWS if row.name == row_name)
@@ -181,20 +196,21 @@ def chip_ratios(found: Found) -> Table:
 
 
 def _chip_ratios(measured: Sequence[Mapping[str, Any]]) -> list[str]:
-    first, ours = measured[0], np.concatenate([f["synaptic_ops"] for f in measured])
-    theirs = ann_operations(
+    first, our_ops = measured[0], np.concatenate([f["synaptic_ops"] for f in measured])
+    ann_ops = ann_operations(
         "cnn-3d", fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"]
     )
-    counts, few = (ours.mean(), ours.max()), of_seeds(len(measured))
+    counts, seeds_note = (our_ops.mean(), our_ops.max()), of_seeds(len(measured))
     return [
-        *(f"{count:,.0f}{few}" for count in counts),
-        *(f"{theirs / count:.1f}{few}" for count in counts),
+        *(f"{count:,.0f}{seeds_note}" for count in counts),
+        *(f"{ann_ops / count:.1f}{seeds_note}" for count in counts),
     ]
 
 
-def chip_counts(found: Found) -> Table:
+def chip_counts(runs: RunFigures) -> Table:
+    """Return the counts of the chip per recording, means over seeds."""
     rows = []
-    for (name, row_name), seeds in found.items():
+    for (name, row_name), seeds in runs.items():
         measured = [f["chip"] for f in seeds.values() if "chip" in f]
         if measured:
             label = next(row.label for row in ROWS if row.name == row_name)

@@ -1,9 +1,9 @@
-"""Pictures and the table of the published paper that need no network, or only figures that are there.
+"""Pictures of the results pages, and the table of the data, from figures that are there; no network is trained or played.
 
     python docs/research/results/paper_pictures.py --data FOLDER
 
 The orders drawn on the taxels, operations as bars, confusions with containers and fill levels apart, how training went, energy
-against accuracy, learning curves, and a table of the data. What a picture needs and is not there leaves it as it is.
+against accuracy, learning curves, and a table of the data. A picture whose figures are missing is not drawn again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from operation_tables import HYBRID, HYBRID_PARTS, STEPS
 from result_pictures import INK, STYLE, _save
 from result_rows import DATASETS, Dataset
-from tables import Table, kept, write_table
+from tables import Table, read_table, write_table
 
 from locsnn_compile.baselines.operations import ann_counts
 from locsnn_compile.data.orders import location_order
@@ -38,7 +38,7 @@ CONTAINERS, LEVELS = 4, 5
 
 
 def orders() -> Figure:
-    """The walks of the paper over the taxels of a fingertip, from the ring to the dot."""
+    """Draw the orders of the paper over the taxels of a fingertip; a ring marks the first taxel and a dot the last."""
     figure, panels = plt.subplots(1, len(ORDERS), figsize=(7.6, 3.6), layout="constrained")
     place = np.array(TAXEL_COORDINATES_MM)
     for axes, order in zip(panels, ORDERS, strict=True):
@@ -57,11 +57,11 @@ PARTS = tuple(zip(HYBRID_PARTS, (ORANGE, GREEN, VIOLET), strict=True))
 
 
 def operations(tables: Path) -> Figure | None:
-    """Operations per recording of one fingertip, on linear axes, and what the hybrid's come from.
+    """Draw operations per recording of one fingertip, on linear axes.
 
-    Above, multiplications and additions of the artificial networks next to the hybrid; below, the hybrid's additions.
+    Above, multiplications and additions of the artificial networks next to the hybrid; below, what the hybrid's additions are for.
     """
-    counted = kept(tables / "operations.csv")
+    counted = read_table(tables / "operations.csv")
     if counted is None:
         return None
     means = {row[0]: _number(row[1]) for row in counted[1]}
@@ -125,24 +125,24 @@ def _number(text: str) -> float:
 
 
 def counts_of(files: Sequence[Path]) -> np.ndarray[Any, Any] | None:
-    """Return how often a label (row) was predicted as a class (column), over files of figures; None without one."""
+    """Return how often each label (row) was predicted as each class (column), over files of figures; None without files."""
     runs = [json.loads(path.read_text(encoding="utf-8")) for path in files]
     if not runs:
         return None
-    found = np.zeros((runs[0]["classes"],) * 2)
+    counts = np.zeros((runs[0]["classes"],) * 2)
     for run in runs:
-        np.add.at(found, (run["labels"], run["predictions"]), 1)
-    return found
+        np.add.at(counts, (run["labels"], run["predictions"]), 1)
+    return counts
 
 
 def apart(counts: np.ndarray[Any, Any]) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Return the same for containers, and for fill levels."""
+    """Return the counts of 20 classes summed up to counts of containers, and to counts of fill levels."""
     four = counts.reshape(CONTAINERS, LEVELS, CONTAINERS, LEVELS)
     return four.sum(axis=(1, 3)), four.sum(axis=(0, 2))
 
 
 def levels(work: Path) -> Figure | None:
-    """Confusions on the chip with containers and fill levels apart: the paper's two networks, and the best."""
+    """Draw confusions on the chip with containers and fill levels apart: the paper's two networks, and the best."""
     named = {
         "Tactile-SNN": "tactile-snn",
         "Hybrid": "hybrid",
@@ -164,7 +164,7 @@ def levels(work: Path) -> Figure | None:
 
 
 def containers(work: Path) -> Figure | None:
-    """All 20 classes of Containers on the chip: Tactile-SNN next to the hybrid, of the seeds that both have."""
+    """Draw all 20 classes of Containers on the chip: Tactile-SNN next to the hybrid, for the seeds that both have."""
     seeds = {row: _seeds_of(work, row) for row in ("tactile-snn", "hybrid")}
     shared = sorted(set.intersection(*seeds.values()))
     if not shared:
@@ -191,7 +191,7 @@ def _seeds_of(work: Path, row: str) -> set[int]:
 
 
 def objects(work: Path) -> Figure | None:
-    """Confusions of Objects on the chip: the paper's hybrid before, the best after."""
+    """Draw confusions of Objects on the chip: the paper's hybrid first, then the best network."""
     named = {
         "Hybrid": sorted(work.glob("predicted-objects-hybrid.json")),
         "Three Window-SNNs and hybrid": sorted(
@@ -215,6 +215,7 @@ def objects(work: Path) -> Figure | None:
 
 
 def _matrix(axes: Axes, part: np.ndarray[Any, Any], what: str) -> None:
+    """Draw a confusion matrix in shares of each row, with numbers in cells that do not round to 0.00."""
     shares = part / part.sum(axis=1, keepdims=True)
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
     for row, column in np.argwhere(shares >= 0.005):
@@ -234,7 +235,7 @@ def _matrix(axes: Axes, part: np.ndarray[Any, Any], what: str) -> None:
 
 
 def profiles(work: Path) -> Figure | None:
-    """How training went: loss and validation accuracy by epoch, seed 0, first phase."""
+    """Draw how training went: loss and validation accuracy by epoch, seed 0, in the phase that chooses the epoch."""
     logs = {"Tactile-SNN": "containers-tactile-snn-0.csv", "Hybrid": "containers-hybrid-0.csv"}
     read = {label: _log(work / name) for label, name in logs.items() if (work / name).exists()}
     if len(read) < len(logs):
@@ -254,6 +255,7 @@ def profiles(work: Path) -> Figure | None:
 
 
 def _log(path: Path) -> Mapping[str, list[float]]:
+    """Return the curves of a training log, of the phase that chooses the epoch."""
     with path.open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["phase"] == "select"]
     return {
@@ -263,13 +265,13 @@ def _log(path: Path) -> Mapping[str, list[float]]:
 
 
 def curves(tables: Path) -> Figure | None:
-    """Learning curves with their 95 % intervals."""
-    made = kept(tables / "learning-curve.csv")
-    if made is None:
+    """Draw learning curves with their 95 % intervals."""
+    table = read_table(tables / "learning-curve.csv")
+    if table is None:
         return None
     figure, axes = plt.subplots(figsize=(5.2, 3.2), layout="constrained")
     for name, colour in (("Objects", BLUE), ("Containers", ORANGE)):
-        rows = [list(map(float, row[2:])) for row in made[1] if row[0] == name]
+        rows = [list(map(float, row[2:])) for row in table[1] if row[0] == name]
         if rows:
             learned, _, right, low, high = np.array(rows).T
             axes.errorbar(
@@ -291,20 +293,22 @@ def curves(tables: Path) -> Figure | None:
 
 
 def front(tables: Path) -> Figure | None:
-    """Energy against accuracy on the chip: single networks, windows and committees."""
-    made = kept(tables / "front.csv")
-    if made is None:
+    """Draw energy against accuracy on the chip, and the line of points that no other point beats in both."""
+    table = read_table(tables / "front.csv")
+    if table is None:
         return None
     figure, panels = plt.subplots(1, 2, figsize=(8.4, 3.6), layout="constrained")
     for axes, name in zip(panels, ("Objects", "Containers"), strict=True):
-        rows = [row for row in made[1] if row[0] == name]
-        kinds = {row[2]: None for row in made[1]}
+        rows = [row for row in table[1] if row[0] == name]
+        kinds = {row[2]: None for row in table[1]}
         for kind, colour, marker in zip(
             kinds, (INK, ORANGE, BLUE, VIOLET), ("o", "s", "D", "^"), strict=False
         ):
-            its = [(float(row[5]), float(row[4].split(" ")[0])) for row in rows if row[2] == kind]
-            if its:
-                axes.scatter(*np.array(its).T, color=colour, marker=marker, s=26, label=kind)
+            points = [
+                (float(row[5]), float(row[4].split(" ")[0])) for row in rows if row[2] == kind
+            ]
+            if points:
+                axes.scatter(*np.array(points).T, color=colour, marker=marker, s=26, label=kind)
         best, line = 0.0, []
         for energy, right in sorted((float(row[5]), float(row[4].split(" ")[0])) for row in rows):
             if right > best:
@@ -321,19 +325,19 @@ def front(tables: Path) -> Figure | None:
 
 
 def data_table(data: Path) -> Table:
-    """What the recordings are."""
+    """Return the table of the data: numbers of recordings, classes, steps, channels and events of each part."""
     rows = []
     for name in ("Objects", "Containers"):
         for split in ("train", "test"):
-            found = read_recordings(data / f"Ev-{name}.zip", split=split)
-            assert found.labels is not None
-            events = found.spikes.sum(axis=(1, 2), dtype=np.int64)
-            first = found.spikes.any(axis=2).argmax(axis=1)
-            samples, steps, channels = found.spikes.shape
-            each = np.bincount(found.labels)
+            recordings = read_recordings(data / f"Ev-{name}.zip", split=split)
+            assert recordings.labels is not None
+            events = recordings.spikes.sum(axis=(1, 2), dtype=np.int64)
+            first_steps = recordings.spikes.any(axis=2).argmax(axis=1)
+            samples, steps, channels = recordings.spikes.shape
+            recordings_of_class = np.bincount(recordings.labels)
             rows.append(
-                [f"{name}, {split}", str(samples), str(len(each)), str(each[0]), str(steps), f"{0.02 * steps:g}",
-                 str(channels), f"{events.mean():,.0f}", f"{events.min():,}", f"{events.max():,}", f"{first.mean():.0f}"]
+                [f"{name}, {split}", str(samples), str(len(recordings_of_class)), str(recordings_of_class[0]), str(steps), f"{0.02 * steps:g}",
+                 str(channels), f"{events.mean():,.0f}", f"{events.min():,}", f"{events.max():,}", f"{first_steps.mean():.0f}"]
             )  # fmt: skip
     head = ["set", "recordings", "classes", "of a class", "steps", "seconds", "channels"]
     return [

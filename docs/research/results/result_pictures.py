@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from result_rows import DATASETS, SEEDS
-from tables import Found
+from tables import RunFigures
 
 INK = "#808080"
 STYLE = {
@@ -25,27 +25,31 @@ LINES = {
     "together": ("O, both", "#2f81c7", "-"), "time_weighted": ("O_tw, time-weighted", "#8a4fbf", "-."),
 }  # fmt: skip
 SHOWN = "hybrid"
-"""The row that is drawn."""
+"""The row of ``result_rows.py`` that is drawn."""
 
 
-def draw(found: Found, folder: Path) -> None:
-    """Draw both pictures where every data set has all seeds of the row; the same figures give the same bytes."""
+def draw(runs_of_all: RunFigures, folder: Path) -> None:
+    """Draw both pictures, if every data set has all seeds of the row; the same figures give the same bytes."""
     mpl.use("svg")
-    shown = {name: list(seeds.values()) for (name, row), seeds in found.items() if row == SHOWN}
-    if [len(runs) for runs in shown.values()] != [len(SEEDS)] * len(DATASETS):
+    runs_of_dataset = {
+        name: list(seeds.values()) for (name, row), seeds in runs_of_all.items() if row == SHOWN
+    }
+    if [len(runs) for runs in runs_of_dataset.values()] != [len(SEEDS)] * len(DATASETS):
         return
     folder.mkdir(exist_ok=True)
     with mpl.rc_context(STYLE):
-        _save(_over_time(shown), folder / "results-over-time.svg")
-        _save(_confusion(shown), folder / "results-confusion.svg")
+        _save(_over_time(runs_of_dataset), folder / "results-over-time.svg")
+        _save(_confusion(runs_of_dataset), folder / "results-confusion.svg")
 
 
 def _save(figure: Figure, path: Path) -> None:
+    """Write a figure as SVG without a date, so that equal figures are equal files."""
     figure.savefig(path, transparent=True, metadata={"Date": None})
     plt.close(figure)
 
 
 def _over_time(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
+    """Draw the accuracy after each step, a panel for each data set and a line for each branch, means over seeds."""
     figure, panels = plt.subplots(
         1, len(shown), figsize=(4.6 * len(shown), 3.4), layout="constrained", squeeze=False
     )
@@ -67,6 +71,7 @@ def _over_time(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
 
 
 def _confusion(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
+    """Draw which class is taken for which, a panel for each data set, over all seeds."""
     figure, panels = plt.subplots(
         1, len(shown), figsize=(4.6 * len(shown), 4.2), layout="constrained", squeeze=False
     )

@@ -12,7 +12,11 @@ SIX_DELAYS = "0,12,24,36,48,60"
 
 @dataclass(frozen=True)
 class Dataset:
-    """A data set; ``archive`` None stands for synthetic recordings. ``published_steps`` are those of two fingertips."""
+    """A data set of the results.
+
+    ``archive``: its file, None for synthetic recordings. ``config``: the configuration of its hybrid. ``psi``: the published
+    constant of time-weighted predictions. ``published_steps``: the steps of recordings of two fingertips.
+    """
 
     name: str
     title: str
@@ -38,12 +42,15 @@ DATASETS: Mapping[str, Dataset] = {
 class Row:
     """A network of the table: its options over the configuration of its data set, and published accuracies.
 
-    ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
-    it ``{recipe}`` stands for the data set whose recipe is taken, ``{dataset}`` for the data set itself. ``parts`` are
-    networks that are trained apart and joined, a hybrid and windows; the hybrid is first trained further as ``further`` says.
-    ``strategy`` lays out spike response neurons. ``only`` is the one data set of the row. ``minutes``: about how long one
-    seed takes on one core, by data set, where somebody who runs what is missing should know. Rows that are not ``on_page``
-    stand in the tables' files only.
+    - ``published``: data set -> accuracy (Kang et al. 2022, two fingertips)
+    - ``config`` replaces that of the data set; in it ``{recipe}`` stands for the data set whose recipe is taken (Slip takes that
+      of Objects), ``{dataset}`` for the data set itself
+    - ``parts``: networks that are trained apart and joined, a hybrid and windows; before joining, the hybrid is trained further
+      with configuration ``further``
+    - ``strategy``: how spike response neurons are built on the chip
+    - ``only``: the one data set of the row; None: all
+    - ``minutes``: about how long one seed takes on one core, by data set, for the list of what has not been run
+    - ``on_page``: whether the row is on the page, or only in the files of the tables
     """
 
     name: str
@@ -59,7 +66,7 @@ class Row:
     on_page: bool = True
 
     def config_for(self, dataset: Dataset) -> str:
-        """Return the file in ``examples/configs`` that it is trained with."""
+        """Return the file in ``examples/configs`` with which the row is trained."""
         if self.config is None:
             return dataset.config
         recipe = dataset.config.partition("-")[0]

@@ -1,4 +1,7 @@
-"""The results page, from the figures that are there: published tables beside ours, and what has not been run."""
+"""The results page, from the figures that are there: published figures next to ours, and what has not been run.
+
+``results_page.txt`` and ``operations_page.txt`` are the pages with ``{{NAME}}`` in the place of tables and figures.
+"""
 
 from __future__ import annotations
 
@@ -20,61 +23,67 @@ from operation_tables import (
 from result_rows import DATASETS, ROWS, SEEDS, command
 from tables import (
     NOT_RUN,
-    Found,
+    RunFigures,
     Table,
     column,
-    kept,
     markdown,
     merged,
+    read_table,
     seeds_of,
     spread,
     write_table,
 )
 
 
-def read(work: Path) -> Found:
-    """Return the figures under a folder."""
-    found: dict[tuple[str, str], dict[int, Mapping[str, Any]]] = {}
+def read(work: Path) -> RunFigures:
+    """Return the figures of all runs under a folder."""
+    runs: dict[tuple[str, str], dict[int, Mapping[str, Any]]] = {}
     for dataset in DATASETS:
         for row in ROWS:
             for seed in SEEDS:
                 path = work / f"{dataset}-{row.name}-{seed}.json"
                 if path.exists():
-                    found.setdefault((dataset, row.name), {})[seed] = json.loads(
+                    runs.setdefault((dataset, row.name), {})[seed] = json.loads(
                         path.read_text(encoding="utf-8")
                     )
-    return found
+    return runs
 
 
-def write_tables(found: Found, folder: Path) -> dict[str, Table]:
-    """Write the tables that are too long for the page, a CSV file each, and return them; rows without figures stay.
+def write_tables(runs: RunFigures, folder: Path) -> dict[str, Table]:
+    """Write all tables, a CSV file each, and return them; rows of earlier files without figures now stay.
 
-    Files of other tables are not touched. Operations on the chip say of how many seeds they are, cell by cell, so that there
-    networks of a few seeds have a say as well.
+    Rows are left out of a table if fewer seeds are here than the file of accuracies had. Cells of operations on the chip say from
+    how many seeds they are, so this table also takes networks with a few seeds.
     """
     folder.mkdir(exist_ok=True)
-    fuller, tables = _fuller(found, kept(folder / "accuracy.csv")), {}
+    full_runs, tables = _fuller(runs, read_table(folder / "accuracy.csv")), {}
     for name, make in TABLES.items():
         path = folder / f"{name}.csv"
-        tables[name] = merged(make(found if make is chip_ratios else fuller), kept(path))
+        tables[name] = merged(make(runs if make is chip_ratios else full_runs), read_table(path))
         write_table(path, tables[name])
     return tables
 
 
-def _fuller(found: Found, before: Table | None) -> Found:
-    """Leave out rows that have fewer seeds than those of a table of accuracies."""
-    stand = {row[0]: row[2::3] for row in before[1]} if before else {}
+def _fuller(runs: RunFigures, accuracies_before: Table | None) -> RunFigures:
+    """Leave out runs of rows that have fewer seeds here than in a table of accuracies.
+
+    Its third cell of each data set, the accuracy on the chip or on the test part, says how many seeds that were.
+    """
+    cells_of_label = (
+        {row[0]: row[2::3] for row in accuracies_before[1]} if accuracies_before else {}
+    )
     names = list(DATASETS)
 
     def had(dataset: str, label: str) -> int:
-        cell = stand.get(label, [NOT_RUN] * len(names))[names.index(dataset)]
+        cell = cells_of_label.get(label, [NOT_RUN] * len(names))[names.index(dataset)]
         return seeds_of(cell) if cell else 0
 
     labels = {row.name: row.label for row in ROWS}
-    return {key: seeds for key, seeds in found.items() if len(seeds) >= had(key[0], labels[key[1]])}
+    return {key: seeds for key, seeds in runs.items() if len(seeds) >= had(key[0], labels[key[1]])}
 
 
-def accuracy(found: Found) -> Table:
+def accuracy(runs: RunFigures) -> Table:
+    """Return published accuracies, and ours in training's arithmetic and on the chip, by data set."""
     head = ["network"]
     for dataset in DATASETS.values():
         ours = "ours" if dataset.archive else "ours, synthetic"
@@ -86,8 +95,8 @@ def accuracy(found: Found) -> Table:
             if row.only not in (None, name):
                 cells += ["", "", ""]
                 continue
-            measured = spread(column(found, name, row.name, "test_accuracy"))
-            chip = spread(column(found, name, row.name, "chip_accuracy"))
+            measured = spread(column(runs, name, row.name, "test_accuracy"))
+            chip = spread(column(runs, name, row.name, "chip_accuracy"))
             if measured != NOT_RUN and chip == NOT_RUN:
                 chip = "no spikes"
             cells += [row.published.get(name, ""), measured, chip]
@@ -95,20 +104,23 @@ def accuracy(found: Found) -> Table:
     return head, rows
 
 
-def settings(found: Found) -> Table:
+def settings(runs: RunFigures) -> Table:
+    """Return the epochs of every network, and its accuracy on the validation part."""
     rows = []
-    for (name, row_name), seeds in found.items():
+    for (name, row_name), seeds in runs.items():
         label = next(row.label for row in ROWS if row.name == row_name)
-        epochs = [f["chosen_epoch"] for f in seeds.values()]
-        held = [
-            f["validation_accuracy"] for f in seeds.values() if f["validation_accuracy"] is not None
+        epochs = [figures["chosen_epoch"] for figures in seeds.values()]
+        validation_accuracies = [
+            figures["validation_accuracy"]
+            for figures in seeds.values()
+            if figures["validation_accuracy"] is not None
         ]
         rows.append(
             [
                 f"{label}, {DATASETS[name].title}",
                 str(next(iter(seeds.values()))["epochs"]),
                 ", ".join(map(str, epochs)),
-                spread(held) if held else "none held out",
+                spread(validation_accuracies) if validation_accuracies else "none held out",
             ]
         )
     return [
@@ -119,10 +131,11 @@ def settings(found: Found) -> Table:
     ], rows
 
 
-def chip(found: Found) -> Table:
+def chip(runs: RunFigures) -> Table:
+    """Return accuracy in float and on the chip, the agreement of predictions and spikes, and energy."""
     rows = []
-    for (name, row_name), seeds in found.items():
-        if column(found, name, row_name, "chip_accuracy"):
+    for (name, row_name), seeds in runs.items():
+        if column(runs, name, row_name, "chip_accuracy"):
             label = next(row.label for row in ROWS if row.name == row_name)
             keys = (
                 "reference_accuracy",
@@ -130,8 +143,10 @@ def chip(found: Found) -> Table:
                 "prediction_agreement",
                 "spike_agreement",
             )
-            cells = [spread(column(found, name, row_name, key)) for key in keys]
-            energy = statistics.mean(float(f["energy_pj"]) for f in seeds.values()) / 1e6
+            cells = [spread(column(runs, name, row_name, key)) for key in keys]
+            energy = (
+                statistics.mean(float(figures["energy_pj"]) for figures in seeds.values()) / 1e6
+            )
             rows.append([f"{label}, {DATASETS[name].title}", *cells, f"{energy:.2f}"])
     head = [
         "network",
@@ -144,35 +159,43 @@ def chip(found: Found) -> Table:
     return head, rows
 
 
-def confusions(found: Found) -> Table:
+def confusions(runs: RunFigures) -> Table:
+    """Return the four pairs of classes that each network confuses most often on the chip."""
     rows = []
-    for (name, row_name), seeds in found.items():
-        wrong: dict[tuple[int, int], int] = {}
-        for f in seeds.values():
-            for wanted, got in zip(f.get("labels", []), f.get("predictions", []), strict=True):
-                if wanted != got:
-                    wrong[wanted, got] = wrong.get((wanted, got), 0) + 1
-        if wrong:
-            worst = sorted(wrong.items(), key=lambda item: (-item[1], item[0]))[:4]
+    for (name, row_name), seeds in runs.items():
+        count_of_pair: dict[tuple[int, int], int] = {}
+        for figures in seeds.values():
+            for label_number, predicted in zip(
+                figures.get("labels", []), figures.get("predictions", []), strict=True
+            ):
+                if label_number != predicted:
+                    count_of_pair[label_number, predicted] = (
+                        count_of_pair.get((label_number, predicted), 0) + 1
+                    )
+        if count_of_pair:
+            worst = sorted(count_of_pair.items(), key=lambda item: (-item[1], item[0]))[:4]
             label = next(row.label for row in ROWS if row.name == row_name)
-            pairs = ", ".join(f"{wanted} for {got}: {n}" for (wanted, got), n in worst)
+            pairs = ", ".join(
+                f"{label_number} for {predicted}: {count}"
+                for (label_number, predicted), count in worst
+            )
             rows.append(
                 [
                     f"{label}, {DATASETS[name].title}",
-                    str(sum(wrong.values())),
+                    str(sum(count_of_pair.values())),
                     pairs.replace(" for ", " taken for "),
                 ]
             )
     return ["network, on the chip, all seeds", "wrong", "most often"], rows
 
 
-def commands(found: Found) -> Table:
-    """The command of seed 0 of every row that has figures."""
+def commands(runs: RunFigures) -> Table:
+    """Return the command that trains seed 0, for every row that has figures."""
     rows = [
         [command(row, DATASETS[name], 0)]
         for row in ROWS
         for name in DATASETS
-        if (name, row.name) in found
+        if (name, row.name) in runs
     ]
     return ["command"], rows
 
@@ -185,21 +208,21 @@ NONE_MISSING = "Every row has all five seeds."
 
 
 def missing(accuracy: Table) -> str:
-    """Return the rows without all seeds, by data set, with the minutes that a seed takes where they are known."""
-    lines, known = [], {row.label: row for row in ROWS}
+    """Return a list of the rows without all seeds, by data set, with the minutes that a seed takes if they are known."""
+    lines, row_of_label = [], {row.label: row for row in ROWS}
     for place, dataset in enumerate(DATASETS.values()):
         words = []
         for row in accuracy[1]:
-            if (there := seeds_of(row[3 * place + 2])) < len(SEEDS):
-                minutes = known[row[0]].minutes.get(dataset.name)
-                notes = [f"{there} of {len(SEEDS)} seeds"] if there else []
+            if (seeds_here := seeds_of(row[3 * place + 2])) < len(SEEDS):
+                minutes = row_of_label[row[0]].minutes.get(dataset.name)
+                notes = [f"{seeds_here} of {len(SEEDS)} seeds"] if seeds_here else []
                 notes += [f"{minutes} min per seed"] if minutes else []
                 words.append(f"{row[0]} ({', '.join(notes)})" if notes else row[0])
         lines += [f"- {dataset.title}: {'; '.join(words)}."] if words else []
     return "\n".join(lines)
 
 
-TABLES: dict[str, Callable[[Found], Table]] = {
+TABLES: dict[str, Callable[[RunFigures], Table]] = {
     "accuracy": accuracy,
     "settings": settings,
     "chip": chip,
@@ -210,7 +233,7 @@ TABLES: dict[str, Callable[[Found], Table]] = {
     "chip-ratios": chip_ratios,
     "commands": commands,
 }
-"""What stands in ``docs/research/results/NAME.csv``."""
+"""What makes the table in ``docs/research/results/NAME.csv``."""
 
 
 def splits_beside_seeds(splits: Table | None, accuracy: Table) -> Table:

@@ -1,4 +1,4 @@
-"""The accuracy on the chip where the sensor is not what it was in training: ``docs/research/results/robustness.csv``."""
+"""The accuracy on the chip if the sensor is not what it was in training: ``docs/research/results/robustness.csv``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import hw_model as hw
 
 
 def robustness(study: Study) -> Table:
-    """The accuracy on the chip where the sensor is not what it was in training."""
+    """Return the accuracy of the shipped networks for each change of the sensor (``broken_sensors.py``), mean and deviation."""
     rows = []
     for what, change, draws in changes():
         cells = [what]
@@ -24,12 +24,12 @@ def robustness(study: Study) -> Table:
                 shipped: Shipped = shipped, change: Change = change, draws: int = draws
             ) -> list[float]:
                 test = study.part(shipped.dataset, "test")
-                found = []
+                accuracies_of_draws = []
                 for draw in range(draws):
                     rng = np.random.Generator(np.random.PCG64([draw, 18]))
                     played = hw.simulate(study.program(shipped), change(test.spikes, rng))
-                    found.append(float((played.prediction == test.labels).mean()))
-                return found
+                    accuracies_of_draws.append(float((played.prediction == test.labels).mean()))
+                return accuracies_of_draws
 
             found = study.figures(
                 f"robust-{Path(shipped.file).stem}-{what.replace(' ', '-')}", measured

@@ -17,7 +17,7 @@ from measure_run import make
 from result_pictures import draw
 from result_rows import DATASETS, ROW_NAMES, ROWS, SEEDS
 from results_page import pages, read, write_tables
-from tables import kept
+from tables import read_table
 
 ROOT = Path(__file__).parents[3]
 
@@ -43,11 +43,11 @@ def main() -> None:
                 for name in args.datasets:
                     if row.name in args.rows and row.only in (None, name):
                         make(args.work, args.data, row, DATASETS[name], seed)
-    found = read(args.work)
-    draw(found, args.page.parent / "images")
+    runs = read(args.work)
+    draw(runs, args.page.parent / "images")
     folder = args.page.with_suffix("")
-    tables = write_tables(found, folder)
-    texts = pages(tables, kept(folder / "splits.csv"))
+    tables = write_tables(runs, folder)
+    texts = pages(tables, read_table(folder / "splits.csv"))
     args.page.write_text(texts["results"], encoding="utf-8")
     (folder / "operations.md").write_text(texts["operations"], encoding="utf-8")
 

@@ -12,7 +12,7 @@ from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 
 PARTS = {"slip.npz": (80, 11), "slip-test.npz": (20, 12)}
-"""File -> how many recordings, and the seed. The published set has 100 of two classes and 150 steps."""
+"""File -> how many recordings, and the seed. The published set has 100 recordings of two classes and 150 steps."""
 
 
 def slip_recordings() -> tuple[Recordings, Recordings]:

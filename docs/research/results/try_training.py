@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from broken_sensors import clock
-from tables import kept, merged, write_table
+from tables import merged, read_table, write_table
 from ways import FOLDS, ROOT, Committee, Division, Floats, settings_of
 
 from hw_model.values import ByteArray
@@ -51,58 +51,67 @@ PLAYS: Mapping[str, Callable[[ByteArray], ByteArray]] = {
     "10 % slow": clocked(0.9),
     "10 % fast": clocked(1.1),
 }
-"""How recordings that were held out are played."""
+"""How held-out recordings are played; the first play is the whole recording."""
 HEAD = ["training", "parts", "accuracy", "standard error", *list(PLAYS)[1:]]
 
 
-def scores_of(of: Division, name: str) -> Floats | None:
-    """Return the log-probabilities (plays, samples, classes) of each recording when it was held out.
+def scores_of(division: Division, name: str) -> Floats | None:
+    """Return the log-probabilities (plays, samples, classes) of each recording by the network that did not learn from it.
 
-    Those that were made before there were so many plays hold the first of them. None for a committee whose members have none.
+    A file of scores may have only the first of :data:`PLAYS`. None for a committee whose members have no scores yet.
     """
-    way, path = of.known[name], of.work / f"{of.dataset}-{name}-{of.repeat}.npy"
+    way, path = (
+        division.way_of_name[name],
+        division.work / f"{division.dataset}-{name}-{division.repeat}.npy",
+    )
     if isinstance(way, Committee):
-        paths = [of.work / f"{of.dataset}-{member}-{of.repeat}.npy" for member in way.members]
-        if not all(found.exists() for found in paths):
-            return None
-        each = [
-            weight * np.load(found)
-            for weight, found in zip(way.members.values(), paths, strict=True)
+        paths = [
+            division.work / f"{division.dataset}-{member}-{division.repeat}.npy"
+            for member in way.members
         ]
-        return np.asarray(sum(scores[: min(map(len, each))] for scores in each))
+        if not all(member_file.exists() for member_file in paths):
+            return None
+        member_scores = [
+            weight * np.load(member_file)
+            for weight, member_file in zip(way.members.values(), paths, strict=True)
+        ]
+        return np.asarray(sum(scores[: min(map(len, member_scores))] for scores in member_scores))
     if path.exists():
         return np.asarray(np.load(path))
-    before, fold = time.process_time(), of.fold
-    scores = np.empty((len(PLAYS), len(fold), of.classes))
+    before, fold = time.process_time(), division.fold
+    scores = np.empty((len(PLAYS), len(fold), division.classes))
     for held in range(FOLDS):
-        score = way.learn(of, np.flatnonzero(fold != held))
-        for played, play in zip(scores, PLAYS.values(), strict=True):
-            played[fold == held] = score(play(of.recordings.spikes[fold == held]))
+        score = way.learn(division, np.flatnonzero(fold != held))
+        for scores_of_play, play in zip(scores, PLAYS.values(), strict=True):
+            scores_of_play[fold == held] = score(play(division.recordings.spikes[fold == held]))
     np.save(path, scores)
-    right = float((scores[0].argmax(axis=1) == of.labels).mean())
+    right = float((scores[0].argmax(axis=1) == division.labels).mean())
     print(
-        f"{of.dataset} {name} {of.repeat}: {right:.3f} in {time.process_time() - before:.0f} s",
+        f"{division.dataset} {name} {division.repeat}: {right:.3f} in {time.process_time() - before:.0f} s",
         flush=True,
     )
     return scores
 
 
 def row_of(label: str, divisions: Sequence[Division], scores: Sequence[Floats]) -> list[str]:
-    """Return a row of the table: means over all folds of the divisions, and the standard error of that of whole recordings."""
+    """Return a row of the table: means over all folds of the divisions, and the standard error of the first.
+
+    Plays without scores get a dash.
+    """
     plays, right = min(map(len, scores)), []
-    for of, found in zip(divisions, scores, strict=True):
-        hits = found[:plays].argmax(axis=2) == of.labels
-        right += [hits[:, of.fold == held].mean(axis=1) for held in range(FOLDS)]
+    for division, of_division in zip(divisions, scores, strict=True):
+        hits = of_division[:plays].argmax(axis=2) == division.labels
+        right += [hits[:, division.fold == held].mean(axis=1) for held in range(FOLDS)]
     whole, *others = np.transpose(right)
     figures = [
         whole.mean(),
         whole.std(ddof=1) / len(whole) ** 0.5,
         *(play.mean() for play in others),
     ]
-    known = [f"{figure:.3f}" for figure in figures]
+    cells = [f"{figure:.3f}" for figure in figures]
     first = divisions[0]
     title = f"{first.dataset.title()}{', first division' if len(divisions) == 1 else ''}: {label}"
-    return [title, str(len(whole)), *known, *["-"] * (len(PLAYS) - plays)]
+    return [title, str(len(whole)), *cells, *["-"] * (len(PLAYS) - plays)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -121,20 +130,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     args.work.mkdir(parents=True, exist_ok=True)
-    recordings, known = (
+    recordings, ways_by_name = (
         read_recordings(args.data / f"Ev-{args.dataset.title()}.zip", split="train"),
         settings_of(args.settings),
     )
     divisions = [
-        Division(args.dataset, recordings, repeat, args.work, args.data, known)
+        Division(args.dataset, recordings, repeat, args.work, args.data, ways_by_name)
         for repeat in range(args.repeats)
     ]
-    for name in args.names or list(known):
-        found = [scores for of in divisions if (scores := scores_of(of, name)) is not None]
-        if len(found) == len(divisions):
-            row = row_of(known[name].label, divisions, found)
+    for name in args.names or list(ways_by_name):
+        scores_of_divisions = [
+            scores for division in divisions if (scores := scores_of(division, name)) is not None
+        ]
+        if len(scores_of_divisions) == len(divisions):
+            row = row_of(ways_by_name[name].label, divisions, scores_of_divisions)
             print(f"{name:24} {row}", flush=True)
-            write_table(args.table, merged((HEAD, [row]), kept(args.table)))
+            write_table(args.table, merged((HEAD, [row]), read_table(args.table)))
 
 
 if __name__ == "__main__":
