@@ -5,6 +5,9 @@ The script reads the network from arrays, plays the recording, and compares ever
 Arrays of phase k have names that begin with ``k/``; arrays of its input, population or projection number n begin with
 ``k/input/n/`` and so on. Parameters of neurons are integers in s16.15 (units of 2^-15), weights and their sums are in
 nA, and delays are steps of 1 ms.
+
+``network.py.txt`` of this folder becomes the script ``network.py``. It ends in .txt here because it imports sPyNNaker,
+which is not installed with this package, so linters and the type checker must not take it for a module.
 """
 
 from importlib.resources import files

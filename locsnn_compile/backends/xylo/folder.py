@@ -2,6 +2,8 @@
 
 The folder also has a recording with the spikes to expect, and a script that plays it in rockpool's simulator and
 compares every spike. With the same specification, rockpool configures a device.
+
+``run.py.txt`` of this folder is the script, with places for the chip's name and rockpool's module, so it is not Python.
 """
 
 import json
@@ -34,7 +36,8 @@ def specification(program: XyloProgram) -> dict[str, AnyArray]:
     """Return the arguments of rockpool's ``from_specification`` by name; single numbers as arrays of no dimension.
 
     Names are rockpool's. A *dash* is the number of bits by which a state is shifted right, to get what it loses in a
-    step. A weight shift is the number of bits by which arriving weights are shifted left.
+    step. A weight shift is the number of bits by which arriving weights are shifted left. Only compiled programs are
+    emitted, and the compiler makes no aliases (neurons that repeat the spikes of others), so none are written.
     """
     network = program.network
     hidden = network.hidden
@@ -53,6 +56,7 @@ def specification(program: XyloProgram) -> dict[str, AnyArray]:
         "weight_shift_rec": np.array(network.shift_hidden),
         "weight_shift_out": np.array(network.shift_out),
     }
+    # rockpool takes the second current of each hidden neuron as an argument of its own.
     if hidden.states == 2:
         arguments["dash_syn_2"] = hidden.dash_syn[:, 1]
     if hidden.bias is not None and outputs.bias is not None:

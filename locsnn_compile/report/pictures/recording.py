@@ -20,7 +20,7 @@ PICTURE_COLUMNS = 1000
 PICTURE_ROWS = 500
 """Most marks of a picture from left to right, and from top to bottom, chosen by hand: finer ones cannot be seen."""
 
-# Sizes in pixels: of the plot, and of the margins around it, which hold the texts.
+# Sizes in pixels, chosen by hand: of the plot, and of the margins around it, which hold the texts.
 _PLOT_WIDTH = 720
 _PLOT_HEIGHT = 320
 _LEFT = 56
@@ -49,14 +49,16 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
     end = f"step {steps}" if step_seconds is None else f"{steps * step_seconds:g} s"
     right = _LEFT + _PLOT_WIDTH
     bottom = _TOP + _PLOT_HEIGHT
+    text_y = bottom + 20  # the baseline of the texts below the plot
+    text_right = _LEFT - 8  # the end of the numbers of the first and the last channel
     inside = f"""\
 <path class="events" d="{_path_of_events(spikes)}"/>
 <rect class="outline" x="{_LEFT}" y="{_TOP}" width="{_PLOT_WIDTH}" height="{_PLOT_HEIGHT}"/>
-{soft_text(_LEFT, bottom + 20, "start", "0")}
-{soft_text(right, bottom + 20, "end", end)}
-{soft_text(_LEFT - 8, _TOP + 12, "end", "0")}
-{soft_text(_LEFT - 8, bottom, "end", str(channels - 1))}
-{soft_text((_LEFT + right) / 2, bottom + 20, "middle", "time; channels downwards")}
+{soft_text(_LEFT, text_y, "start", "0")}
+{soft_text(right, text_y, "end", end)}
+{soft_text(text_right, _TOP + 12, "end", "0")}
+{soft_text(text_right, bottom, "end", str(channels - 1))}
+{soft_text((_LEFT + right) / 2, text_y, "middle", "time; channels downwards")}
 """
     return sheet(right + _RIGHT, bottom + _BOTTOM, title, "raster.css", inside)
 
