@@ -74,9 +74,9 @@ RING_MAX = (1 << 16) - 1
 """The largest entry of a ring buffer; more saturates."""
 WEIGHT_MAX = (1 << 16) - 1
 """The largest weight as stored."""
-RECEPTORS = 2
-"""Receptors of a neuron."""
-EXCITATORY, INHIBITORY = range(RECEPTORS)
+RECEPTOR_COUNT = 2
+"""Receptors of a neuron: 0 excites, 1 inhibits."""
+EXCITATORY, INHIBITORY = range(RECEPTOR_COUNT)
 SHIFT_MAX = 16
 """The largest P_r for which the machine code was run and compared with this page."""
 DELAY_MIN = 1

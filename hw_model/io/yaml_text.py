@@ -4,6 +4,8 @@ PyYAML's safe loader runs no code. But with aliases of aliases, a few lines can 
 list that contains itself. Deep nesting crashes the interpreter, and the loader in Python takes seconds for a large
 file. If a mapping has a key twice, every loader silently keeps the second value. So the text is first parsed into
 events, which are counted and checked; only then are values built.
+
+People write chip files, configurations and files of options; programs are written by this project, and are larger.
 """
 
 import re
@@ -21,13 +23,12 @@ MAX_DEPTH = 50
 MAX_NODES = 100_000
 """The most values, keys and containers in a file that people write. To read so many takes about two seconds."""
 MAX_BYTES = 1_000_000
-"""The size of the largest file that people write."""
+"""The size of the largest file that people write. Chosen by hand: our longest chip file has 11,000 bytes."""
 
-#: The loader in C, if available: with bounded depth it gives the same result, many times faster.
+#: PyYAML's safe loader in C (libyaml) if it is installed, or else the one in Python. For texts of bounded depth both
+#: build the same values, the one in C many times faster. Neither reads ``1e-3`` as a number, as :class:`_Loader` does.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-SEAL = "# SHA-256 of all above: "
-"""The beginning of the last line of a file that carries its own checksum."""
-WAY_ON = "Write one 'key: value' per line."
+WRITE_A_MAPPING = "Write one 'key: value' per line."
 """The way out for a file that is not YAML, or not a mapping."""
 
 
@@ -49,15 +50,16 @@ def load_yaml(
     text: str | bytes,
     where: str,
     fault: str = "it is not a YAML file",
-    fix: str = WAY_ON,
+    fix: str = WRITE_A_MAPPING,
     *,
     loader: Any = _Loader,
     most_nodes: int = MAX_NODES,
 ) -> object:
-    """Return the plain values of a YAML text.
+    """Return the values of a YAML text as plain Python objects, mappings as dicts.
 
     Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values. For a text that is not YAML,
-    the error says ``fault``, in which ``{line}`` is replaced by the place, and ``fix``.
+    the error says ``fault``, in which ``{line}`` is replaced by the place, and ``fix``. ``where`` names the text in
+    errors.
     """
     try:
         _check_events(text, where, most_nodes)
@@ -124,13 +126,14 @@ def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
     """
     values = load_yaml(read_bytes(path, where, MAX_BYTES, fix), where)
     if not isinstance(values, dict):
-        raise InputError(where, "it is not a mapping", measured=type(values).__name__, fix=WAY_ON)
+        what = "it is not a mapping"
+        raise InputError(where, what, measured=type(values).__name__, fix=WRITE_A_MAPPING)
     return values
 
 
 @dataclass
 class _Container:
-    """A list or mapping that is being read; in a mapping, every second node is a key."""
+    """A list or mapping that has begun: the number of its own ``nodes`` so far, and the texts of its keys."""
 
     is_mapping: bool
     nodes: int = 0
@@ -140,10 +143,13 @@ class _Container:
 def _count_in(container: _Container, event: Any, where: str) -> None:
     """Count a node in its container; raise ``InputError`` for a key that the mapping already has."""
     container.nodes += 1
-    # Keys and values alternate, beginning with a key. Keys that are lists or mappings are left to the loader.
+    # Keys and values alternate, beginning with a key. Keys that are lists or mappings are left to the loader, which
+    # refuses them.
     is_key = container.is_mapping and container.nodes % 2 == 1
     if not is_key or not isinstance(event, yaml.ScalarEvent):
         return
+    # Keys are compared as they are written, so `1` and `'1'` count as the same key, though YAML reads a number and a
+    # text: who writes both has made a mistake. `1` and `0x1` count as two.
     if event.value in container.keys:
         fix = "Keep one."
         raise InputError(

@@ -18,7 +18,7 @@ from hw_model.errors import InputError, check_same
 from hw_model.io.files import npy_bytes, pack_files, read_bytes
 from hw_model.io.folders import finish_writing, replace_entries
 from hw_model.io.npy import load_npy
-from hw_model.io.yaml_text import FAST_LOADER, SEAL, load_yaml
+from hw_model.io.yaml_text import FAST_LOADER, load_yaml
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray, Frozen, IntArray, sealed
 
@@ -29,6 +29,8 @@ KINDS = (CHIP_PROGRAM, XYLO_PROGRAM, SPINNAKER_PROGRAM)
 """The kinds of programs, by the ``format`` that their files say."""
 PROGRAM_YAML = "program.yaml"
 PROGRAM_NPZ = "program.npz"
+SEAL = "# SHA-256 of all above: "
+"""The beginning of the last line of ``program.yaml``, which goes on with the checksum."""
 # The following limits protect against files that are made to use up memory. They are chosen by hand, far above the
 # programs of real boards.
 MAX_FILE_BYTES = 2 << 30

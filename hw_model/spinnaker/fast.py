@@ -120,7 +120,7 @@ _faded = _PAGE.compiled(spinnaker.faded)
 _slot_of = _PAGE.compiled(spinnaker.slot_of)
 _comes_too_late = _PAGE.compiled(spinnaker.comes_too_late)
 _collected = _PAGE.compiled(spinnaker.collected)
-_RECEPTORS = spinnaker.RECEPTORS
+_RECEPTOR_COUNT = spinnaker.RECEPTOR_COUNT
 _EXCITATORY = spinnaker.EXCITATORY
 _INHIBITORY = spinnaker.INHIBITORY
 
@@ -225,9 +225,9 @@ def _at_rest(v_init: IntArray, neurons: Neurons) -> Registers:
     size = len(v_init)
     return Registers(
         v=v_init.copy(),
-        current=np.zeros((size, _RECEPTORS), dtype=np.int64),
+        current=np.zeros((size, _RECEPTOR_COUNT), dtype=np.int64),
         refractory=np.zeros(size, dtype=np.int64),
-        ring=np.zeros((int(neurons.slots.max(initial=1)), size, _RECEPTORS), dtype=np.int64),
+        ring=np.zeros((int(neurons.slots.max(initial=1)), size, _RECEPTOR_COUNT), dtype=np.int64),
     )
 
 
@@ -250,7 +250,7 @@ def _wrapped(exact, event_counts, event):  # type: ignore[no-untyped-def]
 def _receive(neurons, registers, n, t, event_counts):  # type: ignore[no-untyped-def]
     """Add the weights that are due in step t to the currents of neuron n, and clear the slot for later steps."""
     slot = t % neurons.slots[n]
-    for r in range(_RECEPTORS):
+    for r in range(_RECEPTOR_COUNT):
         arrived = registers.ring[slot, n, r]
         # Most slots are empty, so this test saves time.
         if arrived:
@@ -294,7 +294,7 @@ def _update(neurons, registers, recorded, t, event_counts):  # type: ignore[no-u
         recorded.sent[t, first_neuron + n] = fired
         recorded.v[t, n] = v
         recorded.refractory[t, n] = registers.refractory[n]
-        for r in range(_RECEPTORS):
+        for r in range(_RECEPTOR_COUNT):
             current = _faded(registers.current[n, r], neurons.synapse_decay[n, r])
             registers.current[n, r] = current
             recorded.current[t, n, r] = current

@@ -62,7 +62,7 @@ class SpinnakerPopulation(Frozen, eq=False):
             array = getattr(self.parameters, name)
             shape: tuple[int, ...] = (self.size,)
             if name == "tau_syn":
-                shape = (self.size, spinnaker.RECEPTORS)
+                shape = (self.size, spinnaker.RECEPTOR_COUNT)
             _check_shape(f"{where}, {name}", array, shape)
             _check_range(f"{where}, {name}", array, low, high)
         _check_range(f"{where}, shifts", np.array(self.shifts), 0, spinnaker.SHIFT_MAX)
@@ -91,7 +91,7 @@ class SpinnakerPopulation(Frozen, eq=False):
         """The bits of an index into a core's ring buffer: those for the neuron, the receptor and the slot."""
         neurons = min(self.size, self.neurons_per_core)
         neuron_bits = (neurons - 1).bit_length()
-        receptor_bits = (spinnaker.RECEPTORS - 1).bit_length()
+        receptor_bits = (spinnaker.RECEPTOR_COUNT - 1).bit_length()
         slot_bits = (self.slots - 1).bit_length()
         return neuron_bits + receptor_bits + slot_bits
 

@@ -7,9 +7,12 @@ Weights are not negative, so a current lies between 0 and its largest possible v
 the value that it began with or was reset to. The bounds are Python integers of any size, so they cannot wrap
 themselves.
 
-With p = 1, every source spikes in every step, which no recording exceeds. With a larger p, all weights arrive in one
-step in the worst case, and then the current decays for p steps. The chip rounds down on the way, which only makes the
-current smaller.
+With p = 1, every source spikes in every step, which no recording exceeds. With a larger p, the current gets highest if
+all weights arrive in the same step, and again every p steps; in between it decays p times. A current is highest right
+after an arrival, when it also drives V. The chip rounds down on the way, which only makes the current smaller.
+
+The formulas and their letters are those of :mod:`hw_model.arithmetic.spinnaker`. Its ``HALF_SPAN`` is 2^31, where
+signed numbers of 32 bits end, and ``SPAN`` 2^32, which is 1 in the format u0.32.
 """
 
 import numpy as np
@@ -28,7 +31,7 @@ class Reach(Frozen, eq=False):
 
     - ``ring`` (n, receptors): the sum of stored weights that arrive in a step
     - ``shifted_ring`` (n, receptors): that sum after its shift, s16.15 nA
-    - ``current`` (n, receptors): the synaptic current, s16.15 nA
+    - ``current`` (n, receptors): the synaptic current right after an arrival, s16.15 nA
     - ``drive`` (n,): the total current that moves V, s16.15 nA
     - ``goal`` (n,): the value that V moves towards, s16.15 mV
     - ``distance`` (n,): the distance between V and its goal, s16.15 mV
@@ -43,12 +46,12 @@ class Reach(Frozen, eq=False):
 
     @property
     def saturates(self) -> bool:
-        """Whether a ring buffer may saturate, as far as the bounds tell."""
+        """Whether a ring buffer may saturate: False is proven, True is only possible."""
         return bool((self.ring > RING_MAX).any())
 
     @property
     def wraps(self) -> bool:
-        """Whether a sum may wrap, as far as the bounds tell."""
+        """Whether a sum may wrap: False is proven, True is only possible."""
         sums = (self.shifted_ring, self.current, self.drive, self.goal, self.distance)
         return any(bool((largest >= HALF_SPAN).any()) for largest in sums)
 
@@ -81,7 +84,7 @@ def safe_period(network: SpinnakerNetwork, name: str) -> int:
     Every source spikes at most once in a period. The result is one of :data:`hw_model.range_proof.PERIODS`: 1 if the
     population is safe with any input, 0 if it is not safe even at the longest period.
     """
-    for period in PERIODS:
+    for period in PERIODS:  # shortest first
         if reach_of(network, name, period).fits:
             return period
     return 0
@@ -90,12 +93,14 @@ def safe_period(network: SpinnakerNetwork, name: str) -> int:
 def reach_of(network: SpinnakerNetwork, name: str, period: int = 1) -> Reach:
     """Return how far the registers of a population can get.
 
-    Every source spikes at most once in ``period`` steps.
+    Every source spikes at most once in ``period`` steps. With a period above 1, currents and what follows from them
+    are bounds only if no ring buffer saturates: otherwise, weights that arrive in different steps can add up to more.
     """
     population = network.population(name)
     parameters = population.parameters
     # Arrays of dtype object hold Python integers, which do not overflow.
     ring = _weights_of_a_step(network, population).astype(object)
+    # A ring buffer saturates at RING_MAX, and the core shifts what is left.
     shifted_ring = np.minimum(ring, RING_MAX) * 2 ** np.array(population.shifts, dtype=object)
     current = _largest_current(population, shifted_ring, period)
 
@@ -127,7 +132,7 @@ def reach_of(network: SpinnakerNetwork, name: str, period: int = 1) -> Reach:
 
 def _weights_of_a_step(network: SpinnakerNetwork, population: SpinnakerPopulation) -> IntArray:
     """Return the sum of all weights per neuron and receptor, (n, receptors): the most that can arrive in a step."""
-    sums = np.zeros((population.size, spinnaker.RECEPTORS), dtype=np.int64)
+    sums = np.zeros((population.size, spinnaker.RECEPTOR_COUNT), dtype=np.int64)
     for projection in network.projections:
         if projection.target == population.name:
             receptor = RECEPTORS.index(projection.receptor)
@@ -140,11 +145,16 @@ def _largest_current(
 ) -> AnyArray:
     """Return the largest possible current, (n, receptors).
 
-    With the decay d per step, a current I loses I (1 - d^p) in a period. The bound is the smallest integer I that loses
-    at least what can arrive in a step: if the current is at most I before the weights of a period arrive and decay, it
-    is so afterwards.
+    A step first adds the weights that arrive, then moves V, and then lets the current decay by the factor d. Let A be
+    the most that arrives in a step. The bound I is the smallest integer with
+
+        I (1 - d^p) >= A
+
+    If the current is at most I right after an arrival, it has decayed to I d^p at most before the next one, p steps
+    later, and right after that it is I d^p + A <= I at most.
     """
     constants = population.constants
+    # Only a share of the weights reaches the current at once: ``synapse_init``, in u0.32.
     added = constants.synapse_init.astype(object) * shifted_ring // SPAN
     # The decay is stored as an integer d * SPAN, so d^p is (stored decay)^p / SPAN^p.
     one = SPAN**period

@@ -114,7 +114,7 @@ def empty_result(
         spikes=np.zeros((rows, neurons), dtype=np.uint8),
         potential=np.zeros((rows, neurons), dtype=np.int64),
         v=np.zeros((rows, neurons), dtype=np.int64),
-        current=np.zeros((rows, neurons, spinnaker.RECEPTORS), dtype=np.int64),
+        current=np.zeros((rows, neurons, spinnaker.RECEPTOR_COUNT), dtype=np.int64),
         refractory=np.zeros((rows, neurons), dtype=np.int64),
         events=events,
     )
@@ -173,10 +173,10 @@ class _Neurons:
         size = population.size
         self.population = population
         self.shifts = np.array(population.shifts)
-        self.ring = np.zeros((population.slots, size, spinnaker.RECEPTORS), dtype=np.int64)
+        self.ring = np.zeros((population.slots, size, spinnaker.RECEPTOR_COUNT), dtype=np.int64)
         self.state = State(
             v=population.parameters.v_init.copy(),
-            current=np.zeros((size, spinnaker.RECEPTORS), dtype=np.int64),
+            current=np.zeros((size, spinnaker.RECEPTOR_COUNT), dtype=np.int64),
             refractory=np.zeros(size, dtype=np.int64),
         )
 

@@ -56,7 +56,7 @@ class GroupSize(NamedTuple):
 
 
 class ProgramContents(Frozen, eq=False):
-    """What a program holds: its number of ``cores``, the size of populations, and its arrays."""
+    """What a program holds: its number of ``cores``, the size of each population, and its arrays by name."""
 
     cores: int
     groups: Mapping[str, GroupSize]
@@ -69,11 +69,13 @@ class ProgramKind(Generic[ProgramT]):
 
     - ``format``: the name of the kind in its files
     - ``program``: the class of its programs
-    - ``read``: makes a program from its files; raises an ``InputError`` for anything missing,
-      damaged or newer
+    - ``read``: makes a program from its two files, ``program.yaml`` and ``program.npz``, as
+      :func:`~hw_model.program.sealed.read_pair` returns them; raises an ``InputError`` for anything
+      missing, damaged or newer
     - ``play``: plays recordings (batch, steps, channels), each from rest, in one of two engines,
       which give the same results
-    - ``contents``: returns what a program holds; None for a kind whose cores a report shows in full
+    - ``contents``: returns what a program holds, by which reports compare it with another; None for
+      ``ChipProgram``, which they compare core by core
     """
 
     format: str
@@ -83,7 +85,8 @@ class ProgramKind(Generic[ProgramT]):
     contents: Callable[[ProgramT], ProgramContents] | None = None
 
 
-# The functions below import engines when they are called, as reading a program needs none.
+# The functions below import their engine when they are called, because engines are slow to import and reading a
+# program needs none.
 
 
 def _play_chip(program: ChipProgram, recordings: ByteArray, engine: Engine) -> PlayedProgram:
@@ -97,6 +100,7 @@ def _play_xylo(program: XyloProgram, recordings: ByteArray, engine: Engine) -> P
     from hw_model.xylo.playing import play_program
 
     played = play_program(program, recordings, engine)
+    # A neuron of a Xylo can spike several times per step; ``PlayedProgram`` only says whether it did.
     spikes = {name: np.minimum(counts, 1) for name, counts in played.spikes.items()}
     return PlayedProgram(spikes, played.scores)
 
@@ -130,6 +134,7 @@ def _spinnaker_contents(program: SpinnakerProgram) -> ProgramContents:
         population.name: GroupSize(population.size, synapses[population.name])
         for population in network.populations
     }
+    # Phases are played one after the other on the same cores, so the largest phase says how many are needed.
     cores = max(network.cores_of(phase.name) for phase in network.phases)
     return ProgramContents(cores, groups, spinnaker_arrays(network))
 
@@ -152,7 +157,7 @@ PROGRAM_KINDS: tuple[ProgramKind[Any], ...] = (
 def load_any_program(folder: str | Path) -> AnyProgram:
     """Read a program of any kind; raise an ``InputError`` for anything missing, damaged or newer."""
     pair = read_pair(Path(folder))
-    # The reader of the first kind also refuses files that are of no known kind.
+    # Files of no known kind go to the reader of CHIP, which refuses them with the right error.
     kind = next((row for row in PROGRAM_KINDS if row.format == pair.kind), CHIP)
     program: AnyProgram = kind.read(pair)
     return program

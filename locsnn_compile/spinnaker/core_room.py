@@ -44,7 +44,7 @@ def _ring_bits(neurons: int, slots: int) -> int:
     """Return the bits of an index into a ring buffer: those for the neuron, the slot and the receptor."""
     neuron_bits = (neurons - 1).bit_length()
     slot_bits = (slots - 1).bit_length()
-    receptor_bits = (spinnaker.RECEPTORS - 1).bit_length()
+    receptor_bits = (spinnaker.RECEPTOR_COUNT - 1).bit_length()
     return neuron_bits + slot_bits + receptor_bits
 
 

@@ -215,7 +215,7 @@ def _parameters(
     return spinnaker.Parameters(
         tau_m=np.array([neuron.membrane.tau_m for neuron in neurons]),
         c_m=np.array([neuron.parameters.c_m for neuron in neurons]),
-        tau_syn=np.stack([tau_syn] * spinnaker.RECEPTORS, axis=1),
+        tau_syn=np.stack([tau_syn] * spinnaker.RECEPTOR_COUNT, axis=1),
         v_rest=zero,
         v_reset=zero,
         v_thresh=v_thresh,

@@ -1,4 +1,9 @@
-"""The only setting of the compiler for SpiNNaker, with the reasons why other values have no meaning."""
+"""The only setting of the compiler for SpiNNaker, with the reasons why other values have no meaning.
+
+If a user asks for another value, its reason becomes the error. For ``--strategy dendrite``, it is::
+
+    strategy: it joins compartments, and a neuron of spinnaker1 is a single one (got dendrite). Use strategy reset.
+"""
 
 from locsnn_compile.own_arithmetic.setting import OnlySetting
 from locsnn_compile.settings import Setting

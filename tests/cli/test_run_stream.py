@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.io.yaml_text import SEAL
+from hw_model.program.sealed import SEAL
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 from locsnn_compile.cli.outcomes import Change, StepLatency, StreamFigures

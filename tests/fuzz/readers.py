@@ -27,7 +27,7 @@ import nir  # noqa: E402
 
 import hw_model as hw  # noqa: E402
 import locsnn_compile as lc  # noqa: E402
-from hw_model.io.yaml_text import SEAL  # noqa: E402
+from hw_model.program.sealed import SEAL  # noqa: E402
 from locsnn_compile.cli import diff  # noqa: E402
 from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings  # noqa: E402
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch, read_layout  # noqa: E402

@@ -335,7 +335,7 @@ def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str)
         size = flat.size(name)
         place = f"{where}, node {name!r}"
         resistance = flat.nodes[name].each("r", size, of="neuron", where=place)
-        dt = known_dt or DT_SECONDS
+        dt = DT_SECONDS if known_dt is None else known_dt
         # The tolerance is for values that files hold as float32.
         adds_weight = (resistance == 1) | np.isclose(resistance * dt, 1.0, rtol=1e-6)
         if adds_weight.all():

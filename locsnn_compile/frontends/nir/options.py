@@ -1,4 +1,9 @@
-"""Check the options that say how to read a NIR graph, and read the metadata that our own files add."""
+"""Check the options that say how to read a NIR graph, and read the metadata that our own files add.
+
+NIR (neuromorphic intermediate representation) files hold equations in continuous time. The options choose what a
+file leaves open: the time step ``dt``, how equations are discretised, how a spike resets, and a lowest potential
+(``floor``).
+"""
 
 import math
 from typing import cast, get_args
@@ -14,7 +19,8 @@ def checked_reading(
 ) -> Reading:
     """Return how a graph is read: by the options, or by convention if they are None.
 
-    Raises ``InputError`` for an unknown word, and for a floor that is not finite.
+    ``known_dt`` is what :func:`checked_dt` returns: seconds above 0, or None if neither an option nor the file has
+    them. Raises ``InputError`` for an unknown word, and for a floor that is not finite.
     """
     discretisation = discretisation or "euler"
     place = f"discretisation {discretisation!r}"
@@ -25,7 +31,7 @@ def checked_reading(
         what = "the floor must be a finite number"
         raise InputError("floor", what, measured=f"{floor}", fix="Give the lowest potential.")
     return Reading(
-        dt=known_dt or DT_SECONDS,
+        dt=DT_SECONDS if known_dt is None else known_dt,
         discretisation=cast(Discretisation, discretisation),
         reset=cast(Reset, reset),
         floor=floor,
@@ -40,7 +46,10 @@ def checked_dt(dt: float | None, graph: NirGraph) -> float | None:
 
 
 def metadata_seconds(graph: NirGraph, name: str) -> float | None:
-    """Return the seconds in an entry of the metadata, which files that we wrote have; None without such an entry."""
+    """Return the seconds in an entry of the metadata, which files that we wrote have; None without such an entry.
+
+    Any tool may write metadata. An entry of this name that is not a single number is therefore not ours, and ignored.
+    """
     entry = graph.metadata.get(name)
     if entry is None or isinstance(entry, str) or entry.size != 1:
         return None
@@ -49,6 +58,7 @@ def metadata_seconds(graph: NirGraph, name: str) -> float | None:
 
 def _checked_seconds(seconds: float, name: str) -> float:
     """Return the seconds; raise ``InputError`` if no step can last as long."""
+    # The words of the error are those of ``STEP_SECONDS``.
     if not STEP_SECONDS.holds(seconds):
         what = "a step must last more than 0 s and at most 1e+06 s"
         raise InputError(name, what, measured=f"{seconds:g}", fix="Give the seconds per step.")
