@@ -25,8 +25,9 @@ OPTIONS_OF_SCRIPTS = {
     "--names",
     "--data",
     "--repeats",
+    "--state",
 }
-"""Options of the scripts in ``tests``, which pages name too."""
+"""Options of the scripts in ``tests`` and ``docs/research``, which pages name too."""
 OPTIONS = {
     program: {option for action in parser._actions for option in action.option_strings}
     for program, parser in parsers().items()
