@@ -7,8 +7,10 @@ from typing import Annotated, Any, Literal
 from hw_model.io.records import Must, between
 from hw_model.values import Frozen, Shown
 
+_LARGEST = 1 << 40
+"""Far above any cost or voltage of a chip. It keeps products with counts finite, and is chosen by hand."""
 Range = tuple[
-    Annotated[float | None, between(0, 1 << 40)], Annotated[float | None, between(0, 1 << 40)]
+    Annotated[float | None, between(0, _LARGEST)], Annotated[float | None, between(0, _LARGEST)]
 ]
 """The least and the largest possible value of a constant; None if it is unknown."""
 End = Literal["least", "most"]
@@ -16,11 +18,14 @@ End = Literal["least", "most"]
 
 
 Text = Annotated[str, Must(lambda text: 0 < len(text) <= 500, "of 1 to 500 characters")]
-Cost = Annotated[float, between(0, 1 << 40)]
+Cost = Annotated[float, between(0, _LARGEST)]
 
 
 class Barrier(Frozen):
-    """Time of the mesh-wide barrier in nanoseconds, for one tile and for all tiles of a chip."""
+    """Time of the barrier in nanoseconds, for one tile and for all tiles of a chip.
+
+    At the barrier, which ends every step, all cores of the mesh wait for each other.
+    """
 
     one_tile: Cost
     all_tiles: Cost
@@ -74,7 +79,7 @@ class Profile(Shown, eq=True):
     time_ns: Mapping[str, Cost]
     barrier_ns: Barrier
     not_included: tuple[NotIncluded, ...]
-    voltage_v: Annotated[float | None, between(0, 1 << 40)] = None
+    voltage_v: Annotated[float | None, between(0, _LARGEST)] = None
     energy_pj_range: Mapping[str, Range] = field(default_factory=dict)
     time_ns_range: Mapping[str, Range] = field(default_factory=dict)
     sources: Mapping[str, Text] = field(default_factory=dict)

@@ -47,7 +47,9 @@ class XyloNetwork(Shown):
 
     Weights are integers of 8 bits, with the source first: ``weights_in`` (inputs, hidden, k), ``weights_hidden``
     (hidden, hidden, k), ``weights_out`` (hidden, outputs). A spike adds ``weight << shift`` to a current, where each of
-    the three has its own shift. ``aliases[n]`` are the hidden neurons that also spike when neuron n does.
+    the three arrays has a shift for all of its weights. ``aliases[n]`` are the hidden neurons that repeat the spikes of
+    neuron n in addition to their own; :mod:`hw_model.arithmetic.xylo` says in which order. ``aliases`` is None if there
+    are none.
     """
 
     hidden: XyloPopulation
@@ -72,6 +74,7 @@ class XyloNetwork(Shown):
         for name in ("weights_in", "weights_hidden", "weights_out"):
             _check_range(name, getattr(self, name), xylo.WEIGHT_MIN, xylo.WEIGHT_MAX)
         for name in ("shift_in", "shift_hidden", "shift_out"):
+            # The chip stores a shift in 4 bits.
             _check_range(name, np.array(getattr(self, name)), 0, 15)
         for name, population in (("hidden", self.hidden), ("outputs", self.outputs)):
             _check_population(name, population)
