@@ -98,6 +98,12 @@ def named(*names):
     return replace(hybrid(), class_names=names)
 
 
+def with_tie_class(tie_class):
+    """Return the hybrid, which has two classes, with this class for ties."""
+    network = hybrid()
+    return replace(network, readout=replace(network.readout, tie_class=tie_class))
+
+
 THREE = np.array([1, 2, 3])
 """Values for three neurons, where networks here have two."""
 
@@ -126,6 +132,29 @@ BROKEN_RULES = [
         lambda: lif(threshold=np.array([1.0, np.inf])),
         "population 'n': threshold must be above 0 (inf). Correct it.",
         id="threshold",
+    ),
+    pytest.param(
+        lambda: lif(threshold=np.array([1.0, 1e-101])),
+        "population 'n': threshold is too small a number to compute with (1e-101 against "
+        "1e-100 to 1e+100). Give it in other units.",
+        id="small threshold",
+    ),
+    pytest.param(
+        lambda: lif(threshold=np.array([1.0, 1e101])),
+        "population 'n': threshold is too large a number to compute with (1e+101 against "
+        "1e-100 to 1e+100). Give it in other units.",
+        id="large threshold",
+    ),
+    pytest.param(
+        lambda: lif(bias=np.array([1.0, -1e101])),
+        "population 'n': bias is too large a number to compute with (-1e+101 against "
+        "1e+100). Give it in other units.",
+        id="large bias",
+    ),
+    pytest.param(
+        lambda: with_tie_class(2),
+        "readout: tie_class is not a class (2 against 0..1). Give the number of a class, or None.",
+        id="a class for ties that is not there",
     ),
     pytest.param(
         lambda: lif(bias=np.array([1.0, np.nan])),
@@ -377,6 +406,8 @@ def test_a_network_that_breaks_a_rule_is_refused(make, message):
         pytest.param(lambda: hybrid(together=2, silence=3), id="together"),
         pytest.param(lambda: on_grid(1), id="on grid"),
         pytest.param(lif, id="lif"),
+        pytest.param(lambda: with_tie_class(1), id="class for ties"),
+        pytest.param(lambda: lif(bias=np.array([0.0, 1e100])), id="large bias"),
         pytest.param(lambda: integers(chip_cuba()), id="chip cuba"),
         pytest.param(lambda: integers(tapped()), id="taps"),
         pytest.param(lambda: integers(joined()), id="dendrite"),

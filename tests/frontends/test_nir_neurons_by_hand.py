@@ -11,10 +11,11 @@ from scipy import sparse
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.neurons import Reading, neurons_of
-from locsnn_compile.frontends.nir.signals import Signal
+from locsnn_compile.frontends.nir.signals import Signal, compact
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from tests.support.nir_graphs import DT, chain, lif, linear, load_graph
 
+RNG = np.random.default_rng(2)
 # Parameters of nodes, with time constants in steps.
 LIF = {"tau": 4.0, "r": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
 CUBA = {
@@ -50,6 +51,12 @@ REFUSED = {
     "r without end": (
         "LIF",
         LIF | {"r": np.inf},
+        "euler",
+        "n: r is infinite, and its tau is not. Give both as numbers.",
+    ),
+    "r and tau without end, downwards": (
+        "LIF",
+        LIF | {"r": -np.inf, "tau": np.inf},
         "euler",
         "n: r is infinite, and its tau is not. Give both as numbers.",
     ),
@@ -111,6 +118,62 @@ def test_the_exact_response_of_equal_and_other_time_constants():
     assert gains == pytest.approx([of_equal_taus, of_other_taus], rel=1e-12)
 
 
+def test_r_and_tau_without_end_are_those_of_neurons_that_add_whole_weights():
+    neurons = two_neurons("LIF", LIF | {"r": np.inf, "tau": np.inf}, weights=[[3.0], [4.0]])
+    assert neurons.neuron.decay_v.tolist() == [0.0, 0.0]
+    assert neurons.signal.terms[0].weights.toarray().tolist() == [[3.0], [4.0]]
+
+
+@pytest.mark.parametrize(
+    ("weights", "is_dense"),
+    [([[1.0, 2.0], [3.0, 0.0]], True), ([[1.0, 2.0], [0.0, 0.0]], True), ([[1.0, 0.0], [0.0, 0.0]], False)],
+    ids=["three of four", "half", "a quarter"],
+)  # fmt: skip
+def test_weights_are_held_densely_from_half_of_all_connections_up(weights, is_dense):
+    held = compact(sparse.csr_array(np.array(weights)))
+    assert sparse.issparse(held) is not is_dense
+    assert (held if is_dense else held.toarray()).tolist() == weights
+
+
+def test_listing_the_projections_of_a_signal_leaves_its_weights_as_they_are():
+    """A stored weight of 0 makes no connection."""
+    weights = sparse.csr_array(([5.0, 0.0, 2.0], ([0, 0, 1], [0, 1, 1])), shape=(2, 2))
+    signal = Signal.of_source("x", 2).through(weights, 0.0, "n")
+    (term,) = signal.terms
+    stored = term.weights.copy()
+    (projection,) = signal.projections("y")
+    assert np.asarray(projection.weights).tolist() == [[5.0, 0.0], [0.0, 2.0]]
+    for part in ("data", "indices", "indptr"):
+        assert getattr(term.weights, part).tolist() == getattr(stored, part).tolist()
+
+
+def test_a_start_is_set_by_charges_of_which_a_current_keeps_nothing(tmp_path):
+    """With the potential at 0.5 before step 0, (1 - decay_v)^2 of it is missing in step 1: a quarter with tau_mem 2.
+
+    The current of the second neuron keeps half of this charge, which is taken back a step later.
+    """
+    parameters = {name: np.full(2, value) for name, value in CUBA.items()}
+    parameters |= {
+        "tau_syn": np.array([1.0, 2.0]),
+        "tau_mem": np.full(2, 2.0),
+        "v_leak": np.full(2, 0.5),
+    }
+    graph = chain((1,), ("w", nir.Linear(np.ones((2, 1)))), ("n", nir.CubaLIF(**parameters)))
+    network = load_graph(graph, tmp_path, dt=1.0)
+    starts = [p for p in network.projections if (p.source, p.target) == ("nir/start", "n")]
+    charges = {p.delay: np.asarray(p.weights).ravel().tolist() for p in starts}
+    assert charges == {0: [0.125, 0.125], 1: [0.0, -0.0625]}
+
+
+def test_weights_for_another_number_of_inputs_are_refused(tmp_path):
+    graph = chain((3,), ("w", nir.Linear(np.ones((2, 4)))), ("n", lif(RNG, 2)))
+    with pytest.raises(InputError) as caught:
+        load_graph(graph, tmp_path)
+    assert str(caught.value) == (
+        "model 'graph.nir', node 'w': its input has another size (3 against 4). Correct its weight."
+    )
+
+
 def test_a_constant_passes_through_weights_scales_and_delays():
     weights = sparse.csr_array(np.array([[1.0, 2.0], [0.0, 4.0]]))
     signal = (
@@ -126,9 +189,6 @@ def test_a_constant_passes_through_weights_scales_and_delays():
         (0, [0.0, 8.5]),
         (1, [5.5, 0.0]),
     ]
-
-
-RNG = np.random.default_rng(2)
 
 
 @pytest.mark.parametrize(
