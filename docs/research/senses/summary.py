@@ -1,4 +1,4 @@
-"""Sum up the table of trainings, and draw what branches see and what they learn.
+"""Sum up the table of trainings, and draw what a linear classifier tells from each view next to what branches learn.
 
     python docs/research/senses/summary.py
 
@@ -23,7 +23,7 @@ Row = Mapping[str, str]
 OF_A_NETWORK = (
     "sense", "purpose", "network", "walk", "delays", "hidden", "options", "epochs",
 )  # fmt: skip
-"""Columns that say which network it is; a line of the summary is over rounds, folds and seeds."""
+"""Columns that identify a network; a line of the summary is the mean over its rounds, folds and seeds."""
 MEASURED = (
     "float_accuracy",
     "chip_accuracy",
@@ -78,7 +78,7 @@ def line(key: Sequence[str], rows: Sequence[Row]) -> dict[str, str]:
 
 
 def deviation(values: Sequence[float]) -> str:
-    """Return the sample standard deviation; nothing of a single value."""
+    """Return the sample standard deviation; an empty cell for a single value."""
     return f"{statistics.stdev(values):.3f}" if len(values) > 1 else ""
 
 
@@ -96,7 +96,7 @@ def write_summary(path: Path, lines: Sequence[Mapping[str, str]]) -> None:
 
 
 def reported_table(lines: Sequence[Mapping[str, str]]) -> str:
-    """Return the networks that were played the test parts, as a table of the page."""
+    """Return the table of the page: networks that played the test parts, the most accurate of each set first."""
     rows = [
         "| set | network | trainings | float | on the chip | deviation | nJ a recording | cores |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
@@ -113,7 +113,7 @@ def reported_table(lines: Sequence[Mapping[str, str]]) -> str:
 
 
 def in_words(cells: Mapping[str, str]) -> str:
-    """Return what a network is, by its name and what is unusual about it."""
+    """Return a description of a network: its name, neurons and delays if they are not the default, and its options."""
     words = [f"`{cells['network']}`"]
     if cells["hidden"] != "0":
         words.append(f"{cells['hidden']} neurons")
@@ -165,7 +165,9 @@ def draw_views(axes: Axes, rows: Sequence[Row]) -> None:
         walk: [*(mean_of(rows, "location", walk, width) for width in widths), whole]
         for walk in walks
     }
-    best = max(walks, key=lambda walk: along[walk][-2])
+    best = max(
+        walks, key=lambda walk: along[walk][-2]
+    )  # by the widest bins but those that hold everything
     for walk in walks:
         axes.plot(ticks, along[walk], color=GREEN, linewidth=0.7, alpha=0.5)
     axes.plot(ticks, time, color=ORANGE, label="every channel, coarse time")
@@ -176,7 +178,7 @@ def draw_views(axes: Axes, rows: Sequence[Row]) -> None:
 
 
 def draw_branches(axes: Axes, lines: Sequence[Row]) -> None:
-    """Draw what each branch alone learned to tell apart, without delays."""
+    """Draw the best accuracy of networks of one branch alone, without delays, which are beyond what a view has."""
     for network, colour, label in BRANCHES:
         accuracies = [
             float(row["float_accuracy"])

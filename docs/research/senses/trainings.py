@@ -1,4 +1,4 @@
-"""One training of the study: what is asked of it, how it is run, and its row of the table."""
+"""One training of the study: its task, how it is run, and its row of the table."""
 
 import csv
 import json
@@ -18,7 +18,7 @@ CALIBRATION = 16
 
 
 class Task(Frozen, eq=True):
-    """A training that is asked for.
+    """What a training is to be: everything that its result depends on, so a row has only one task.
 
     - ``purpose``: ``choose`` or ``report``
     - ``round``: the division into train and test part, 1 for sets whose authors divided them
@@ -93,8 +93,8 @@ COLUMNS = (
 
 
 def run(task: Task, sense: Sense, parts: Parts, data: Path, checkpoint_file: Path) -> Training:
-    """Train, compile for ``loihi-sim`` and play what was held out."""
-    begin = time.process_time()
+    """Train a network, compile it for ``loihi-sim``, and play the recordings that it did not learn from."""
+    seconds_before = time.process_time()
     checkpoint = lc.train(
         parts.learned, task.config(sense, data), test=parts.measured, name=task.sense, carried=0
     )
@@ -115,12 +115,12 @@ def run(task: Task, sense: Sense, parts: Parts, data: Path, checkpoint_file: Pat
         counts_in_bins=rounded(figures["accuracy_of_counts_in_bins"]),
         energy_nj=round(report["energy"]["per_sample_pj"] / 1000, 1),
         cores=report["resources"]["cores"],
-        seconds=round(time.process_time() - begin, 1),
+        seconds=round(time.process_time() - seconds_before, 1),
     )
 
 
 def rounded(accuracy: object) -> float:
-    """Return an accuracy with four digits; not a number where it was not measured."""
+    """Return an accuracy with four digits; NaN if it was not measured."""
     return float("nan") if accuracy is None else round(float(str(accuracy)), 4)
 
 

@@ -3,10 +3,11 @@
     python docs/research/senses/views.py --data FOLDER
 
 A time neuron has a weight per channel, and its kernel smears time; a location neuron has a weight
-per step, and its kernel smears the walk. So the one knows every channel at a coarse time, the other
-every step at a coarse place on the walk. Here ridge regression gets numbers of events at both
-resolutions: of every channel in bins of some steps, or of every step in bins of some channels along
-a walk. What it cannot tell apart, a branch of that kind can hardly tell apart either.
+per step, and its kernel smears the *walk*, the order in which it visits the channels. So a time
+neuron knows every channel at a coarse time, and a location neuron every step at a coarse place on
+the walk. Here ridge regression gets numbers of events at both resolutions: of every channel in bins
+of some steps, or of every step in bins of some channels along a walk. What it cannot tell apart, a
+branch of that kind can hardly tell apart either.
 
 Rows that the table has are not computed again. Only folds of the train part are used.
 """
@@ -41,7 +42,7 @@ class View(Frozen, eq=True):
     """What is counted: every channel in bins of ``width`` steps, or every step in bins of channels.
 
     ``axis``: the axis that is smeared, ``time`` or ``location``, as that of a branch. ``walk``: the
-    order of the channels; empty where it does not matter. ``width`` 0 is one bin.
+    order of the channels; empty if it does not matter. ``width`` 0: one bin for all.
     """
 
     axis: str
@@ -73,6 +74,7 @@ def views(sense: str) -> Iterator[View]:
 
 def counts(spikes: ByteArray, view: View, walk: np.ndarray | None) -> FloatArray:
     """Return the counts (samples, bins * other axis) of spikes (samples, steps, channels)."""
+    # Bring the axis that is smeared to the middle, in the order of the walk.
     smeared = spikes
     if view.axis == "location":
         ordered = spikes if walk is None else spikes[:, :, walk]
@@ -84,30 +86,30 @@ def counts(spikes: ByteArray, view: View, walk: np.ndarray | None) -> FloatArray
 
 
 def measure(sense: Sense, view: View, parts: Parts, data: Path, fold: int) -> Figure:
-    """Return the figure of a view."""
+    """Return the accuracy of ridge regression that learned from one part and is measured on the other."""
     layout = sense.sensor(data)
     walk = None
     if view.walk and layout is not None:
         _, taxels = location_order(view.walk, layout)
         walk = channel_walk(taxels, layout)
-    known = counts(parts.learned.spikes, view, walk)
-    unknown = counts(parts.measured.spikes, view, walk)
+    learned_counts = counts(parts.learned.spikes, view, walk)
+    measured_counts = counts(parts.measured.spikes, view, walk)
     labels = parts.learned.needed_labels("learn from")
     truth = parts.measured.needed_labels("measure with")
-    predicted = ridge_scores(known, labels, unknown).argmax(axis=1)
+    predicted = ridge_scores(learned_counts, labels, measured_counts).argmax(axis=1)
     return Figure(
         sense=sense.name,
         axis=view.axis,
         walk=view.walk,
         width=view.width,
         fold=fold,
-        counts=known.shape[1],
+        counts=learned_counts.shape[1],
         accuracy=round(float((predicted == truth).mean()), 4),
     )
 
 
 def main() -> None:
-    """Compute what the table lacks."""
+    """Compute the rows that the table lacks."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -28,16 +28,19 @@ from locsnn_compile.data.sensor import asked_layout
 HERE = Path(__file__).parent
 TABLE = HERE / "accuracy.csv"
 WITNESSED = 20
-"""Recordings of a test part that xylosim plays as well."""
+"""Recordings of a test part that xylosim, the vendor's simulator, plays as well; registers and spikes are compared."""
 ROUNDS = 5
-"""In which recordings without a published test part are divided."""
+"""Rounds of recordings without a published test part; each tests on a fifth. Also the most seeds of the others."""
 
 
 class Data(Frozen):
-    """What is read: a file below the folder of data, and the options that say what of its sensor.
+    """A set of recordings, reduced to the 16 inputs of a Xylo.
 
-    ``tie``: the class of silent recordings. ``has_parts``: its authors divided it, so that seeds differ and not rounds.
-    ``classes``: so many of the first classes are read; None: all. ``xylo``: the chip on which it is played.
+    - ``file``: below the folder of data; ``selection``: which channels of its sensor are read, and which are merged
+    - ``tie``: the class that is predicted if no output spikes
+    - ``has_parts``: whether its authors divided it; then seeds are compared, else rounds
+    - ``classes``: how many of the first classes are read; None: all
+    - ``xylo``: the chip on which it is played
     """
 
     name: str
@@ -96,7 +99,7 @@ class Row(Frozen):
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What tells a row from all others."""
+        """The cells that tell a row from all others."""
         return tuple(str(getattr(self, name)) for name in _KEYS)
 
 
@@ -133,7 +136,7 @@ NETWORKS = tuple(candidate.network for candidate in candidates(DATA[0]))
 
 
 def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Recordings, Recordings]:
-    """Return what a network learns from, and what it plays."""
+    """Return the recordings that a network learns from, and those that it plays."""
     read = partial(
         read_recordings,
         folder / data.file,
@@ -154,7 +157,7 @@ def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Record
 
 
 def _of_classes(recordings: Recordings, data: Data) -> Recordings:
-    """Return the recordings of those classes that are read."""
+    """Return the recordings of the classes that are read."""
     if data.classes is None:
         return recordings
     rows = np.flatnonzero(recordings.needed_labels("divide") < data.classes)
@@ -172,7 +175,7 @@ def run(
     xylosim: str | None,
 ) -> Row:
     """Return a row with the result of its training."""
-    # What its sensor was is not asked again: all that is left are channels.
+    # After the selection only channels are left, so the layout of the sensor is replaced by their number.
     options = {
         "channels": learned.spikes.shape[2],
         "hidden": row.hidden,
@@ -197,7 +200,11 @@ def run(
         played=len(played),
         accuracy=round(compiled.figures.accuracy.chip, 4),
         unequal_spikes=sum(population.mismatches for population in populations),
-        hidden_neurons=sum(own.size for own in network.populations if "hidden" in own.name),
+        hidden_neurons=sum(
+            population_of_chip.size
+            for population_of_chip in network.populations
+            if "hidden" in population_of_chip.name
+        ),
     )
     if xylosim is None or not candidate.chip.startswith("xylo"):
         return row
@@ -206,7 +213,7 @@ def run(
 
 
 def witnessed(network: Any, recordings: np.ndarray, python: str) -> tuple[int, int]:
-    """Return how many registers and spikes xylosim was compared in, and how many differ."""
+    """Play recordings in xylosim as well; return how many registers and spikes were compared, and how many differ."""
     sys.path.insert(0, str(HERE.parents[2]))
     from tests.xylo.record import ask_witness
 
@@ -225,7 +232,10 @@ def witnessed(network: Any, recordings: np.ndarray, python: str) -> tuple[int, i
 def asked_rows(
     data: Data, candidate: Candidate, purpose: str, hidden: int, most: int
 ) -> Iterator[Row]:
-    """Yield the rows of a network, without their results: one to choose, up to five to report."""
+    """Yield the rows of a network, without their results: one to choose, ``most`` to report.
+
+    Without a published test part they are rounds 1, 2, ... with seed 0, else seeds 0, 1, ... with the published parts.
+    """
     for number in range(1 if purpose == "choose" else most):
         division, seed = (0, number) if data.has_parts else (1 + number, 0)
         yield Row(
@@ -253,7 +263,7 @@ def append(row: Row) -> None:
 
 
 def main() -> None:
-    """Run what is asked for and not yet in the table."""
+    """Run the rows that the command line asks for and the table lacks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="folder of the recordings")
     parser.add_argument("--data", choices=[data.name for data in DATA])
