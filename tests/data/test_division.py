@@ -1,7 +1,8 @@
 """Train and test parts of data sets that are not in separate folders.
 
 Either a share of every class is tested on (``--split``), or files list the recordings of each part, as those of VT_SNN
-do for five rounds of cross-validation (``--fold``).
+do for five rounds of cross-validation (``--fold``): in round 1, ``test_80_20_1.txt`` lists the 20 % that are tested on
+and ``train_80_20_1.txt`` the others, each with the number of a recording and its class on a line.
 """
 
 from __future__ import annotations
@@ -25,14 +26,17 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from tests.support.published_files import write_preprocessed, write_slip
 
+CHANNELS = 78
+"""Channels of a fingertip; preprocessed recordings of VT_SNN have two fingertips."""
 LABELS = [0] * 10 + [1] * 5 + [2]
 """Labels of the 16 recordings below: ten, five and one of a class."""
 
 
 def write_single(folder: Path, name: str = "set.npz") -> Path:
     """Write 16 recordings that can be told apart: number k has its only event in channel k."""
-    spikes = np.zeros((16, 40, 78), dtype=np.uint8)
-    spikes[np.arange(16), 3, np.arange(16)] = 1
+    number = np.arange(len(LABELS))
+    spikes = np.zeros((len(LABELS), 40, CHANNELS), dtype=np.uint8)
+    spikes[number, 3, number] = 1
     write_recordings(
         folder / name, Recordings(spikes, np.array(LABELS), step_seconds=0.02, source=name)
     )
@@ -49,8 +53,9 @@ def test_a_share_of_every_class_is_in_the_test_part(tmp_path: Path) -> None:
     train = read_recordings(path, split="train", test_share=0.2)
     test = read_recordings(path, split="test", test_share=0.2)
     by_default = read_recordings(path, test_share=0.2)
-    assert sorted(numbers(train) + numbers(test)) == list(range(16))
+    assert sorted(numbers(train) + numbers(test)) == list(range(len(LABELS)))
     assert test.labels is not None
+    # A fifth of ten and of five; the one recording of the last class is trained on.
     assert np.bincount(test.labels, minlength=3).tolist() == [2, 1, 0]
     assert [LABELS[number] for number in numbers(test)] == test.labels.tolist()
     assert numbers(by_default) == numbers(test)
@@ -81,6 +86,7 @@ def test_no_recording_is_tested_in_two_rounds(share: float, rounds: int) -> None
         sizes = [len(test) for _, test in parts]
         tested = np.concatenate([test for _, test in parts])
         if count < rounds:
+            # One for each round, although there are not enough: some come again.
             assert sizes == [1] * rounds
             assert len(np.unique(tested)) == count
         else:
@@ -103,6 +109,7 @@ def test_files_list_the_recordings_of_each_round(name: str, tmp_path: Path) -> N
     path = tmp_path / name
     assert recording_parts(path) == ("train", "test")
     for fold in (None, 1, 4):
+        # ``write_preprocessed`` deals its 20 recordings out to five rounds; without a round, the first one is read.
         chosen = np.arange(20) % 5 == (fold or 1) - 1
         train = read_recordings(path, split="train", fold=fold)
         test = read_recordings(path, split="test", fold=fold)
@@ -126,7 +133,7 @@ def divided(folder: Path) -> Path:
     """Write a set with folders of a train and a test part, and return its path."""
     for part in ("train", "test"):
         (folder / "set" / part).mkdir(parents=True)
-        np.save(folder / "set" / part / "sample_1_label_0.npy", np.eye(78, 5, dtype=np.uint8))
+        np.save(folder / "set" / part / "sample_1_label_0.npy", np.eye(CHANNELS, 5, dtype=np.uint8))
     return folder / "set"
 
 
@@ -134,7 +141,7 @@ def unlabelled(folder: Path) -> Path:
     """Write recordings without labels, and return their path."""
     write_recordings(
         folder / "set.npz",
-        Recordings(np.ones((2, 3, 78)), labels=None, step_seconds=0.02, source="set.npz"),
+        Recordings(np.ones((2, 3, CHANNELS)), labels=None, step_seconds=0.02, source="set.npz"),
     )
     return folder / "set.npz"
 
@@ -148,7 +155,7 @@ def rounds(folder: Path) -> Path:
 FIX = "Write the number of a recording and its class on every line."
 
 
-def rows(text: str) -> Callable[[Path], Path]:
+def listed(text: str) -> Callable[[Path], Path]:
     """Return a function that writes preprocessed recordings, with this text as the list of round 1's test recordings."""
 
     def write(folder: Path) -> Path:
@@ -224,49 +231,49 @@ def rows(text: str) -> Callable[[Path], Path]:
             id="no labels",
         ),
         pytest.param(
-            rows("1 0\n2\n"),
+            listed("1 0\n2\n"),
             {},
             f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}",
             id="one number",
         ),
         pytest.param(
-            rows("1 x\n"),
+            listed("1 x\n"),
             {},
             f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}",
             id="a word",
         ),
         pytest.param(
-            rows(""),
+            listed(""),
             {},
             f"file 'test_80_20_1.txt': it does not hold two whole numbers per line. {FIX}",
             id="empty",
         ),
         pytest.param(
-            rows("20 0\n"),
+            listed("20 0\n"),
             {},
             f"file 'test_80_20_1.txt': recording 20 is not there (of 20). {FIX}",
             id="too high",
         ),
         pytest.param(
-            rows("9" * 400 + " 0\n"),
+            listed("9" * 400 + " 0\n"),
             {},
             f"file 'test_80_20_1.txt': recording {'9' * 20} is not there (of 20). {FIX}",
             id="absurd",
         ),
         pytest.param(
-            rows("-1 0\n"),
+            listed("-1 0\n"),
             {},
             f"file 'test_80_20_1.txt': recording -1 is not there (of 20). {FIX}",
             id="negative",
         ),
         pytest.param(
-            rows("0 0\n1 0\n"),
+            listed("0 0\n1 0\n"),
             {},
             f"file 'test_80_20_1.txt': recording 1 is in the round twice (of 20). {FIX}",
             id="in both parts",
         ),
         pytest.param(
-            rows(f"0 {10**30}\n"),
+            listed(f"0 {10**30}\n"),
             {},
             "recordings 'tact.pt': its labels are not class numbers (1000000000000000000000000000000 of recording 0 against 0..100000). "
             "Give one class number from 0 up per recording.",
@@ -291,7 +298,7 @@ def test_any_list_of_recordings_is_read_or_refused(
     folder = tmp_path_factory.mktemp("rounds")
     write_recordings(
         folder / "tact.pt",
-        Recordings(np.ones((3, 4, 156)), labels=None, step_seconds=None, source="tact.pt"),
+        Recordings(np.ones((3, 4, 2 * CHANNELS)), labels=None, step_seconds=None, source="tact.pt"),
     )
     (folder / "train_80_20_1.txt").write_text("2 0\n")
     (folder / "test_80_20_1.txt").write_text(text)
@@ -321,6 +328,7 @@ def test_training_and_the_events_command_agree_on_the_parts(
     )
     options = ["--split", "0.2", "--fold", "2"]
     quick = ["--epochs", "1", "--hidden", "4", "--recordings", "9"]
+    # 3: after so little training, the network may have learned nothing.
     assert main(["train", "--data", "motions.npz", *options, *quick, "-o", "net.pt"]) in (0, 3)
     printed = capsys.readouterr().out
     assert "motions.npz, train part (split 0.2, round 2): 16 recordings\n" in printed
@@ -388,6 +396,6 @@ def test_training_takes_a_round_that_files_list(
         == 0
     )
     checkpoint = read_checkpoint("net.pt")
-    assert checkpoint.description.input.channels == 156
+    assert checkpoint.description.input.channels == 2 * CHANNELS
     assert checkpoint.training["test_recordings"] == 4
     assert checkpoint.training["dataset"] == "tact.pt, train part (round 3 of 5)"
