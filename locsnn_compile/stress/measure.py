@@ -41,18 +41,23 @@ from locsnn_compile.verification.matching import PopulationMatch
 FLOAT_ROUNDING = 1e-9
 """Share of a potential or threshold that float64 itself may round by: far less than a unit of a register."""
 CALIBRATION_SEED = SEED + 2
-"""Weights have the seed and random input the next one: recordings for rounding differ from those of the check."""
+"""The seed of the recordings for which weights are rounded.
+
+Random weights have ``SEED`` and the random input of cases ``SEED + 1``, so that these are recordings of their own.
+"""
 COARSE = 0.01
 """A decay is named if it fades faster or slower than asked for by more than this share. Chosen by hand."""
 PROBES: tuple[Any, ...] = ("spikes", "u", "v", "potential")
+"""What of every compartment is recorded to compare two engines: spikes, and registers after and before a reset."""
 WITHOUT_LIMITS = tuple(stage for stage in STAGES if stage != "wraps_clips")
-"""The chip with registers for any number."""
+"""The stages of a chip whose registers hold any number."""
 
 
 class FloatRun(Frozen, eq=False):
-    """Spikes and potentials of the float network, (samples, steps, n), in units of the registers.
+    """Spikes and potentials of the float network.
 
-    For a long run they are (steps, n), in the network's own units.
+    In :class:`Sides` they are (samples, steps, n), and potentials in counts of the chip's registers. For a long run
+    (``stress/run.py``) they are (steps, n), in the network's own units.
     """
 
     spikes: ByteArray
@@ -60,24 +65,36 @@ class FloatRun(Frozen, eq=False):
 
 
 class Sides:
-    """The float network and the chip's numbers, both played the same recordings (samples, steps, channels)."""
+    """The float network and the chip's numbers, both played the same recordings (samples, steps, channels).
+
+    - ``phase``: the exact and the chip's numbers of all compartments, from which twins are made
+    - ``lines``: the spikes of the inputs, (samples, steps, lines), by the name of the input
+    - ``threshold``: of each neuron, (n,), in counts of the registers
+    - ``float``: what the float network does
+    """
 
     def __init__(self, levels: Levels, recordings: ByteArray) -> None:
+        # The network of a case has a single population, and so a single phase.
         (phase,) = phases_of(levels)
-        self.phase = _with_real_numbers(phase) if levels.network.populations[0].on_grid else phase
+        if levels.network.populations[0].on_grid:
+            phase = _with_real_numbers(phase)
+        self.phase = phase
         self.lines = lines_of(levels.network, phase, recordings)
         self.threshold = thresholds(levels.quantized.population(POPULATION))
-        self.float = self._float(levels, recordings)
+        self.float = self._float_run(levels, recordings)
 
     def forced(self, *stages: Stage) -> FloatArray:
-        """Return the potential with some stages as on the chip, if the float network's spikes are sent."""
+        """Return the potential with some stages as on the chip, if the float network's spikes are sent.
+
+        The potential is (samples, steps, n). With no stage, all numbers are exact.
+        """
         float_spikes = {POPULATION: self.float.spikes}
         twin = twin_with(self.phase, stages)
         trace = run_twin(twin, self.lines, forced=float_spikes, potentials=(POPULATION,))
         return trace.potential[POPULATION]
 
     def free(self) -> TwinTrace:
-        """Return what the twin does with all stages and its own spikes: the program must do the same."""
+        """Return what the twin does with all stages and its own spikes: the program must give the same integers."""
         return run_twin(twin_with(self.phase, STAGES), self.lines, potentials=(POPULATION,))
 
     def bound(self) -> dict[Source, FloatArray]:
@@ -95,35 +112,40 @@ class Sides:
         """
         if self.phase.float_neurons is self.phase.program_neurons:
             return np.zeros_like(self.float.potential)
+        # All numbers exact, but laid out as the strategy's neuron model.
         return np.abs(self.forced("kernel") - self.float.potential)
 
-    def _float(self, levels: Levels, recordings: ByteArray) -> FloatRun:
+    def _float_run(self, levels: Levels, recordings: ByteArray) -> FloatRun:
         """Evaluate the float network.
 
-        Neurons on the grid are integers of the chip already. Their float network has the same numbers,
-        without cuts, wraps and clips: the twin without any stage.
+        Neurons on the grid are integers of the chip already. Their float network has the same numbers, but its states
+        are not truncated, wrapped or clipped: it is the twin without any stage.
         """
-        population = levels.quantized.population(POPULATION)
-        if population.population.on_grid:
+        quantized = levels.quantized.population(POPULATION)
+        if quantized.population.on_grid:
             trace = run_twin(twin_with(self.phase, ()), self.lines, potentials=(POPULATION,))
             return FloatRun(trace.spikes[POPULATION], trace.potential[POPULATION])
         result = evaluate(levels.network, recordings, potentials=True)
-        return FloatRun(result.spikes[POPULATION], result.potential[POPULATION] * population.scale)
+        potential_in_registers = result.potential[POPULATION] * quantized.scale
+        return FloatRun(result.spikes[POPULATION], potential_in_registers)
 
 
-def thresholds(q: QuantizedPopulation) -> FloatArray:
-    """Return the thresholds in units of the registers, (n,)."""
-    in_registers: FloatArray = q.population.thresholds * q.scale
-    if q.population.on_grid:
+def thresholds(quantized: QuantizedPopulation) -> FloatArray:
+    """Return the thresholds in counts of the registers, (n,)."""
+    in_registers: FloatArray = quantized.population.thresholds * quantized.scale
+    if quantized.population.on_grid:
         # Errors are divided by thresholds, so a threshold mantissa of 0 counts as 1.
         return np.maximum(in_registers, loihi.in_registers(1.0))
     return in_registers
 
 
 def _with_real_numbers(phase: Phase) -> Phase:
-    """Return a phase of on-grid neurons whose exact side has registers for any real number."""
+    """Return a phase of on-grid neurons whose exact side has the chip's parameters and registers for any real number.
+
+    By default, the exact side of on-grid neurons is the chip itself, so no error would be measured.
+    """
     groups = tuple(
-        GroupNumbers(replace(pair.chip, truncates=False, limited=False), pair.chip)
+        GroupNumbers(exact=replace(pair.chip, truncates=False, limited=False), chip=pair.chip)
         for pair in phase.program_neurons.groups
     )
     numbers = Numbers(groups, phase.program_neurons.synapses)
@@ -131,9 +153,10 @@ def _with_real_numbers(phase: Phase) -> Phase:
 
 
 def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
-    """Lower a case by its strategy, for programs of ``steps`` steps if given.
+    """Lower a case by its strategy; the program has ``steps`` steps, by default those of the case.
 
-    Weights are rounded for random recordings other than those of the case, of the case's own steps.
+    Weights are rounded for random recordings as long as those of the case, but not for the same ones: on those, the
+    result is checked.
     """
     network = case.network
     check_network(network)
@@ -142,7 +165,7 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
     calibration = None
     if not network.populations[0].on_grid:
         calibration = calibrate(network, recordings, chip.registers)
-    # A network without neurons that need a strategy is lowered equally by all.
+    # "native" is no strategy that ``lower`` knows: the chip has such neurons, and all strategies lower them equally.
     strategy = "dendrite" if case.strategy == NATIVE else case.strategy
     if steps is not None:
         network = replace(network, steps=steps)
@@ -152,9 +175,11 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
 def measure(case: Case, chip: hw.Chip) -> Measured:
     """Measure a case; errors of the compiler are raised.
 
-    Apart from spikes, wraps and clips, both sides send the spikes of the float network.
+    For the figures ``spikes``, ``wraps`` and ``clips``, each side sends its own spikes. For all others, both sides send
+    the spikes of the float network.
     """
     levels = lowered(case, chip)
+    # "stress" names the recordings in errors.
     recordings = case.network.fit(case.recordings, "stress")
     sides = Sides(levels, recordings)
     simulated = hw.simulate(levels.program, recordings, probe=("spikes", "potential"))
@@ -171,10 +196,11 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     # float64 rounds sums relative to the largest number that went into them.
     largest_so_far = np.maximum.accumulate(np.abs(float_potential), axis=1)
     slack = FLOAT_ROUNDING * (largest_so_far + threshold)
-    # "Not within", because a difference that is not a number is outside as well.
-    is_outside = ~(np.abs(unlimited_potential - float_potential) <= bound + slack)
+    is_within = np.abs(unlimited_potential - float_potential) <= bound + slack
+    # Not ">", because a difference that is not a number (NaN) must count as outside.
+    is_outside = ~is_within
 
-    # Would the chip decide to spike where the float network did?
+    # Would the chip, with the float network's spikes so far, decide to spike where the float network did?
     mantissa = levels.quantized.population(POPULATION).neuron.threshold
     chip_decides_to_spike = chip_potential > loihi.threshold_of(mantissa)
     differs = chip_decides_to_spike != sides.float.spikes.astype(np.bool_)
@@ -208,10 +234,12 @@ def _lost_weights(levels: Levels, sides: Sides) -> Lost:
     """
     weights = 0
     for projection in levels.network.projections:
-        weights += int((values_of(projection.held) != 0).sum())
+        matrix = projection.held
+        weights += int((values_of(matrix) != 0).sum())
     weights_on_chip = 0
     for pair in sides.phase.program_neurons.synapses:
-        if pair.exact.source in sides.lines:  # others are synapses of a neuron onto itself
+        # All other synapses lead from a neuron to itself: they stand for the refractory kernel, not for a weight.
+        if pair.exact.source in sides.lines:
             weights_on_chip += int((values_of(pair.chip) != 0).sum())
     return Lost(lost=weights - weights_on_chip, of=weights)
 
@@ -232,8 +260,8 @@ def _lost_biases(levels: Levels) -> Lost:
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
     """Return a sentence for each decay that its grid changes by more than ``COARSE``.
 
-    An alpha kernel has one time constant in the model and two decays on the chip, which together fit it best: the mean
-    of both is compared.
+    An alpha kernel has one time constant in the model. On the chip, its two decays may differ, because they then
+    fit it better together; their mean is compared.
     """
     sentences = []
     for pair in sides.phase.program_neurons.groups:
@@ -241,9 +269,11 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
         exact_v = _decay_of(pair.exact.keep_v)
         chip_u = _decay_of(pair.chip.keep_u)
         chip_v = _decay_of(pair.chip.keep_v)
-        decays = [(exact_u, chip_u), (exact_v, chip_v)]
-        if exact_u == exact_v:
+        has_one_time_constant = exact_u == exact_v
+        if has_one_time_constant:
             decays = [(exact_u, (chip_u + chip_v) / 2)]
+        else:
+            decays = [(exact_u, chip_u), (exact_v, chip_v)]
         for exact, on_chip in decays:
             if abs(on_chip - exact) > COARSE * exact:
                 direction = "faster" if on_chip > exact else "slower"
@@ -251,6 +281,7 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
                 sentences.append(
                     f"a decay of {exact:.4g} in 4096 is {on_chip:g}: it fades {percent:.2g} % {direction}"
                 )
+    # Several dendrites of a kind have the same decays, and give the same sentence.
     return tuple(dict.fromkeys(sentences))
 
 
@@ -270,8 +301,9 @@ def _differing_engine(
     The population's own integer arithmetic and the float64 twin play all recordings. The reference engine, which is
     slow, and the fast engine without skipping (idle steps are computed as well) play only the first.
     """
+    integer_network = levels.quantized.on_grid()
     integers = evaluate(
-        levels.quantized.on_grid(),
+        integer_network,
         recordings,
         potentials=True,
         registers=levels.program.chip.registers,
@@ -299,8 +331,10 @@ def _differing_engine(
 
 def _are_equal(left: hw.SimulationResult, right: hw.SimulationResult) -> bool:
     """Return whether spikes, registers, wraps and clips by population, and all counts but skipped steps are equal."""
+    # How many idle steps are skipped is up to the engine.
     left_counts = {**dict(left.counts), "skipped_steps": 0}
     right_counts = {**dict(right.counts), "skipped_steps": 0}
+    # ``events`` are the wraps and clips of each population.
     if left_counts != right_counts or left.events != right.events:
         return False
     for kind in PROBES:
