@@ -27,7 +27,7 @@ from tests.support.torch_files import (
     read,
     refusal,
     saved,
-    whole,
+    storage_id,
 )
 
 DAMAGED = "file 'a.pt': it is damaged, truncated or not a torch file. Write it again."
@@ -219,12 +219,14 @@ HURT = [
     ),
     pytest.param(lambda: old_file(0, protocol=1000), DAMAGED, id="another version"),
     pytest.param(lambda: old_file(0, [("7", NUMBERS)]), DAMAGED, id="a storage that nobody has"),
-    pytest.param(lambda: old_file([whole()]), DAMAGED, id="a storage that is missing"),
+    pytest.param(lambda: old_file([storage_id()]), DAMAGED, id="a storage that is missing"),
     pytest.param(
-        lambda: old_file([whole()], [("7", NUMBERS[:4])]), DAMAGED, id="a storage of another size"
+        lambda: old_file([storage_id()], [("7", NUMBERS[:4])]),
+        DAMAGED,
+        id="a storage of another size",
     ),
     pytest.param(
-        lambda: old_file([whole()], [("7", NUMBERS)])[:-1],
+        lambda: old_file([storage_id()], [("7", NUMBERS)])[:-1],
         DAMAGED,
         id="a storage that is cut short",
     ),
@@ -255,7 +257,7 @@ def test_similar_files_without_a_fault_are_read():
     assert read(opcodes(doubling(4))) == _doubled(4)
     assert read(opcodes(b")" + b"\x85" * 150)) is not None
     assert read(opcodes(LONG_LIST)) == [None] * 900_000
-    assert read(old_file([whole()], [("7", NUMBERS)]))[0].array().tolist() == NUMBERS.tolist()
+    assert read(old_file([storage_id()], [("7", NUMBERS)]))[0].array().tolist() == NUMBERS.tolist()
 
 
 def _doubled(times):

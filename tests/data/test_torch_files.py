@@ -1,4 +1,8 @@
-"""The reader of torch files, which needs no torch, gives the values of ``torch.load(weights_only=True)`` bit for bit."""
+"""The reader of torch files, which needs no torch, gives the values of ``torch.load(weights_only=True)`` bit for bit.
+
+Files are archives (zip), or *old*: in the format from before torch 1.6. A *storage* is a flat array of a file, of which
+tensors are views; a file names the device on which it lay, such as ``cuda:0``.
+"""
 
 import collections
 import io
@@ -12,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.data.tensors import Name, Tensor
-from tests.support.torch_files import NUMBERS, Rebuilt, old_file, read, saved, whole
+from tests.support.torch_files import NUMBERS, Rebuilt, old_file, read, saved, storage_id
 
 DTYPES = [
     torch.bool,
@@ -56,6 +60,7 @@ def assert_same(value_read, expected):
         for item, wanted_item in zip(value_read, expected, strict=True):
             assert_same(item, wanted_item)
     elif isinstance(expected, torch.dtype | torch.device | torch.layout | torch.qscheme):
+        # The project's reader has no such objects, since it needs no torch: it gives their names.
         assert value_read == Name(str(expected))
     elif isinstance(expected, float):
         assert struct.pack("d", value_read) == struct.pack("d", expected)
@@ -153,14 +158,14 @@ def values(dtypes):
 
 @settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(values([*DTYPES, *NEWER]), st.sampled_from(["cpu", "cuda:0"]))
-def test_archives_are_what_torch_reads(value, place):
-    assert_read_as_torch_does(saved(value, place=place))
+def test_archives_are_what_torch_reads(value, device):
+    assert_read_as_torch_does(saved(value, device=device))
 
 
 @settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(values(DTYPES), st.sampled_from(["cpu", "cuda:0"]))
-def test_files_from_before_torch_1_6_are_what_torch_reads(value, place):
-    assert_read_as_torch_does(saved(value, archive=False, place=place))
+def test_files_from_before_torch_1_6_are_what_torch_reads(value, device):
+    assert_read_as_torch_does(saved(value, archive=False, device=device))
 
 
 @pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
@@ -213,9 +218,12 @@ def test_storages_of_the_other_byte_order_are_what_torch_reads():
 
 def test_a_storage_may_be_a_part_of_another_as_before_torch_1_0():
     rebuilt = torch._utils._rebuild_tensor
+    # Storage "8" is the three numbers from number 1 on of storage "7". Arguments of the rebuilding function: a storage,
+    # the offset of the tensor in it, its shape, and its strides.
+    part_of_storage = storage_id(("8", 1, 3))
     parts = [
-        Rebuilt(rebuilt, whole(("8", 1, 3)), 1, (2,), (1,)),
-        Rebuilt(rebuilt, whole(), 0, (5,), (1,)),
+        Rebuilt(rebuilt, part_of_storage, 1, (2,), (1,)),
+        Rebuilt(rebuilt, storage_id(), 0, (5,), (1,)),
     ]
     data = old_file(parts, [("7", NUMBERS)])
     assert_read_as_torch_does(data)
@@ -224,8 +232,9 @@ def test_a_storage_may_be_a_part_of_another_as_before_torch_1_0():
 
 def test_a_file_written_by_python_2_is_what_torch_reads():
     """Its texts are bytes, its dicts are lists of pairs, and its storages belong to a class of CUDA."""
-    # The part before the dict that describes the machine, which is empty in this file.
-    head = old_file(0)[:-5].partition(b"}q\x00")[0]
+    # Two pickles, a magic number and the protocol, and the beginning of the third: all before the dict that describes
+    # the machine, whose pickle begins with these bytes. The dict is empty in this file.
+    head = old_file(0).partition(b"}q\x00")[0]
     # A pickled list of the one storage, "7", and the number of its elements.
     storages = b"\x80\x02](U\x017e." + struct.pack("<q", 5)
     # A pickled OrderedDict of one pair: fc1, and a tensor of shape (5,) and stride (1,) on "7".

@@ -16,10 +16,13 @@ from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError
 
 
-def saved(value, *, archive=True, place="cpu"):
-    """Return the bytes that torch saves for a value; ``place`` is the device that the file names, such as ``cuda:0``."""
+def saved(value, *, archive=True, device="cpu"):
+    """Return the bytes that torch saves for a value; ``device`` is what the file names, such as ``cuda:0``.
+
+    The value itself is on the CPU, so that no GPU is needed.
+    """
     stream = io.BytesIO()
-    with mock.patch("torch.serialization.location_tag", return_value=place):
+    with mock.patch("torch.serialization.location_tag", return_value=device):
         torch.save(value, stream, _use_new_zipfile_serialization=archive)
     return stream.getvalue()
 
@@ -47,14 +50,14 @@ class Pickler(pickle.Pickler):
         return value[1:] if is_persistent else None
 
 
-def old_file(value, keys=None, *, protocol=1001):
+def old_file(value, storages=None, *, protocol=1001):
     """Return a file of torch's old format.
 
     It holds five pickles (a magic number, the protocol, the byte order, the value, the keys of the storages), then for
-    each storage its length and its numbers. ``keys`` are pairs of (key, array).
+    each storage its length and its numbers. ``storages`` are pairs of (key, array).
     """
     magic_number = 0x1950A86A20F9469CFC6C
-    storages = keys or []
+    storages = storages or []
     stream = io.BytesIO()
     for header in (magic_number, protocol, {"little_endian": True}):
         pickle.dump(header, stream, protocol=2)
@@ -76,8 +79,9 @@ class Rebuilt:
 
 
 NUMBERS = np.arange(5, dtype=np.float32)
+"""The numbers of the storage of :func:`storage_id`."""
 
 
-def whole(*part):
+def storage_id(part=None):
     """Return the persistent id of a storage with key "7" and five numbers, or of a ``part`` (key, offset, length) of it."""
-    return PERSISTENT, "storage", torch.FloatStorage, "7", "cuda:0", 5, *(part or (None,))
+    return PERSISTENT, "storage", torch.FloatStorage, "7", "cuda:0", len(NUMBERS), part

@@ -22,6 +22,10 @@ from locsnn_compile.training.prototypes import Size, size_of
 from locsnn_compile.training.train import train
 
 SMOOTHING = 0.2
+"""The share of the mean squared distance to prototypes that is added to the diagonal. The option for it is
+``weight_decay``, as other optimizers shrink weights by that option. Chosen by hand."""
+OUTPUT = "location_output"
+"""The name of the output weights of a window network, (classes, hidden)."""
 
 
 def config(**changed_options: object) -> TrainingConfig:
@@ -47,9 +51,10 @@ def touches(samples: int = 18, seed: int = 3) -> Recordings:
 def analysis(training: FloatArray, labels: FloatArray, test: FloatArray) -> FloatArray:
     """Return the scores of test recordings by textbook linear discriminant analysis, with the whole matrix inverted."""
     means = np.stack([training[labels == label].mean(axis=0) for label in np.unique(labels)])
-    apart = training - means[labels]
-    ridge = SMOOTHING * (apart**2).sum() / len(training)
-    s = np.linalg.inv(apart.T @ apart + ridge * np.eye(training.shape[1]))
+    distances = training - means[labels]
+    ridge = SMOOTHING * (distances**2).sum() / len(training)
+    s = np.linalg.inv(distances.T @ distances + ridge * np.eye(training.shape[1]))
+    # The score of class k is m_k S h - m_k S m_k / 2, for its mean m_k and hidden spikes h.
     return test @ s @ means.T - 0.5 * np.einsum("kh,hg,kg->k", means, s, means)
 
 
@@ -65,9 +70,10 @@ def test_scores_are_those_of_discriminant_analysis(samples: int, window_steps: i
     assert training.labels is not None
     windows = {"window_steps": window_steps, "window_stride": 9, "window_levels": "1"}
     network = train(training, config(**windows)).network
-    # The two cases are solved in different ways.
-    hidden_neurons = network.weights()["location_output"].shape[1]
-    assert (hidden_neurons < samples) == (samples == 90)
+    # The system has a row per hidden neuron or per recording, whichever are fewer: each case is solved in its own way.
+    hidden_neurons = network.weights()[OUTPUT].shape[1]
+    has_more_recordings = samples == 90
+    assert (hidden_neurons < samples) == has_more_recordings
     assert isinstance(network, WindowNetwork)
 
     def hidden(recordings: Recordings) -> FloatArray:
@@ -75,6 +81,7 @@ def test_scores_are_those_of_discriminant_analysis(samples: int, window_steps: i
             network.hidden(torch.from_numpy(recordings.spikes.astype(np.float32))).double().numpy()
         )
 
+    # Scores are scaled so that their standard deviation over the classes of a training recording is 1 on average.
     training_scores = analysis(hidden(training), training.labels, hidden(training))
     scale = 1.0 / training_scores.std(axis=1, ddof=1).mean()
     expected = scale * analysis(hidden(training), training.labels, hidden(test))
@@ -84,6 +91,7 @@ def test_scores_are_those_of_discriminant_analysis(samples: int, window_steps: i
 def test_recordings_that_were_not_learned_from_are_told_apart() -> None:
     test = touches(seed=5)
     network = train(touches(60), config(epochs=2, time_shift=1)).network
+    # Synthetic classes are easy to tell apart. Chance is 1/3.
     assert (class_scores(network, test.spikes).argmax(axis=1) == test.labels).mean() >= 0.9
 
 
@@ -94,6 +102,8 @@ def test_without_augmentation_one_epoch_is_enough() -> None:
 
 @pytest.mark.parametrize(
     ("size", "words"),
+    # The spikes are in memory twice with 4 bytes per number, the system that is solved twice with 8 bytes. A copy is a
+    # recording as augmentation changed it in one epoch.
     [
         # 2 * 4 bytes * 2,700 * 5,000 and 2 * 8 bytes * 2,700^2 are 0.10 + 0.11 GiB.
         pytest.param(
@@ -117,12 +127,14 @@ def test_a_run_states_the_memory_that_it_takes(size: Size, words: str) -> None:
 
 def test_prototypes_that_take_too_much_memory_are_refused() -> None:
     network = build_network(describe(touches(), config(), 3))
-    hidden = network.weights()["location_output"].shape[1]
-    # Spikes take 8 bytes per recording and hidden neuron, and 16 GiB (2^34 bytes) are allowed.
-    most = round(2**34 / (8 * hidden))
+    hidden = network.weights()[OUTPUT].shape[1]
+    # Spikes alone take 2 * 4 bytes per recording and hidden neuron. 16 GiB (2^34 bytes) are allowed, of which the spikes
+    # of so many recordings take all; twice as many are surely too many.
+    recordings_in_16_gib = round(2**34 / (8 * hidden))
+    too_many = 2 * recordings_in_16_gib
     with pytest.raises(InputError) as refused:
-        size_of(network, 2 * most, config())
-    gibibytes = Size(2 * most, hidden).gibibytes
+        size_of(network, too_many, config())
+    gibibytes = Size(too_many, hidden).gibibytes
     assert str(refused.value) == (
         f"training option 'optimizer': prototypes take too much memory ({gibibytes:.1f} GiB against 16.0). Give "
         "fewer --epochs, longer windows (window_steps, window_stride), or optimizer sgd."
