@@ -88,10 +88,11 @@ def job(name: str) -> Callable[[], object]:
             np.argsort(recordings.sum(axis=(1, 2)))[[len(recordings) // 2, *range(31)]]
         ]
         if "location branch" in what:
-            from test_streaming import branch, so_far
+            from hybrid_branches import branch_program, known_after_each_step
 
-            program, known = branch(levels.compartments, "location"), so_far(recordings[0])
-            return lambda: [hw.simulate(program, rows).scores for rows in known]
+            program = branch_program(levels.compartments, "location")
+            known_rows = known_after_each_step(recordings[0])
+            return lambda: [hw.simulate(program, rows).scores for rows in known_rows]
     if "session" in what:
         session = hw.Session(program)
         parts = recordings[0] if "row by row" in what else [recordings[0]]

@@ -5,20 +5,15 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from hybrid_branches import branch_program, known_after_each_step
 from machine import machine
 from numpy.typing import NDArray
 from workloads import RECORDINGS, example_levels, published_test_part
 
 import hw_model as hw
-from hw_model.mapping.arrangement import arrange_cores
-from hw_model.mapping.graph import CompartmentGraph
-from hw_model.mapping.placement import place_cores
-from hw_model.mapping.routing import route_axons
-from hw_model.program.assemble import assemble
 
 pytestmark = [
     pytest.mark.bench,
@@ -31,43 +26,11 @@ TURNS = 16
 QUICK_TURNS = 3
 
 
-def branch(graph: CompartmentGraph, axis: str) -> hw.ChipProgram:
-    """Return one branch of a hybrid as a program of its own."""
-    groups = tuple(group for group in graph.groups if group.phase == axis)
-    names = {group.name for group in groups}
-    assert graph.readout is not None
-    output = [
-        (p, w)
-        for p, w in zip(graph.readout.populations, graph.readout.weights, strict=True)
-        if p in names
-    ]
-    part = replace(
-        graph,
-        phases=tuple(phase for phase in graph.phases if phase.name == axis),
-        inputs=tuple(item for item in graph.inputs if item.phase == axis),
-        groups=groups,
-        synapses=tuple(s for s in graph.synapses if s.target in names),
-        readout=replace(
-            graph.readout,
-            populations=tuple(p for p, _ in output),
-            weights=tuple(w for _, w in output),
-        ),
-    )
-    chip = hw.chip("loihi-sim")
-    return assemble(route_axons(arrange_cores(place_cores(part, chip))))
-
-
-def so_far(recording: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return what was known after each step, (steps, steps, channels): rows that have not come yet are silent."""
-    steps = len(recording)
-    return recording * np.tri(steps, dtype=np.uint8)[:, :, None]
-
-
 def test_predictions_of_every_step(record, quick):
     levels = example_levels("objects")
     program, time_branch, location_branch = (
         levels.program,
-        *(branch(levels.compartments, a) for a in ("time", "location")),
+        *(branch_program(levels.compartments, a) for a in ("time", "location")),
     )
     recordings = published_test_part("objects").spikes
     output = next(name for name in time_branch.readout.populations)
@@ -96,7 +59,7 @@ def test_predictions_of_every_step(record, quick):
     kinds = (pushed_at_once, pushed_row_by_row, anew_at_once, anew_step_by_step)
     seconds: dict[str, list[float]] = {kind.__name__: [] for kind in kinds}
     for recording in recordings[: 1 + (QUICK_TURNS if quick else TURNS)]:
-        known = so_far(recording)
+        known = known_after_each_step(recording)
         scores = [timed(seconds[kind.__name__], kind, recording, known) for kind in kinds]
         assert all(np.array_equal(scores[0], other) for other in scores[1:])
     found = {kind: statistics.median(times[1:]) for kind, times in seconds.items()}

