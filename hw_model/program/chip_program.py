@@ -17,7 +17,7 @@ from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.recorded import RecordedChannels
 from hw_model.mapping.routing import AxonTables, InputRoute
-from hw_model.values import Frozen, IntArray, Shown
+from hw_model.values import BoolArray, Frozen, IntArray, Shown
 
 
 class CompartmentProfile(Frozen, order=True):
@@ -200,7 +200,9 @@ class ChipProgram(Shown):
         ]
         return np.concatenate(columns_by_slice)
 
-    def by_column(self, phase: str, values: Callable[[Core], IntArray | int]) -> IntArray:
+    def by_column(
+        self, phase: str, values: Callable[[Core], IntArray | BoolArray | int]
+    ) -> IntArray:
         """Return an array over the columns of a phase, filled core by core with ``values(core)``."""
         size = sum(core.compartments for core in self.cores_of(phase))
         by_column = np.empty(size, dtype=np.int64)

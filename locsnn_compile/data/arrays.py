@@ -22,7 +22,7 @@ from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.format_rows import ArrayContent, ArrayFile
 from locsnn_compile.data.formats import array_format
 from locsnn_compile.data.members import label_in_name
-from locsnn_compile.data.recordings import Binned, Recordings, same
+from locsnn_compile.data.recordings import Binned, Recordings, same_within_rounding
 from locsnn_compile.errors import InputError, check_same, counted
 
 
@@ -119,7 +119,11 @@ def _bins_of_array(
 
 def _check_width(stored_seconds: float | None, asked_seconds: float | None, where: str) -> None:
     """Refuse an option for the width of bins that contradicts the file."""
-    if stored_seconds is None or asked_seconds is None or same(stored_seconds, asked_seconds):
+    if (
+        stored_seconds is None
+        or asked_seconds is None
+        or same_within_rounding(stored_seconds, asked_seconds)
+    ):
         return
     raise InputError(
         "step_seconds",

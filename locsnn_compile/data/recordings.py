@@ -315,7 +315,11 @@ class Expected(Frozen):
         """
         for name, value in options.items():
             expected = getattr(self, name)
-            if value is not None and expected is not None and not same(value, expected):
+            if (
+                value is not None
+                and expected is not None
+                and not same_within_rounding(value, expected)
+            ):
                 raise InputError(
                     name,
                     f"{self.whose} has another",
@@ -341,7 +345,12 @@ class Expected(Frozen):
         expected = self.step_seconds
         width = recordings.step_seconds
         takes_any_length = self.steps is None
-        if takes_any_length or expected is None or width is None or same(expected, width):
+        if (
+            takes_any_length
+            or expected is None
+            or width is None
+            or same_within_rounding(expected, width)
+        ):
             return
         raise InputError(
             f"recordings {recordings.source!r}",
@@ -365,6 +374,6 @@ def batches(samples: int) -> Iterator[slice]:
         yield slice(start, min(start + BATCH, samples))
 
 
-def same(a: float, b: float) -> bool:
+def same_within_rounding(a: float, b: float) -> bool:
     """Return whether two numbers are equal up to the rounding of floats, also if one was stored in single precision."""
     return math.isclose(a, b, rel_tol=1e-7)

@@ -22,8 +22,8 @@ from locsnn_compile.network.projections import ChipProjection, Matrix, Projectio
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 """The names of the input views of a trained network, by axis."""
-STEPS = 100
-"""Steps of synthetic recordings if the file does not give them."""
+DEFAULT_STEPS = 100
+"""Steps of a recording, and so of synthetic ones, if the file does not give them; chosen by hand."""
 SAMPLES = 8
 """Number of synthetic recordings that a network carries: few enough to check it in seconds."""
 RATE = 0.05
@@ -123,11 +123,12 @@ class Parts:
         )
 
 
-def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Signs:
+def choose_eight_bit_signs(mantissa: Matrix, where: str, *, limits: str, fix: str) -> Signs:
     """Return the signs with which 8-bit formats hold these mantissas: ``mixed`` if possible, else ``apart``.
 
     Mixed signs share one list of synapses, with a sign bit in place of the lowest bit, so mantissas must be even.
-    Otherwise each sign has a list, with all 8 bits. Raises ``InputError`` for mantissas that no format holds.
+    Otherwise each sign has a list, with all 8 bits. Raises ``InputError`` for mantissas that no format holds, with
+    ``limits`` and ``fix`` in its message.
     """
     values = values_of(mantissa)
     lowest = int(values.min(initial=0))

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Iterator
 
 from hw_model.description.chip import Registers
 from hw_model.values import FloatArray, Frozen
-from locsnn_compile.data.recordings import Binned, Origin, Recordings, same
+from locsnn_compile.data.recordings import Binned, Origin, Recordings, same_within_rounding
 from locsnn_compile.errors import counted, listed
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedPopulation
@@ -18,7 +18,8 @@ from locsnn_compile.network.quantized import QuantizedPopulation
 class Grounds(Frozen):
     """What the figures of a report rest on besides the model file.
 
-    - ``step_seconds``: the length of a time step in seconds, None if unknown
+    - ``step_seconds``: the length of a time step in seconds, of the recordings' bins or else as the model states it;
+      None if unknown
     - ``events_origin``: where the recordings of the check come from
     - ``assumptions``: sentences, in the order in which the assumptions were made: by the frontend, then
       on the registers, the recordings and the step, then on the recordings that weights were rounded for
@@ -43,7 +44,8 @@ def grounds_of(
     """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``.
 
     ``registers`` are those of the chip, None where the reference does not compute in registers.
-    ``chosen``: settings were chosen on ``calibration`` as well. ``rounded``: the populations in integers.
+    ``chosen``: settings were chosen on ``calibration`` as well. ``rounded``: the populations in integers; empty for
+    chips on which neither strategies nor floors exist.
     """
     # The bins of made-up recordings say nothing about a sensor.
     bin_seconds = None if recordings.origin == "made up" else recordings.step_seconds
@@ -66,17 +68,22 @@ def _is_rounded_for_recordings(network: Network, rounded: Collection[QuantizedPo
     so that their errors cancel on the calibration recordings. Strategy ``reset``, and neurons that
     need no strategy, round each weight to the nearest value of the grid, whatever the recordings.
     """
+    if not network.by_strategy:
+        return False
+    # Only spike response neurons have a strategy of their own (``by_strategy``). If the strategies are unknown, because
+    # ``rounded`` is empty, the assumption is stated rather than left out.
     strategies = {
         population.strategy for population in rounded if population.population.neuron.by_strategy
     }
-    return network.by_strategy and strategies != {"reset"}
+    return strategies != {"reset"}
 
 
 def _on_registers(network: Network, registers: Registers) -> Iterator[str]:
     """Say for which chip the network was trained if this chip's registers have other widths.
 
     The reference computes with the registers of this chip, so it wraps and clips where this chip does,
-    which need not be where the training did.
+    which need not be where the training did. Reports call the reference the network "as trained", which
+    is then not quite true.
     """
     bits_here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
     for chip, bits in network.trained_on.items():
@@ -92,7 +99,8 @@ def _on_registers(network: Network, registers: Registers) -> Iterator[str]:
 def _on_floors(rounded: Iterable[QuantizedPopulation]) -> Iterator[str]:
     """Say at which floor potentials stop falling in the network, and at which floor on the chip.
 
-    Populations with the same two floors share a sentence.
+    The option ``--floor`` gives the floor of the network. On the chip, the lowest voltage of a core can only be
+    ``1 - 2^k`` for a whole number k, so the two differ. Populations with the same two floors share a sentence.
     """
     names_by_floors: dict[tuple[str, str], list[str]] = {}
     for q in rounded:
@@ -147,7 +155,12 @@ def _on_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
 
 
 def _on_step(network: Network, recordings: Recordings, step_seconds: float | None) -> Iterator[str]:
-    """Say where the length of a step comes from, unless the model and the recordings agree or the user states it."""
+    """Say where the length of a step comes from, unless the model and the recordings agree or the user states it.
+
+    ``step_seconds`` is the length that the report uses. A model file may state a length that recordings override
+    (``usual_step_seconds``), or one that they have to keep (``network.step_seconds``).
+    """
+    # The usual length first: ``network.step_seconds`` may by now be that of the recordings instead.
     stated = network.usual_step_seconds or network.step_seconds
     if step_seconds is None:
         yield (
@@ -164,7 +177,7 @@ def _on_step(network: Network, recordings: Recordings, step_seconds: float | Non
             f"A step lasts {step_seconds:g} s, like the bins of the recordings, because the model does not "
             "say."
         )
-    elif not same(step_seconds, stated):
+    elif not same_within_rounding(step_seconds, stated):
         yield (
             f"A step lasts {step_seconds:g} s, like the bins of the recordings; the model states "
             f"{stated:g} s."

@@ -18,7 +18,13 @@ from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.class_names import in_order_of
 from locsnn_compile.data.joining import on_one_sensor
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import OPEN, EventTimes, Expected, Recordings, same
+from locsnn_compile.data.recordings import (
+    OPEN,
+    EventTimes,
+    Expected,
+    Recordings,
+    same_within_rounding,
+)
 from locsnn_compile.data.selection import SELECTING
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -128,7 +134,7 @@ def _adapted_to_options(part: Recordings, config: TrainingConfig) -> Recordings:
 
 def _check_binned_so(option: str, option_value: float | None, stored_value: float) -> None:
     """Refuse an option, if given, that is not the value with which the recordings were binned."""
-    if option_value is not None and not same(option_value, stored_value):
+    if option_value is not None and not same_within_rounding(option_value, stored_value):
         measured = f"got {option_value} against {stored_value:g}"
         raise _unfit_option(option, "the recordings have another", measured)
 

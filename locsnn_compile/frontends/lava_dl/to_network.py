@@ -34,7 +34,7 @@ from locsnn_compile.frontends.linear_maps import (
     convolution,
     pooling,
 )
-from locsnn_compile.frontends.parts import STEPS, FileFacts, Parts, eight_bit_signs
+from locsnn_compile.frontends.parts import DEFAULT_STEPS, FileFacts, Parts, choose_eight_bit_signs
 from locsnn_compile.frontends.relays import DELAY_MAX, add_relays
 from locsnn_compile.network.chip_neurons import ChipCuba, HostCuba, integers
 from locsnn_compile.network.input_scaling import InputScaling
@@ -168,7 +168,7 @@ def _host_layers(chip: _Built, layers: Sequence[NetLayer]) -> HostLayers:
         _add(on_host, layer, last=False)
     on_host.outputs = {on_host.source: None}
     numbers = on_host.views[0].lines
-    network = on_host.network(name="host", channels=numbers, steps=STEPS, any_length=True)
+    network = on_host.network(name="host", channels=numbers, steps=DEFAULT_STEPS, any_length=True)
     chip.shape = on_host.shape
     chip.assumed += on_host.assumed
     if on_host.scaling is not None:
@@ -204,7 +204,7 @@ def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
     # nan if either is missing, and nan is not usable.
     steps = recording_ms / ts
     is_usable = 1 <= steps <= MAX_STATED_STEPS
-    return seconds, int(steps) if is_usable else STEPS
+    return seconds, int(steps) if is_usable else DEFAULT_STEPS
 
 
 def _add(built: _Built, layer: NetLayer, *, last: bool) -> None:
@@ -403,7 +403,7 @@ def _projection(
 ) -> ChipProjection:
     """Return weights as a projection in the chip's integers; raise ``InputError`` if no 8-bit format holds them."""
     fix = "Export it again, with quantised weights."
-    signs = eight_bit_signs(mantissa, where, "-256..254, even, or -255..255", fix)
+    signs = choose_eight_bit_signs(mantissa, where, limits="-256..254, even, or -255..255", fix=fix)
     return ChipProjection(
         source, target, mantissa, exponent=0, weight_bits=8, signs=signs, delay=delay
     )

@@ -33,7 +33,7 @@ from locsnn_compile.frontends.nir.neurons import (
 from locsnn_compile.frontends.nir.options import checked_dt, checked_reading, metadata_seconds
 from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.frontends.nir.signals import Signal, Term, as_column, on_diagonal
-from locsnn_compile.frontends.parts import STEPS, FileFacts, Parts
+from locsnn_compile.frontends.parts import DEFAULT_STEPS, FileFacts, Parts
 from locsnn_compile.frontends.relays import add_relays
 from locsnn_compile.network.network import HostLayers, HostOutput, Network, Population
 from locsnn_compile.network.neurons import Cuba
@@ -89,7 +89,7 @@ def load_nir(  # noqa: PLR0913 - what the options of a NIR file say
         path,
         data,
         channels=on_chip.parts.views[0].lines,
-        steps=STEPS,
+        steps=DEFAULT_STEPS,
         step_seconds=metadata_seconds(graph, "step_seconds"),
         facts=facts if host is None else facts.behind(host),
     )
@@ -122,7 +122,9 @@ def divided_parts(
     on_host = parts_of(divided.host, readings, where, relays=False)
     sends = tuple(HostOutput(name, on_host.depths[name]) for name in divided.sent)
     lines = on_host.parts.views[0].lines
-    network = on_host.parts.network(name="host", channels=lines, steps=STEPS, any_length=True)
+    network = on_host.parts.network(
+        name="host", channels=lines, steps=DEFAULT_STEPS, any_length=True
+    )
     on_chip = parts_of(divided.chip, readings, where, relays=relays)
     return on_chip, HostLayers(network, sends, divided.input_shape)
 

@@ -1,6 +1,7 @@
 """Read the YAML next to a slayerPytorch checkpoint: its neuron, step, layers, and location order, if it has one.
 
-It is slayerPytorch's network description, with a few keys of the networks with location neurons (Kang et al. 2022).
+It is slayerPytorch's network description, with a few keys of the networks with location neurons (Kang et al. 2022). The
+option ``--config`` names its file, so the code calls it the *config*; texts also say the YAML, or the description.
 """
 
 import math

@@ -1,13 +1,17 @@
-"""From a slayerPytorch checkpoint, a dict of tensors, and its YAML to a Network.
+"""Turn a slayerPytorch checkpoint (a dict of tensors) and its YAML into a :class:`Network`.
 
 A checkpoint contains layers and their weights in the order in which they were created, but no structure:
 ``choose_layers.py`` decides which of them run, in one chain along time and one that walks the channels. A list
 ``layer`` in the YAML says which layers are convolutions and pooling. A delay belongs to the layer of its own block,
-or else to the first layer that has as many outputs and no delay yet.
+or else to the first layer that has as many outputs and no delay yet. The YAML, read by ``config.py``, is called the
+*config* in the code, as the option ``--config`` is; a user's messages call it the YAML or the description.
 
-SRMALPHA layers become float neurons with full kernels. LOIHI layers become integer neurons with the weights
-``2 round(w / 2)``, half to even, as slayerPytorch quantises them in every forward pass; each layer takes one step, as
-it does there.
+SRMALPHA layers become float neurons, whose kernels have their whole tails unless ``--kernels cut`` ends them where
+slayerPytorch does. LOIHI layers become integer neurons with the weights ``2 round(w / 2)``, half to even, as
+slayerPytorch quantises them in every forward pass.
+
+A spike of step t acts on the next layer at step ``t + 1 + delay``. The one step that every layer takes is the same in
+slayerPytorch, so a layer without delays has delay 0.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,13 +31,14 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS, neutouch
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_known, check_same, counted
 from locsnn_compile.frontends.parts import (
-    STEPS,
+    DEFAULT_STEPS,
     VIEW_NAMES,
     FileFacts,
     Parts,
-    eight_bit_signs,
+    choose_eight_bit_signs,
     touch_fingertips,
 )
+from locsnn_compile.frontends.relays import DELAY_MAX
 from locsnn_compile.frontends.slayer.branches import Branches
 from locsnn_compile.frontends.slayer.choose_layers import Chosen, choose_layers
 from locsnn_compile.frontends.slayer.config import (
@@ -63,8 +68,6 @@ from locsnn_compile.network.projections import (
     with_values,
 )
 
-DELAY_MAX = 62
-"""Longest delay of a synapse, in steps; longer ones are cut, which is listed as an assumption."""
 KERNELS = ("full", "cut")
 """The values of the option ``--kernels``."""
 
@@ -93,9 +96,10 @@ class _Layer:
 def load_slayer(
     path: Path, config: Path, kernels: str | None = None, branches: Branches | None = None
 ) -> Network:
-    """Read a checkpoint and its description, and return the network; raise ``InputError`` if they cannot be used.
+    """Read a checkpoint and its YAML ``config``, and return the network; raise ``InputError`` if they cannot be used.
 
-    ``branches`` are the layers that run, instead of those that the description names.
+    ``kernels`` is a value of :data:`KERNELS`, None if the user gives none. ``branches`` are the layers that run,
+    instead of those that the YAML names.
     """
     check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
@@ -107,18 +111,19 @@ def load_slayer(
             "config was given, but a checkpoint contains this itself",
             fix="Leave config out.",
         )
-    description, tails = _with_kernels(read_config(config), kernels)
+    slayer_config, kernel_assumptions = _with_kernels(read_config(config), kernels)
     tensors = state_tensors(content, where)
-    check_kernels(tensors, description, where)
+    check_kernels(tensors, slayer_config, where)
     weights = _layer_weights(tensors, where)
     shapes = {name: kernel.shape for name, kernel in weights.items()}
-    chosen = choose_layers(shapes, description, branches, where)
-    layers = _layers(tensors, weights, chosen, description, where)
+    chosen = choose_layers(shapes, slayer_config, branches, where)
+    layers = _layers(tensors, weights, chosen, slayer_config, where)
     chains = {axis: [layers[name] for name in names] for axis, names in chosen.chains.items()}
     for chain in chains.values():
         _check_chain(chain, where)
-    # The inputs of a time branch are channels, those of a location branch are time steps.
-    steps = description.steps or STEPS
+    # The weights show what a branch takes in: a time branch has a column per channel, a location branch one per time
+    # step. Only a network without a location branch can run for any number of steps.
+    steps = slayer_config.steps or DEFAULT_STEPS
     if "location" in chains:
         steps = chains["location"][0].weights.shape[1]
     channels = chosen.channels
@@ -128,9 +133,10 @@ def load_slayer(
     for axis, chain in chains.items():
         walk = None
         if axis == "location":
-            walk, channels = _walk(description.order or DEFAULT_ORDER, channels, where)
-        parts.views.append(InputView(VIEW_NAMES[axis], axis, chain[0].weights.shape[1], walk))
-        _add_chain(parts, axis, chain, description, where)
+            walk, channels = _walk(slayer_config.order or DEFAULT_ORDER, channels, where)
+        lines = chain[0].weights.shape[1]
+        parts.views.append(InputView(VIEW_NAMES[axis], axis, lines=lines, walk=walk))
+        _add_chain(parts, axis, chain, slayer_config, where)
     assert channels is not None  # from the time chain, or else from the walk
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
@@ -142,15 +148,15 @@ def load_slayer(
         )
     facts = FileFacts(
         any_length="location" not in chains,
-        inputs=_image(tensors, chains, description),
-        assumptions=(*tails, *_assumed(chosen, chains, description, channels)),
+        inputs=_image(weights, chains, slayer_config),
+        assumptions=(*kernel_assumptions, *_assumed(chosen, chains, slayer_config, channels)),
     )
     return parts.network_of_file(
         path,
         data,
         channels=channels,
         steps=steps,
-        step_seconds=description.ts / 1000,  # Ts is in milliseconds
+        step_seconds=slayer_config.ts / 1000,  # Ts is in milliseconds
         facts=facts,
     )
 
@@ -165,16 +171,21 @@ def _check_chain(chain: list[_Layer], where: str) -> None:
 
 
 def _image(
-    tensors: Mapping[str, Any], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig
+    weights: Mapping[str, FloatArray], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig
 ) -> Channels | None:
-    """Return the pixels of the input, from the YAML or the axes of the first weights; None if neither has them."""
+    """Return the pixels of the input, from the YAML or the axes of the first weights; None if neither has them.
+
+    ``weights`` have their axes as in the checkpoint.
+    """
     if "time" not in chains:
         return None
     if config.layers:
-        width, height, channels = config.layers[0].numbers
-        return image_channels((channels, height, width))
-    first = _weights(tensors, chains["time"][0].name, "")
-    return image_channels(first.shape[1:4])
+        # The first entry of the list is the input, as the YAML writes images: 34x34x2.
+        width, height, polarities = config.layers[0].numbers
+        return image_channels((polarities, height, width))
+    # slayerPytorch's kernels are (out, channels, height, width, time).
+    kernel = weights[chains["time"][0].name]
+    return image_channels(kernel.shape[1:4])
 
 
 def _assumed(
@@ -183,7 +194,7 @@ def _assumed(
     config: SlayerConfig,
     channels: int,
 ) -> Iterator[str]:
-    """Yield a sentence for each assumption: a value that neither the checkpoint nor its description states."""
+    """Yield a sentence for each assumption: a value that neither the checkpoint nor its YAML states."""
     yield from chosen.assumed
     if "location" in chains and config.order is None:
         yield f"The description has no location_order: taxels are visited in the order {DEFAULT_ORDER}."
@@ -196,7 +207,10 @@ def _assumed(
 
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
-    """Return the walk over the channels, and their number: two fingertips if ``channels`` is None."""
+    """Return the walk over the channels, and their number: two fingertips if ``channels`` is None.
+
+    Two are what the networks with location neurons of Kang et al. 2022 were trained on.
+    """
     count = channels or 2 * TAXELS * POLARITIES
     fingertips = touch_fingertips(count)
     if fingertips is None:
@@ -204,21 +218,25 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
             what = f"order {order[:40]!r} is only for fingertips"
             raise InputError(where, what, measured=counted(count, "channel"), fix="Use loop.")
         return np.arange(count), count
-    _, taxels = location_order(order, neutouch())
+    # An order numbers the taxels of one fingertip. The walk follows it on each fingertip in turn.
+    _, taxels = location_order(order, neutouch(1))
     return channel_walk(taxels, neutouch(fingertips)), count
 
 
 def _with_kernels(
     config: SlayerConfig, kernels: str | None
 ) -> tuple[SlayerConfig, tuple[str, ...]]:
-    """Return the description with kernels ``full`` or ``cut``, and a sentence if the user does not state which."""
+    """Return the config with kernels ``full`` or ``cut``, and the assumption, if one is made: a sentence in a tuple.
+
+    Kernels are full unless the user asks for ``cut``. Nothing is assumed if the user states either.
+    """
     if kernels == "cut":
         neuron = cut(config.neuron)
         location_neuron = cut(config.location_neuron)
         return replace(config, neuron=neuron, location_neuron=location_neuron), ()
     if kernels is None and isinstance(config.neuron, SrmAlpha):
-        tails = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
-        return config, (tails,)
+        sentence = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
+        return config, (sentence,)
     return config, ()
 
 
@@ -235,29 +253,28 @@ def _add_chain(
         # The delays of a layer are those of its outputs, so they act on the projection onto the next layer.
         source = layer.name
         delays = layer.delays
+    # The spikes of an output count (None); other frontends have outputs whose potentials count, from a step on.
     parts.outputs[source] = None
 
 
 def _parts_of(
     layer: _Layer, axis: Axis, source: str, delays: Any, config: SlayerConfig, where: str
 ) -> tuple[Population, Projection | ChipProjection]:
-    """Return a population and the weights onto it; ``delays`` are those of the spikes of its source."""
+    """Return a population and the weights onto it; ``delays`` (n_source,) are those of the spikes of its source."""
     size = layer.size
-    delay: Any = 0
-    if delays is not None:
-        delay = int(delays[0])
-        if (delays != delay).any():
-            delay_of_weight = projections.of_source(layer.weights, delays)
-            delay = np.array(np.broadcast_to(delay_of_weight, values_of(layer.weights).shape))
+    delay = _projection_delay(layer.weights, delays)
     neuron = config.neuron_along(axis)
     if not isinstance(neuron, LoihiNeuron):
         population = Population(layer.name, axis, size, neuron)
         return population, Projection(source, layer.name, layer.weights, delay)
-    # slayerPytorch's Loihi layers round weights to even numbers in every forward pass.
+    # slayerPytorch's Loihi layers round weights to even numbers in every forward pass: with signs mixed, a synapse of 8
+    # bits has no bit for odd ones.
     even = (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64)
     mantissa = with_values(layer.weights, even)
     place = f"{where}, layer {layer.name!r}"
-    signs = eight_bit_signs(mantissa, place, "-256..254", "Clamp the weights in training.")
+    signs = choose_eight_bit_signs(
+        mantissa, place, limits="-256..254", fix="Clamp the weights in training."
+    )
     chip_neuron = ChipCuba.of(
         size,
         decay_u=neuron.decay_u,
@@ -275,6 +292,21 @@ def _parts_of(
         delay=delay,
     )
     return Population(layer.name, axis, size, chip_neuron), projection
+
+
+def _projection_delay(weights: Matrix, delays: Any) -> Any:
+    """Return the delay of a projection: one number if all sources have the same, else one for each weight.
+
+    ``delays`` (n_source,) are those of the sources; None for no delays.
+    """
+    if delays is None:
+        return 0
+    first = int(delays[0])
+    if (delays == first).all():
+        return first
+    delay_of_weight = projections.of_source(weights, delays)
+    # A copy, because a broadcast array repeats one row in memory, and must not be written to.
+    return np.array(np.broadcast_to(delay_of_weight, values_of(weights).shape))
 
 
 def _layer_weights(tensors: Mapping[str, Any], where: str) -> dict[str, FloatArray]:
@@ -312,6 +344,7 @@ def _layers(
         if name in matrices:
             flat, channels = matrices[name]
         else:
+            # It does not run, so only its number of outputs matters, to which delays may belong.
             flat = kernel.reshape(len(kernel), -1)
             channels = len(kernel)
         axis = axes.get(name) or axis_of(name)
@@ -337,14 +370,18 @@ def _attach_delays(
     has as many outputs and no delays; layers of the axis in the name of the entry come first. A convolution has one
     delay per channel.
     """
+    # slayerPytorch shifts spikes by whole steps, rounded down (its CUDA kernel casts to int). The reference of a check
+    # gets the delays as they are cut here, so the check cannot show the cut; it is listed as an assumption instead.
     whole_steps = np.floor(delays_ms / config.ts)
     steps = np.clip(whole_steps, 0, DELAY_MAX).astype(np.int64)
     module = key.rpartition(".")[0]
     block = module.rpartition(".")[0]
     of_block = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
     axis = axis_of(module)
+    # False sorts before True: layers of the same axis come first, each group in the order of the checkpoint.
     for layer in of_block or sorted(layers, key=lambda layer: layer.axis != axis):
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
+            # One delay for all neurons, one for each channel of a convolution, or one for each neuron.
             layer.delays = np.repeat(steps, layer.size // steps.size)
             if not of_block:
                 layer.assumed += (

@@ -17,7 +17,7 @@ from locsnn_compile.frontends.linear_maps import check_shape
 from locsnn_compile.frontends.nir.ends import image_of
 from locsnn_compile.frontends.nir.flat import flatten_graph
 from locsnn_compile.frontends.nir.to_network import divided_parts
-from locsnn_compile.frontends.parts import STEPS, FileFacts
+from locsnn_compile.frontends.parts import DEFAULT_STEPS, FileFacts
 from locsnn_compile.frontends.state_dict import SAVE_A_STATE_DICT, WHOLE_NUMBERS, state_tensors
 from locsnn_compile.frontends.torch_layers.chain import Chain, readings_of
 from locsnn_compile.frontends.torch_layers.layers import LAYERS, Layer
@@ -113,7 +113,7 @@ def load_torch_layers(
         path,
         data,
         channels=on_chip.parts.views[0].lines,
-        steps=STEPS,
+        steps=DEFAULT_STEPS,
         step_seconds=description.step_seconds,
         facts=facts if host is None else facts.behind(host),
     )

@@ -1,7 +1,10 @@
 """Entries of report.json on the program itself, not on recordings.
 
 They are the use of the chip's limits, what compiling left out, how numbers were rounded, and which
-registers are proven never to overflow.
+registers are proven never to overflow. The *open core* is our own RTL: one core of hardware that plays all
+cores of a program, one after the other, and whose memories are known word by word.
+
+A field with the mark ``INLINED`` holds an entry whose keys stand next to those of the outer one, without nesting.
 """
 
 from collections.abc import Mapping
@@ -13,7 +16,7 @@ from hw_model.description.counts import total
 from hw_model.description.open_core import MemoryUse
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.targets import target_of
-from hw_model.values import AnyArray, IntArray
+from hw_model.values import AnyArray
 from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.figures.entries import INLINED, Entry, IfKnown
@@ -77,7 +80,10 @@ class CoreUse(Entry):
 
 
 class ProgramUse(Entry):
-    """What a program takes of a chip of any kind; ``limits`` are by name, such as ``compartments``."""
+    """What a program takes of a chip of any kind; ``limits`` are by name, such as ``compartments``.
+
+    ``cores`` counts cores of hardware.
+    """
 
     cores: int
     compartments: int
@@ -91,6 +97,7 @@ class ProgramUse(Entry):
 class ResourceFigures(ProgramUse):
     """``resources``: what the program takes of the chip, and of each core.
 
+    ``by_core`` has an entry for each core of the program; the open core plays them all, so its ``cores`` is 1.
     ``memories`` are those of an open core; a mesh has the limits of its cores instead.
     """
 
@@ -153,6 +160,7 @@ def resource_figures(program: ChipProgram, steps: int) -> ResourceFigures:
     target = target_of(program.chip)
     by_core = tuple(_core_use(program, core) for core in program.cores)
     contents = [core.contents for core in by_core]
+    # Longer recordings need more of an open core, which keeps the events of a recording for location neurons.
     uses = target.limits_used(program, steps)
     synapse_words = sum(core.synapse_words for core in contents)
     return ResourceFigures(
@@ -241,19 +249,14 @@ def proven_ranges(program: ChipProgram) -> dict[str, ProvenRange]:
     The proof goes core by core, but a group may spread over several cores. So its results are first
     brought to columns: one entry per compartment of a phase, in which each group is a contiguous range.
     """
-    proofs = {
-        core.number: core_range
-        for core, core_range in zip(program.cores, hw.prove_range(program), strict=True)
-    }
-
-    def by_column(phase: str, key: str) -> IntArray:
-        return program.by_column(phase, lambda core: getattr(proofs[core.number], key))
-
+    core_ranges = hw.prove_range(program)
+    proofs = {core.number: proof for core, proof in zip(program.cores, core_ranges, strict=True)}
     ranges = {}
     for phase in program.phases:
-        cannot_wrap = by_column(phase.name, "cannot_wrap")
-        cannot_clip = by_column(phase.name, "cannot_clip")
-        safe_period = by_column(phase.name, "safe_period")
+        cannot_wrap = program.by_column(phase.name, lambda core: proofs[core.number].cannot_wrap)
+        cannot_clip = program.by_column(phase.name, lambda core: proofs[core.number].cannot_clip)
+        safe_period = program.by_column(phase.name, lambda core: proofs[core.number].safe_period)
+        # A program calls its groups of compartments populations, too: here they are one range of columns each.
         for group, columns in program.columns_of(phase.name).items():
             periods = safe_period[columns]
             # A period of 0 means that no period that was tried is long enough for the compartment.
