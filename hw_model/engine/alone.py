@@ -11,8 +11,8 @@ Arguments that every function has, in the letters of the page of the arithmetic:
 - ``half_current``: u, and u + bias, wrap to ``-half_current..half_current - 1``
 - ``last``: v is clipped to ``-last..last``
 
-Registers may have any width up to 29 bits: the sum of two of them, such as the v that is kept and u, then fits 32 bits
-with one to spare.
+Registers may have any width up to 29 bits (:data:`locsnn_compile.models.chip_entry.TRAINED_BITS`): the sum of two of
+them, such as the v that is kept and u, then fits 32 bits with one to spare.
 
 ``charge & 0`` makes a 0 of the type of the arguments, a value of the compiled loop; a plain 0 of Python is none.
 """

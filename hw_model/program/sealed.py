@@ -45,7 +45,10 @@ _NO_PROGRAM = "Give the folder that the compiler wrote."
 def sealed_files(
     kind: str, version: int, entries: Mapping[str, Any], arrays: Mapping[str, AnyArray]
 ) -> dict[str, bytes]:
-    """Return both files as bytes, by name; equal entries and integers give the same bytes."""
+    """Return both files as bytes, by name; equal entries and integers give the same bytes.
+
+    ``program.yaml`` has the entries in the order of the mapping.
+    """
     columns = ((f"{name}.npy", npy_bytes(array.astype(np.int64))) for name, array in arrays.items())
     packed = pack_files(columns, compressed=True)
     document = {
@@ -158,18 +161,18 @@ def read_pair(folder: Path) -> SealedPair:
     yaml_bytes, npz_bytes = (
         read_bytes(
             folder / name,
-            f"program {str(folder)!r}, {name}",
-            MAX_FILE_BYTES,
-            "Compile again.",
-            _NO_PROGRAM,
+            where=f"program {str(folder)!r}, {name}",
+            most=MAX_FILE_BYTES,
+            fix="Compile again.",
+            missing=_NO_PROGRAM,
         )
         for name in (PROGRAM_YAML, PROGRAM_NPZ)
     )
     document = load_yaml(
         yaml_bytes,
-        PROGRAM_YAML,
-        "the file is not YAML: it is damaged",
-        "Compile again.",
+        where=PROGRAM_YAML,
+        fault="the file is not YAML: it is damaged",
+        fix="Compile again.",
         loader=FAST_LOADER,
         most_nodes=MAX_YAML_NODES,
     )

@@ -106,6 +106,14 @@ def doubling(times):
 
 
 LONG_LIST = b"](" + b"N" * 900_000 + b"eq\x00"
+"""Opcodes of a list of 900,000 times None, fewer than ``MAX_VALUES``, which the memo keeps."""
+
+# Opcodes of the pickle machine that stand below:
+#
+#     N None   ) empty tuple   ] empty list   } empty dict   X, S a text   J, \x8a a number
+#     ( mark   t tuple of all above the mark   e, u append or set all above the mark   a append   s set
+#     \x85, \x86 tuple of the topmost one or two   q, r keep in the memo   h take from the memo   0 drop
+#     c function or class by module and name   i, R call it   Q storage by its persistent id
 HURT = [
     pytest.param(
         lambda: opcodes(b"cposix\nsystem\nX\x02\x00\x00\x00ls\x85R"),

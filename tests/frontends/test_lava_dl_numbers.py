@@ -22,7 +22,11 @@ from tests.support.net_files import dense, neuron, write_net
 RECORDED = Path(__file__).parent / "lava-dl-numbers"
 """Written by ``tests/peers/record_lava_dl_numbers.py``."""
 RNG = np.random.default_rng(7)
-INPUT = {"type": "input", "shape": np.array([10]), "neuron": neuron(1024, 128, 60)}
+INPUT = {
+    "type": "input",
+    "shape": np.array([10]),
+    "neuron": neuron(i_decay=1024, v_decay=128, threshold=60),
+}
 
 
 def recorded(name, folder):
@@ -205,7 +209,7 @@ def test_sums_without_neurons_are_refused_on_the_host(tmp_path):
 
 
 def test_neurons_that_send_numbers_are_refused_on_the_host_too(tmp_path):
-    graded = INPUT | {"neuron": neuron(1024, 128, 60, kind="SDNN")}
+    graded = INPUT | {"neuron": neuron(i_decay=1024, v_decay=128, threshold=60, kind="SDNN")}
     assert refusal([graded, dense(RNG, 5, 10)], tmp_path, 1) == (
         "model 'model.net', layer 0: 'SDNN' neurons do not fit into one compartment of the chip. "
         "Use CUBA neurons."
@@ -219,7 +223,7 @@ def test_numbers_within_the_range_need_no_sentence():
 
 def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
     weights = np.array([[2.0], [-2.0]])
-    fast = neuron(4096, 4096, 2**17 - 1)
+    fast = neuron(i_decay=4096, v_decay=4096, threshold=2**17 - 1)
     write_net(
         tmp_path / "model.net",
         [dense(RNG, 2, 1, weight=weights, neuron=fast), dense(RNG, 5, 2)],
@@ -231,7 +235,7 @@ def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
 def test_currents_on_the_host_wrap_in_no_register_of_the_chip(tmp_path):
     # 3.9 is rounded to 125 / 32, whose charge is 250 * 64 = 16,000. A current that keeps all of it passes 2^23 after 525
     # steps, and would then be negative.
-    keeps_current = neuron(0, 4096, 100)
+    keeps_current = neuron(i_decay=0, v_decay=4096, threshold=100)
     layer = {"type": "input", "shape": np.array([4]), "neuron": keeps_current}
     write_net(tmp_path / "model.net", [layer, dense(RNG, 5, 4)])
     sent = played(tmp_path / "model.net", np.full((1, 600, 4), 3.9), 1)["layer0"][0]
