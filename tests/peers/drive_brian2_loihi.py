@@ -1,6 +1,6 @@
 """Play a job file to brian2-loihi 0.5: ``drive_brian2_loihi.py JOB RESULT``, in an environment of its own.
 
-How inputs are translated is said in ``quirks.py``.
+The job is what ``Network.job`` of ``peer_networks.py`` gives, for several networks. ``quirks.py`` says how inputs are translated.
 """
 
 import json
@@ -22,7 +22,7 @@ VOLTAGE_MAX = 2**23 - 1
 
 
 def one_value(population, key):
-    """Return the value that all compartments share; a neuron group has no other kind."""
+    """Return the value that all compartments share; a neuron group cannot have one per neuron."""
     (value,) = set(population[key])
     return value
 
@@ -74,22 +74,23 @@ def run(network):
     groups.update(
         {population["name"]: neurons(population) for population in network["populations"]}
     )
-    parts = list(groups.values())
+    objects = list(groups.values())
     for projection in network["projections"]:
-        parts += synapses(projection, groups[projection["source"]], groups[projection["target"]])
+        objects += synapses(projection, groups[projection["source"]], groups[projection["target"]])
     del groups["x"]
     fired = {name: LoihiSpikeMonitor(group) for name, group in groups.items()}
     current = {name: LoihiStateMonitor(group, "I") for name, group in groups.items()}
     voltage = {name: LoihiStateMonitor(group, "v") for name, group in groups.items()}
-    LoihiNetwork(*parts, *fired.values(), *current.values(), *voltage.values()).run(len(spikes))
-    found = {}
+    LoihiNetwork(*objects, *fired.values(), *current.values(), *voltage.values()).run(len(spikes))
+    arrays = {}
     for name, group in groups.items():
         raster = np.zeros((len(spikes), len(group)), np.int64)
+        # Spike times are in seconds, with steps of a millisecond.
         raster[np.rint(fired[name].t_ * 1000).astype(int), np.array(fired[name].i)] = 1
-        found[f"{network['name']}/{name}/spikes"] = raster
-        found[f"{network['name']}/{name}/u"] = current[name].I.T
-        found[f"{network['name']}/{name}/v"] = voltage[name].v.T
-    return found
+        arrays[f"{network['name']}/{name}/spikes"] = raster
+        arrays[f"{network['name']}/{name}/u"] = current[name].I.T
+        arrays[f"{network['name']}/{name}/v"] = voltage[name].v.T
+    return arrays
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Play emitted folders to Lava: ``drive_lava.py SCRIPT FOLDERS RESULT``, in an environment of its own.
+"""Play emitted folders in Lava: ``drive_lava.py SCRIPT FOLDERS RESULT``, in an environment of its own.
 
-SCRIPT is one of the folders' own ``network.py``, and FOLDERS holds them by number. The result holds for each folder, run
-and group of neurons what the script's ``play`` returns. A folder ``NUMBER`` whose result is in ``RESULT/NUMBER.npz`` is
-not played again.
+FOLDERS holds folders of ``--emit lava``, named by numbers, and SCRIPT is the ``network.py`` of one of them (all are equal).
+The result has, for each folder, run and group of neurons, what the script's ``play`` returns. A folder ``NUMBER`` whose
+result is in ``RESULT/NUMBER.npz`` is not played again.
 """
 
 import importlib.util
@@ -13,7 +13,7 @@ import numpy as np
 
 
 def script_at(path):
-    """Import the emitted script."""
+    """Import the emitted script as a module."""
     spec = importlib.util.spec_from_file_location("network", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -1,6 +1,6 @@
 """Play a job file to the CUBA neuron of lava-dl 0.6: ``drive_lava_dl.py JOB RESULT``, in an environment of its own.
 
-How inputs are translated is said in ``quirks.py``.
+``quirks.py`` says how inputs are translated.
 """
 
 import json
@@ -16,7 +16,9 @@ sys.modules["lava.lib.dl.slayer.object_detection"] = types.ModuleType(
 from lava.lib.dl import slayer  # noqa: E402
 
 WEIGHT_SCALE = 64
+"""lava-dl counts weights and thresholds in 64ths of a mantissa."""
 STATE_SCALE = 4096
+"""lava-dl counts currents, voltages and decays in 4096ths."""
 VOLTAGE_MAX = 2**23 - 1
 
 
@@ -69,7 +71,10 @@ def axon_of(projection):
 
 
 def play(neuron, charge, feedback):
-    """Step a neuron over (1, n, steps) of charge, with the spikes of one step fed back in the next."""
+    """Step a neuron over charges (1, n, steps), with the spikes of one step fed back in the next; return spikes, u and v.
+
+    lava-dl shows v before the reset; the chip's v after a spike is 0.
+    """
     spike, rows = torch.zeros((*charge.shape[:2], 1)), []
     for t in range(charge.shape[2]):
         total = charge[..., t : t + 1] + sum(synapse(spike) for synapse in feedback)
@@ -84,7 +89,7 @@ def play(neuron, charge, feedback):
 def run(network):
     """Return the arrays of one network by key."""
     spikes = {"x": torch.tensor(network["spikes"], dtype=torch.float32).T[None]}
-    found = {}
+    arrays = {}
     for population in network["populations"]:
         name, neuron = population["name"], neuron_of(population)
         charge, feedback = torch.zeros(1, population["size"], len(network["spikes"])), []
@@ -97,14 +102,14 @@ def run(network):
                     raise ValueError("the recurrence of a layer has no delay")
                 feedback.append(synapse)
                 continue
-            # A synapse acts in the row of its spike: one row later is the chip's step.
+            # A synapse of lava-dl acts in the step of its spike; on the chip it acts a step later.
             arriving = slayer.axon.delay(axon_of(projection)(spikes[projection["source"]]), 1)
             charge = charge + synapse(arriving)
         probes = play(neuron, charge, feedback)
         spikes[name] = probes[:, 0][None]
         for index, probe in enumerate(("spikes", "u", "v")):
-            found[f"{network['name']}/{name}/{probe}"] = probes[:, index].T.numpy()
-    return found
+            arrays[f"{network['name']}/{name}/{probe}"] = probes[:, index].T.numpy()
+    return arrays
 
 
 if __name__ == "__main__":

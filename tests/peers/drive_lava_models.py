@@ -1,8 +1,8 @@
-"""Play emitted folders to Lava's fixed-point models in one process: ``drive_lava_models.py SCRIPT FOLDERS RESULT``.
+"""Play emitted folders in Lava's fixed-point models, in one process: ``drive_lava_models.py SCRIPT FOLDERS RESULT``.
 
-Lava starts a process for each of its own, which takes seconds. Here its models, the classes that compute, take turns in
-the order of ``tests/support/lava_stand_in.py``, so that a thousand programs take minutes. ``drive_lava.py`` plays programs
-in Lava as a whole.
+Lava starts an operating-system process for each of its processes, which takes seconds. Here its models, the classes that
+compute, take turns in the order of ``tests/support/lava_stand_in.py``, so that a thousand programs take minutes.
+``drive_lava.py`` plays programs in Lava as a whole.
 """
 
 import sys
@@ -34,7 +34,7 @@ class Wire:
 
 
 class LIF(stand_in.LIF):
-    """Updated by Lava's model."""
+    """Neurons of the stand-in that Lava's model updates."""
 
     def __init__(self, *, shape, du, dv, vth, bias_mant, bias_exp):
         super().__init__(shape=shape, du=du, dv=dv, vth=vth, bias_mant=bias_mant, bias_exp=bias_exp)
@@ -63,7 +63,7 @@ class LIF(stand_in.LIF):
 
 
 class Dense(stand_in.DelayDense):
-    """Sums up by Lava's model; ``delays`` is None where there are none."""
+    """Synapses of the stand-in whose sums Lava's model computes; ``delays`` is None for synapses without delay."""
 
     def __init__(self, *, weights, delays=None, **settings):
         super().__init__(weights=weights, delays=0, **settings)
@@ -82,9 +82,9 @@ class Dense(stand_in.DelayDense):
         self.model = model
 
     def arriving(self):
-        """Return what the model sends in the step that comes."""
-        held = self.model.a_buff
-        return held if held.ndim == 1 else held[:, 0]
+        """Return the charges that the model sends in the next step."""
+        buffered_charges = self.model.a_buff
+        return buffered_charges if buffered_charges.ndim == 1 else buffered_charges[:, 0]
 
     def put_off(self, step, spikes):
         del step
@@ -93,7 +93,7 @@ class Dense(stand_in.DelayDense):
 
 
 def with_models(path):
-    """Import the emitted script, with these processes in the place of Lava's."""
+    """Import the emitted script, with these classes in the place of Lava's processes."""
     script = SCRIPT_AT(path)
     script.LIF = LIF
     script.Dense = Dense

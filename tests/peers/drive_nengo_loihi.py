@@ -1,6 +1,7 @@
 """Play a job file to the emulator of nengo-loihi 1.1: ``drive_nengo_loihi.py JOB RESULT``, in an environment of its own.
 
-The emulator's model is built directly, from integers. How inputs are translated is said in ``quirks.py``.
+The emulator's model is built directly, from integers, and not from a Nengo network, whose floats nengo-loihi would round.
+``quirks.py`` says how inputs are translated.
 """
 
 import json
@@ -17,7 +18,7 @@ from nengo_loihi.probe import LoihiProbe
 
 PROBES = {"spikes": "spiked", "u": "current", "v": "voltage"}
 FANOUT_TYPES = {"mixed": 1, "excitatory": 2, "inhibitory": 3}
-"""The emulator itself only tells type 1 from the others."""
+"""The codes of sign modes. The emulator itself only distinguishes type 1 from the others."""
 WIDEST_FORMAT = 7
 """The code of 8 weight bits; smaller widths are their own codes."""
 
@@ -37,7 +38,7 @@ def compartments(population):
 
 
 def synapses(projection):
-    """Return synapses whose mantissas the peer itself rounds to the format and shifts by the exponent."""
+    """Return synapses; the peer itself rounds their mantissas to the format and shifts them by the exponent."""
     if np.any(projection["delay"]):
         raise ValueError("the emulator has no delays")
     sources = np.array(projection["weights"], np.float32).T

@@ -25,7 +25,7 @@ COUNTS = ("spikes", "packets_sent", "neurons_updated", "neurons_fired")
 
 
 def check(network):
-    """Refuse what its neurons and synapses do not have, or would silently ignore."""
+    """Raise ValueError for what SANA-FE's neurons and synapses do not have, or would silently ignore."""
     for population in network["populations"]:
         if population["vmax"] != VOLTAGE_MAX or abs(population["vmin"]) != VOLTAGE_MAX:
             raise ValueError("the soma has no voltage limits")
@@ -73,7 +73,7 @@ def neurons(net, core, population, log_spikes):
 
 
 def connect(source, target, projection):
-    """Connect two groups; a zero is no synapse."""
+    """Connect two groups; a zero is no synapse. A negative exponent drops the lowest bits of weights, as on the chip."""
     mantissa = np.array(projection["weights"]).T  # (sources, targets)
     pairs = np.argwhere(mantissa != 0)
     weights = np.floor(mantissa[tuple(pairs.T)] * 2.0 ** projection["exponent"])
@@ -104,14 +104,14 @@ def load(network, *, log_spikes=False):
 
 
 def feed(chip, spikes):
-    """Set the chip back to its start and give it a recording (steps, lines)."""
+    """Reset the chip and give it a recording (steps, lines)."""
     chip.reset()
     for neuron, line in zip(chip.mapped_neuron_groups["x"], np.array(spikes, bool).T, strict=True):
         neuron.set_attributes(model_attributes={"spikes": line.tolist()})
 
 
 def raster(trace, population, steps):
-    """Return the spikes (steps, n) of a population out of a trace of all."""
+    """Return the spikes (steps, n) of a population from a trace of all populations."""
     spikes = np.zeros((steps, population["size"]), np.int64)
     for step, row in enumerate(trace):
         fired = [
@@ -127,13 +127,13 @@ def run(network, timing_model="detailed"):
     feed(chip, network["spikes"])
     played = chip.sim(steps, timing_model=timing_model, processing_threads=1, spike_trace=True)
     name = network["name"]
-    found = {
+    arrays = {
         f"{name}/{p['name']}/spikes": raster(played["spike_trace"], p, steps)
         for p in network["populations"]
     }
-    found |= {f"{name}/energy_joules/{part}": value for part, value in played["energy"].items()}
-    found |= {f"{name}/counts/{count}": played[count] for count in COUNTS}
-    return found | {f"{name}/sim_time_seconds": played["sim_time"]}
+    arrays |= {f"{name}/energy_joules/{part}": value for part, value in played["energy"].items()}
+    arrays |= {f"{name}/counts/{count}": played[count] for count in COUNTS}
+    return arrays | {f"{name}/sim_time_seconds": played["sim_time"]}
 
 
 if __name__ == "__main__":

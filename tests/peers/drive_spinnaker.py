@@ -1,7 +1,8 @@
 """Play networks in SpiNNaker's machine code: ``drive_spinnaker.py NETWORKS RESULT``.
 
 Both files hold arrays by ``number/name``. With ``--exponentials`` instead of networks, the result
-holds both exponentials of every argument that they do not cut, and of one beyond each end.
+holds both exponential functions of the machine code for every argument within their range, and for
+one argument beyond each end.
 """
 
 import sys
@@ -11,6 +12,7 @@ from spinnaker_machine import Core, Machine, installed_file, read_checked
 
 EXPONENT_MIN = -340695
 EXPONENT_MAX = 363408
+"""The range of arguments, in s16.15, beyond which the functions return 0 or the largest number."""
 RECEPTORS = 2
 
 
@@ -31,7 +33,7 @@ def cores_of(content, network):
 
 
 def rows_of(network, neurons):
-    """Return for every source its synapses on each core, (neuron of the core, receptor, weight, delay)."""
+    """Return the synapses of each source on each core, (neuron of the core, receptor, weight, delay), by source and core."""
     core_of = np.concatenate([np.full(len(part), core) for core, part in enumerate(neurons)])
     place_of = np.concatenate([np.arange(len(part)) for part in neurons])
     source, target, receptor, weight, delay = network["synapses"].T
@@ -59,6 +61,7 @@ def play(content, network):
         steps["recorded_v"].append(np.concatenate([core.recorded_v() for core in cores]))
         for name in ("v", "current", "refractory"):
             steps[name].append(joined([part[name] for part in registers]))
+        # A spike is processed when it arrives: in its own step, or `late` steps later, when only its time stamp tells.
         for source in np.flatnonzero(np.concatenate([spikes[t], fired])).tolist():
             late = int(lateness[t, source])
             waiting.setdefault(t + late, []).append((source, late))
@@ -76,7 +79,7 @@ def joined(parts):
 
 
 def exponentials(content):
-    """Return the arguments of both exponentials, and what they are."""
+    """Return the arguments and the values of both exponential functions."""
     machine = Machine(content)
     x = range(EXPONENT_MIN - 1, EXPONENT_MAX + 2)
     return {
@@ -87,13 +90,13 @@ def exponentials(content):
 
 
 def main():
-    given, written = sys.argv[1:]
+    networks_file, result_file = sys.argv[1:]
     content = read_checked(installed_file())
-    if given == "--exponentials":
-        np.savez_compressed(written, **exponentials(content))
+    if networks_file == "--exponentials":
+        np.savez_compressed(result_file, **exponentials(content))
         return
     networks = {}
-    with np.load(given) as arrays:
+    with np.load(networks_file) as arrays:
         for key, array in arrays.items():
             number, name = key.split("/")
             networks.setdefault(number, {})[name] = array
@@ -101,7 +104,7 @@ def main():
     for number, network in networks.items():
         for name, array in play(content, network).items():
             results[f"{number}/{name}"] = array
-    np.savez_compressed(written, **results)
+    np.savez_compressed(result_file, **results)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ def synapses(weights):
 
 
 def layer_of(network):
-    """Return a layer at rest, and its synapses, which must live as long as it does: it does not own them."""
+    """Return a layer at rest, and its synapses. The layer only points to them, so the caller must keep them alive."""
     owned = [synapses(network[name]) for name in ("weights_in", "weights_hidden")]
     owned.append(synapses(network["weights_out"][:, :, None]))
     hidden, outputs = network["weights_out"].shape
@@ -74,13 +74,13 @@ def read(path):
 
 
 def main():
-    given, written = sys.argv[1:]
-    networks = read(given)
+    networks_file, result_file = sys.argv[1:]
+    networks = read(networks_file)
     results = {}
     for number, network in networks.items():
         for name, array in play(network, network["events"]).items():
             results[f"{number}/{name}"] = array
-    np.savez_compressed(written, **results)
+    np.savez_compressed(result_file, **results)
 
 
 if __name__ == "__main__":

@@ -20,10 +20,12 @@ STEPS = 60
 
 
 def dense(ins, outs, neuron=NEURON, **more):
+    """Return a fully connected block. A ``weight_scale`` of 4 makes its neurons spike now and then."""
     return CUBA.Dense(dict(neuron), ins, outs, weight_scale=4, **more)
 
 
 def images(first):
+    """Return first blocks for images, and what follows them: pooling and a readout of 5 classes."""
     return [*first, CUBA.Pool(dict(NEURON), 2, weight_scale=8), CUBA.Flatten(), dense(16, 5)]
 
 
@@ -54,8 +56,9 @@ if __name__ == "__main__":
             np.random.default_rng(3).random((*shape, STEPS)) < 0.2, dtype=torch.float32
         )
         if "delay" in name:
+            # Delays get their size in the first pass, so a pass comes before they are drawn, from 0 to 9 steps.
             self_sized = given
-            for block in blocks:  # delays get their size in the first pass
+            for block in blocks:
                 self_sized = block(self_sized)
                 if getattr(block, "delay", None) is not None:
                     block.delay.delay.data = 9 * torch.rand_like(block.delay.delay.data)

@@ -1,7 +1,7 @@
 """Networks of norse 1.1 as NIR, and how they spike: ``export_norse.py FOLDER``, in an environment of its own.
 
-norse writes ``tau = dt * tau``: with its dt of 1e-3 the graphs are read with a step of 1e-6. Its models are chains; graphs
-with skip connections are written here and run by nirtorch with norse's cells.
+norse multiplies each time constant with its step of 1e-3 once more when it writes, so its graphs are read with a step of
+1e-6. Its own models are chains; graphs with skip connections are written here and run by nirtorch with norse's cells.
 """
 
 import sys
@@ -19,9 +19,9 @@ from torch.nn import Linear
 
 
 def linear(ins, outs):
-    made = Linear(ins, outs)
-    made.weight.data *= 8
-    return made
+    layer = Linear(ins, outs)
+    layer.weight.data *= 8  # with the weights of torch neurons would be silent
+    return layer
 
 
 def box(n, leak=0.0):
@@ -57,7 +57,10 @@ SIZES = {"input": 20, "a": 12, "b": 10, "c": 9, "d": 8}
 
 
 def graph(rng, ways, rests):
-    """Return a graph with weights for each way ``source target``; ``rests``: v_leak and v_reset of neurons off 0."""
+    """Return a graph with weights for each way ``source target``.
+
+    ``rests``: v_leak and v_reset of the populations where they are not 0.
+    """
     nodes, edges = (
         {"input": nir.Input(np.array([20])), "output": nir.Output(np.array([8]))},
         [("d", "output")],
@@ -95,9 +98,9 @@ def cell(node):
 
 
 def affine(node):
-    made = Linear(*node.weight.shape[::-1])
-    made.weight.data, made.bias.data = tensor(node.weight), tensor(node.bias)
-    return made
+    layer = Linear(*node.weight.shape[::-1])
+    layer.weight.data, layer.bias.data = tensor(node.weight), tensor(node.bias)
+    return layer
 
 
 def integrator(node):

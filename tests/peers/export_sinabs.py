@@ -1,6 +1,7 @@
 """Networks of sinabs 3.1 as NIR, and how they spike: ``export_sinabs.py FOLDER``, in an environment of its own.
 
-sinabs counts time constants in steps, holds inputs for a step, and sends one spike a step with ``SingleSpike``.
+sinabs counts time constants in steps, holds inputs for a step, and sends at most one spike per step with ``SingleSpike``.
+Weights are multiplied by gains, chosen by hand, with which neurons spike now and then.
 """
 
 import sys
@@ -18,9 +19,9 @@ SUBTRACT = {"spike_fn": SingleSpike, "reset_fn": MembraneSubtract()}
 
 
 def linear(ins, outs, gain):
-    made = Linear(ins, outs)
-    made.weight.data *= gain
-    return made
+    layer = Linear(ins, outs)
+    layer.weight.data *= gain
+    return layer
 
 
 def lif(n, how):
@@ -33,9 +34,9 @@ def iaf(how):
 
 
 def conv(kind, *shape, **more):
-    made = kind(*shape, **more)
-    made.weight.data *= 5
-    return made
+    layer = kind(*shape, **more)
+    layer.weight.data *= 5
+    return layer
 
 
 def readout(n):

@@ -1,4 +1,8 @@
-"""Networks of snnTorch 1.0 as NIR, and how they spike: ``export_snntorch.py FOLDER``, in an environment of its own."""
+"""Networks of snnTorch 1.0 as NIR, and how they spike: ``export_snntorch.py FOLDER``, in an environment of its own.
+
+snnTorch resets a neuron at once (``reset_delay=False``) or, by default, in the step after its spike: *late*. Gains of weights
+were chosen by hand, so that neurons spike now and then.
+"""
 
 import sys
 
@@ -16,9 +20,9 @@ ALL_TO_ALL = {"all_to_all": True, "linear_features": 16}
 
 
 def linear(ins, outs, gain=3.0):
-    made = Linear(ins, outs)
-    made.weight.data *= gain
-    return made
+    layer = Linear(ins, outs)
+    layer.weight.data *= gain
+    return layer
 
 
 def leaky(*shape, beta=0.9, how=ZERO):

@@ -1,4 +1,7 @@
-"""Networks of spikingjelly 2.0 as NIR, and how they spike: ``export_spikingjelly.py FOLDER``, in its environment."""
+"""Networks of spikingjelly 2.0 as NIR, and how they spike: ``export_spikingjelly.py FOLDER``, in its environment.
+
+Gains of weights were chosen by hand, so that neurons spike now and then.
+"""
 
 import sys
 
@@ -26,11 +29,12 @@ def linear(ins, outs, gain=8.0):
 
 
 def two(neuron, gain=8.0, **more):
+    """Return a network of two layers of a kind of neuron."""
     return Sequential(linear(20, 16, gain), neuron(**more), linear(16, 8, 2 * gain), neuron(**more))
 
 
 class Skip(Module):
-    """The output hears the first and the second layer: through weights of its own, or their sum."""
+    """A network whose output has inputs from both hidden layers: through separate weights, or (``summed``) their sum."""
 
     def __init__(self, summed):
         super().__init__()

@@ -1,6 +1,8 @@
 """How often each feature of the chip occurs in the networks that a peer is compared on.
 
-Run as a script, it writes ``docs/research/peers.csv``; the first rows are in ``docs/research/peers.md`` too.
+A comparison without a difference says something only about what its networks contain. ``test_peers.py`` asks that each
+feature occurs, or that a quirk explains why not. Run as a script, this writes ``docs/research/peers.csv``; the first rows
+are in ``docs/research/peers.md`` too.
 """
 
 from __future__ import annotations
@@ -22,11 +24,12 @@ import hw_model as hw
 
 TABLE = Path(__file__).parents[2] / "docs/research/peers.csv"
 IN_THE_PAGE = 5
+"""The first features, sizes and spikes, are also in a table of the page."""
 
 
 @dataclass(frozen=True)
 class Feature:
-    """Something that networks do or have, counted; ``topic`` is the quirk that explains a peer without it."""
+    """Something that networks do or have. ``topic``: the topic of the quirk (quirks.py) of a peer that does not have it."""
 
     name: str
     topic: str | None
@@ -55,7 +58,7 @@ def event(name: str) -> Callable[[Network, hw.SimulationResult], int]:
 
 
 def negative_roundings(register: str) -> Callable[[Network, hw.SimulationResult], int]:
-    """Count the decays of a negative register whose bits below the point are lost: toward zero is not down."""
+    """Count the decays of a negative register that lose a fraction: there rounding toward zero differs from rounding down."""
 
     def count(network: Network, result: hw.SimulationResult) -> int:
         total = 0

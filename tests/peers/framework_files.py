@@ -1,4 +1,4 @@
-"""What the export scripts of frameworks write: a model file, and beside it the spikes given and those that came of it."""
+"""What the export scripts of frameworks write next to a model file: the spikes that the model was given, and its own spikes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def recording(shape, steps: int = STEPS) -> Any:
 
 
 def save_trace(folder: str, name: str, given: Any, layers: Mapping[str, Any]) -> None:
-    """Write the spikes given (steps, n) and those of the framework's layers (steps, n), by module name."""
+    """Write the input spikes (steps, n) and those of the framework's layers (steps, n), by module name."""
     rows = {
         f"out/{layer}": np.asarray(found).reshape(len(given), -1) for layer, found in layers.items()
     }
@@ -28,18 +28,18 @@ def save_trace(folder: str, name: str, given: Any, layers: Mapping[str, Any]) ->
 
 
 def save_played(folder: str, name: str, network: Any, layers: Mapping[str, Any], shape) -> None:
-    """Play the recording to a torch network row by row, as batches of one, and write what its layers gave."""
+    """Play the recording to a torch network row by row, as batches of one, and write the outputs of its layers."""
     import torch
 
-    found, given = heard(layers), recording(shape)
+    outputs, input_spikes = heard(layers), recording(shape)
     with torch.no_grad():
-        for row in given:
+        for row in input_spikes:
             network(torch.tensor(row)[None])
-    save_trace(folder, name, given, found)
+    save_trace(folder, name, input_spikes, outputs)
 
 
 def heard(modules: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """Return what torch modules give, call by call; their first value where they give several."""
+    """Return lists to which the outputs of torch modules are appended at each call; of several values, the first."""
     found: dict[str, list[Any]] = {name: [] for name in modules}
     for name, module in modules.items():
         module.register_forward_hook(

@@ -1,8 +1,8 @@
 """Make one environment for each peer under ``.peers/``, or write down why it cannot be made.
 
-The peers' requirements exclude each other's and ours, so none is ever imported by this project. Running this again
-makes only what is missing or has another recipe; with names, only these. A patch is a line of a peer that a later Python refuses; the file is
-known by its hash, and another one is left alone.
+The peers' requirements exclude each other's and ours, so none is ever imported by this project. Running this again makes
+only environments that are missing or were made by another recipe; names on the command line restrict it to these. A patch
+changes a line of a peer that a later Python refuses; it is applied only to the file with the known hash.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Patch:
     replacement: str
 
     def apply(self, packages: Path) -> None:
-        """Change the file; ``ValueError`` for another file than the one that was looked at."""
+        """Change the file. Raise ``ValueError`` if it is another file than the one that the patch was written for."""
         file = packages / self.path
         content = file.read_bytes()
         digest = hashlib.sha256(content).hexdigest()
@@ -89,7 +89,10 @@ def why_missing(name: str) -> str | None:
 
 
 def make(name: str) -> str | None:
-    """Make an environment unless its recipe has been followed already; return why it could not be made, or None."""
+    """Make an environment unless it was already made by this recipe; return why it could not be made, or None.
+
+    The stamp, a copy of the recipe, is written last, so an interrupted environment is made again.
+    """
     recipe, folder = RECIPES[name], ROOT / name
     if _stamp(name).exists() and _stamp(name).read_text() == _recipe(name):
         return None
@@ -106,8 +109,8 @@ def make(name: str) -> str | None:
         for patch in PATCHES.get(name, ()):
             patch.apply(folder / "lib" / "python3.11" / "site-packages")
     except (OSError, ValueError, subprocess.CalledProcessError) as error:
-        last = (getattr(error, "stderr", None) or str(error)).strip().splitlines()[-1]
-        _note(name).write_text(f"cannot be made: {last}\n")
+        reason = (getattr(error, "stderr", None) or str(error)).strip().splitlines()[-1]
+        _note(name).write_text(f"cannot be made: {reason}\n")
         return why_missing(name)
     _stamp(name).write_text(_recipe(name))
     return None
@@ -119,10 +122,12 @@ def _recipe(name: str) -> str:
 
 
 def _stamp(name: str) -> Path:
+    """Return the file in an environment that holds the recipe by which it was made."""
     return ROOT / name / "recipe"
 
 
 def _note(name: str) -> Path:
+    """Return the file that says why an environment could not be made."""
     return ROOT / f"{name}.missing"
 
 

@@ -16,7 +16,7 @@ PROBES = ("spikes", "u", "v")
 
 @dataclass(frozen=True, eq=False)
 class Population:
-    """Compartments: every parameter is an array (size,), but for the limits, which are one for all."""
+    """Compartments: every parameter is an array (size,), except for the voltage limits, which are one value for all."""
 
     name: str
     size: int
@@ -52,22 +52,24 @@ class Network:
     projections: tuple[Projection, ...]
 
     def job(self) -> dict[str, Any]:
-        """Return what a driver reads, in types that JSON has but for the arrays."""
+        """Return the network as drivers read it: dictionaries and numbers; arrays are still to be written as lists."""
         return asdict(self)
 
     def program(self) -> hw.ChipProgram:
-        """Return it as our engine plays it."""
+        """Return the network as a program for our engine."""
         builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
         nodes = {"x": builder.add_input("x", self.spikes.shape[1])}
         for population in self.populations:
             nodes[population.name] = builder.add_compartments(**vars(population))
         for projection in self.projections:
-            given = dict(vars(projection))
-            builder.connect(nodes[given.pop("source")], nodes[given.pop("target")], **given)
+            arguments = dict(vars(projection))
+            builder.connect(
+                nodes[arguments.pop("source")], nodes[arguments.pop("target")], **arguments
+            )
         return builder.build()
 
     def simulate(self) -> hw.SimulationResult:
-        """Run our engine over it."""
+        """Play the network in our engine, with spikes, u and v of every step."""
         return hw.simulate(self.program(), self.spikes, probe=PROBES)
 
 

@@ -1,4 +1,4 @@
-"""Play the networks of a peer, on our side and on its own."""
+"""Play the networks of a peer, in our engine and in the peer's own environment."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def networks_of(peer: Peer) -> tuple[Network, ...]:
 
 @cache
 def our_result(network: Network) -> hw.SimulationResult:
-    """Return what our engine finds."""
+    """Return the result of our engine; networks are compared and counted several times, so it is kept."""
     return network.simulate()
 
 

@@ -1,7 +1,8 @@
 """Where the peers differ from the chip: the one place that says how inputs are translated and what is left out, and why.
 
-A *witness* is a network on which the peer, given the very same inputs, differs from our engine because of the quirk;
-a quirk without one is a parameter that the peer does not have at all, which its driver refuses, or a translation.
+Each difference is a *quirk*. Its *witness* is a network on which the peer, given the very same inputs, differs from our
+engine because of the quirk. A quirk without a witness is a translation, or a parameter that the peer does not have at all
+and that its driver refuses.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Quirk:
 
 @dataclass(frozen=True, eq=False)
 class Peer:
-    """A simulator, what can be asked of it, and how many random networks it is given."""
+    """A simulator, what it can do, and how many random networks it is given."""
 
     name: str
     driver: str

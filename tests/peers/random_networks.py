@@ -1,4 +1,8 @@
-"""Random networks that stay within what a peer can do."""
+"""Random networks that stay within what a peer can do.
+
+Values at the ends of registers, formats and decays are drawn far more often than a uniform draw would, because that is where
+simulators differ.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +41,7 @@ SIGN_MODE_SHARES = (0.5, 0.35, 0.15)
 
 @dataclass(frozen=True)
 class Abilities:
-    """What a peer can be asked for: all that the chip can, unless it says less, with a row in its table of quirks."""
+    """What a peer can do: by default all that the chip can. Each ability that it lacks is a quirk of its table."""
 
     overflow: bool = True
     """It wraps q, u and u + bias, and clips v; otherwise networks that do so are drawn again."""
@@ -62,7 +66,7 @@ class Abilities:
 
 
 def random_network(name: str, seed: int, can: Abilities) -> Network:
-    """Draw the network of a seed; where the peer has no overflow, draw until our engine reports none."""
+    """Draw the network of a seed; if the peer does not model overflow, draw again until our engine counts none."""
     for attempt in count():
         network = _draw(name, np.random.default_rng([seed, attempt]), can)
         if can.overflow or not any(network.simulate().counts[event] for event in EVENTS):
@@ -124,6 +128,7 @@ def _weights(
     step = grid.step if can.odd_mantissas else max(grid.step, 2)
     if not can.floors_negative_exponents:
         step = max(step, 1 << max(-exponent, 0))
+    # The ends of the grid, rounded towards 0 to multiples of the step.
     low, high = -(-grid.low // step * step), grid.high // step * step
     if exponent not in can.lowest_mantissa:
         low = max(low, step - 256)
@@ -135,7 +140,7 @@ def _weights(
 def _delay(
     r: Generator, can: Abilities, pair: tuple[str, str], shape: tuple[int, int]
 ) -> NDArray[np.int64]:
-    """Draw delays out of three values, so that a peer with one delay to a group of synapses needs few groups."""
+    """Draw delays from three values, so that a peer with one delay per group of synapses needs few groups."""
     values = r.integers(0, r.choice([1, 4, 63]), 3)
     if can.delay == "synapse":
         return r.choice(values, shape)

@@ -1,6 +1,6 @@
 """Networks that we write as NIR, read and run by a framework: ``read_nir.py FRAMEWORK FOLDER``, in its environment.
 
-Beside each graph lie the spikes that it is given, one row a step; those of populations a, b and c are written there.
+Next to each graph lie its input spikes, one row per step; the spikes of populations a, b and c are written there.
 """
 
 import sys

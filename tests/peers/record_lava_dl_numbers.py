@@ -1,6 +1,7 @@
 """Write ``tests/frontends/lava-dl-numbers/<network>.npz``, in the environment of lava-dl 0.6.
 
-With ``record_lava_dl_numbers.py FOLDER SEED``, write other networks of these kinds, and other recordings.
+The files let tests compare networks with real-valued inputs without lava-dl. With ``record_lava_dl_numbers.py FOLDER SEED``,
+write networks of the same kinds with other weights, and other recordings.
 Each file holds a network as lava-dl exports it, ``net`` (the bytes of a ``.net`` file), real-valued recordings,
 ``inputs`` (samples, steps, ...), and what each layer of neurons sends in slayer's forward pass, by the layer's
 name, (samples, steps, neurons).
@@ -46,7 +47,7 @@ def signal_blocks() -> Blocks:
 
 
 def image_blocks() -> Blocks:
-    """An input layer of images, whose numbers are taken as they are."""
+    """An input layer of images, which is driven by their numbers without weight and bias."""
     return [
         CUBA.Input({"threshold": 1.5, "current_decay": 0.6, "voltage_decay": 0.07}),
         CUBA.Conv(NEURON, 2, 4, 3, padding=1, stride=2, weight_scale=4),
@@ -91,7 +92,7 @@ def signals(channels: int) -> torch.Tensor:
 
 
 def held_images(*shape: int) -> torch.Tensor:
-    """Return images that do not change."""
+    """Return images that are shown unchanged in every step."""
     return torch.rand(SAMPLES, *shape, 1).repeat(*(1,) * (len(shape) + 1), STEPS)
 
 
@@ -112,7 +113,7 @@ NETWORKS = {
 
 
 def record(name: str, seed: int) -> dict[str, np.ndarray]:
-    """Return what the file of a network holds."""
+    """Return the arrays of a network's file by their names."""
     torch.manual_seed(seed)
     blocks = NETWORKS[name].blocks()
     inputs = NETWORKS[name].recordings()

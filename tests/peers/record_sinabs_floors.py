@@ -1,11 +1,14 @@
-"""Networks of sinabs 3.1 whose potentials have a floor, and how they spike.
+"""Networks of sinabs 3.1 whose potentials have a floor (``min_v_mem``), and how they spike.
 
 ``record_sinabs_floors.py FILE.npz`` writes them, in an environment of its own that has sinabs, nir
-and h5py. Each network has two layers. Its graph is kept as the bytes of the file that sinabs' own
-export writes, ``NAME.nir``; next to it are its floor, ``NAME.floor``, the spikes of its input
-(steps, channels), ``NAME.input``, and those of its layers (steps, neurons), ``NAME.first`` and
-``NAME.second``. Inhibition is strong, so that many potentials reach the floor: ``NAME.free`` are the
-spikes of the first layer without a floor.
+and h5py. Each network has two layers. The file has the following arrays for each network:
+
+- ``NAME.nir``: its graph, the bytes of the file that sinabs' own export writes
+- ``NAME.floor``: its floor, which a NIR file cannot express
+- ``NAME.input``: the spikes of its input (steps, channels)
+- ``NAME.first`` and ``NAME.second``: the spikes of its layers (steps, neurons)
+- ``NAME.free``: the spikes of the first layer without a floor; inhibition is strong, so that many
+  potentials reach the floor and these differ
 """
 
 import sys
@@ -23,11 +26,12 @@ from torch.nn import Linear, Sequential
 CHANNELS, HIDDEN, OUTPUTS, STEPS = 20, 16, 8, 120
 RESETS = {"zero": MembraneReset(), "subtract": MembraneSubtract()}
 FLOORS = {"at-rest": 0.0, "shallow": -0.3, "one-threshold": -1.0, "deep": -2.5}
+"""In the units of the threshold of ``iaf``."""
 THRESHOLD = {"iaf": 1.0, "lif": 0.4}
 
 
 def layer(kind, neurons, reset, floor):
-    """Return neurons of one spike a step."""
+    """Return neurons that send at most one spike per step."""
     how = {"spike_fn": SingleSpike, "reset_fn": RESETS[reset], "min_v_mem": floor, "batch_size": 1}
     if kind == "iaf":
         return sl.IAFSqueeze(spike_threshold=torch.full((neurons,), THRESHOLD[kind]), **how)
@@ -66,7 +70,7 @@ def play(made, spikes):
 
 
 def graph_bytes(made):
-    """Return the file that sinabs writes."""
+    """Return the content of the NIR file that sinabs writes."""
     graph = to_nir(made, torch.zeros(1, CHANNELS))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "graph.nir"
@@ -75,24 +79,26 @@ def graph_bytes(made):
 
 
 def main():
-    held = {}
+    arrays = {}
     for seed, (kind, reset, floor) in enumerate(
         (kind, reset, floor) for kind in THRESHOLD for reset in RESETS for floor in FLOORS
     ):
         name = f"{kind}-{reset}-{floor}"
         generator = torch.Generator().manual_seed(100 + seed)
         spikes = (torch.rand(STEPS, CHANNELS, generator=generator) < 0.2).float()
-        made = network(kind, reset, FLOORS[floor], seed)
-        play(made, spikes)
-        held[f"{name}.nir"] = graph_bytes(made)
-        held[f"{name}.floor"] = np.array(FLOORS[floor])
-        held[f"{name}.input"] = spikes.numpy().astype(np.uint8)
-        held[f"{name}.first"], held[f"{name}.second"] = play(made, spikes)
-        held[f"{name}.free"], _ = play(network(kind, reset, None, seed), spikes)
-        changed = int((held[f"{name}.free"] != held[f"{name}.first"]).sum())
-        counts = [int(held[f"{name}.{part}"].sum()) for part in ("first", "second")]
+        recorded_network = network(kind, reset, FLOORS[floor], seed)
+        play(
+            recorded_network, spikes
+        )  # neurons get their size in the first pass, which the export needs
+        arrays[f"{name}.nir"] = graph_bytes(recorded_network)
+        arrays[f"{name}.floor"] = np.array(FLOORS[floor])
+        arrays[f"{name}.input"] = spikes.numpy().astype(np.uint8)
+        arrays[f"{name}.first"], arrays[f"{name}.second"] = play(recorded_network, spikes)
+        arrays[f"{name}.free"], _ = play(network(kind, reset, None, seed), spikes)
+        changed = int((arrays[f"{name}.free"] != arrays[f"{name}.first"]).sum())
+        counts = [int(arrays[f"{name}.{part}"].sum()) for part in ("first", "second")]
         print(f"{name}: {counts} spikes, {changed} differ without a floor")
-    np.savez_compressed(sys.argv[1], **held)
+    np.savez_compressed(sys.argv[1], **arrays)
 
 
 if __name__ == "__main__":

@@ -27,9 +27,9 @@ def frames() -> torch.Tensor:
     columns, rows = SIZE
     events = np.array(scene())
     step = (events[:, 0] - events[:, 0].min()) // STEP_MICROSECONDS
-    made = torch.zeros(STEPS, 1, 2, rows, columns)
-    made[step, 0, events[:, 3], events[:, 2], events[:, 1]] = 1
-    return made
+    images = torch.zeros(STEPS, 1, 2, rows, columns)
+    images[step, 0, events[:, 3], events[:, 2], events[:, 1]] = 1
+    return images
 
 
 if __name__ == "__main__":
@@ -42,7 +42,7 @@ if __name__ == "__main__":
         layer.Linear(4 * 4 * 7, 6),
         LIFNode(tau=2.0),
     )
-    network[0].weight.data *= 16
+    network[0].weight.data *= 16  # gains chosen by hand, so that neurons spike now and then
     network[4].weight.data *= 60
     columns, rows = SIZE
     with tempfile.TemporaryDirectory() as folder:

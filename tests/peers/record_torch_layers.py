@@ -1,8 +1,7 @@
 """Write ``tests/frontends/torch-layers/<framework>.npz``, in an environment with snnTorch, spikingjelly, norse and sinabs.
 
-Each file holds a state dict, ``state`` (bytes), a step of input after the other, ``inputs`` (steps, ...), and
-what each layer of neurons and each pooling sends, by the layer's name, (steps, neurons). The YAML that lists
-the layers lies next to it.
+Each file holds a state dict, ``state`` (bytes), the input step by step, ``inputs`` (steps, ...), and the output of each layer
+of neurons and each pooling, by the layer's name, (steps, neurons). The YAML that lists the layers lies next to it.
 """
 
 import io
@@ -23,11 +22,11 @@ STEPS = 40
 Module = torch.nn.Module
 WEIGHTED = (torch.nn.Linear, torch.nn.Conv2d)
 UNRECORDED = (*WEIGHTED, torch.nn.Flatten, torch.nn.BatchNorm1d, torch.nn.BatchNorm2d)
-"""Layers whose output is not recorded: it is not made of spikes, or those of the layer before."""
+"""Layers whose output is not recorded: it does not consist of spikes, or only reshapes those of the layer before."""
 
 
 class WithState(Module):
-    """A cell of norse, which takes and returns its state, as a layer that keeps it."""
+    """A cell of norse, which takes and returns its state, wrapped as a layer that keeps it."""
 
     def __init__(self, cell: Module) -> None:
         super().__init__()
@@ -40,7 +39,7 @@ class WithState(Module):
 
 
 class OfOneStep(Module):
-    """A layer of sinabs, which takes all steps of a recording, stepped alone."""
+    """A layer of sinabs, which takes all steps of a recording at once, wrapped as a layer that takes one step."""
 
     def __init__(self, layer: Module) -> None:
         super().__init__()
@@ -51,7 +50,7 @@ class OfOneStep(Module):
 
 
 def normalised(layer: Module, channels: int) -> Module:
-    """Give a batch normalisation statistics and parameters as training would."""
+    """Give a batch normalisation random statistics and parameters, as training would; return it."""
     layer.running_mean = 0.3 * torch.randn(channels)
     layer.running_var = 0.2 + torch.rand(channels)
     layer.weight.data = 0.8 + 0.4 * torch.rand(channels)
@@ -110,14 +109,17 @@ def norse_layers() -> Mapping[str, Module]:
 
 
 def spikes(*shape: int) -> torch.Tensor:
+    """Return random spikes (steps, *shape)."""
     return (torch.rand(STEPS, *shape) < 0.15).float()
 
 
 def image(*shape: int) -> torch.Tensor:
+    """Return a random image that is shown unchanged in every step."""
     return torch.rand(*shape).repeat(STEPS, *(1,) * len(shape))
 
 
 def signals(channels: int) -> torch.Tensor:
+    """Return sines with noise (steps, channels)."""
     time = torch.arange(STEPS)[:, None] / 8 + torch.arange(channels)[None, :]
     return torch.sin(time) + 0.1 * torch.randn(STEPS, channels)
 
@@ -140,7 +142,7 @@ NETWORKS: Mapping[str, Recorded] = {
 
 
 def record(framework: str) -> dict[str, np.ndarray]:
-    """Return what the file of a framework holds."""
+    """Return the arrays of a framework's file by their names."""
     torch.manual_seed(2)
     recorded = NETWORKS[framework]
     layers = recorded.layers()

@@ -1,6 +1,6 @@
 """Shipped networks, each with recordings of the set that it was trained for.
 
-``LOCSNN_PEER_RECORDINGS`` is how many recordings of a set are played.
+The environment variable ``LOCSNN_PEER_RECORDINGS`` says how many recordings of a set are played; by default 20.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def shipped_network(model: str) -> Network:
 
 
 def few_recordings(model: str) -> Recordings:
-    """Return recordings, evenly spread, of the set of a network, of its test part if it is divided.
+    """Return a few recordings, evenly spread over the set of a network, from its test part if it has one.
 
-    The test is skipped where the set is not next to the repository.
+    The test is skipped if the set is not next to the repository.
     """
     path = SETS[model]
     if not path.exists():

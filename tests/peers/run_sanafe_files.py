@@ -1,7 +1,7 @@
-"""Run what ``--emit sanafe`` wrote: ``run_sanafe_files.py JOB RESULT``, in SANA-FE's environment.
+"""Run networks that ``--emit sanafe`` wrote: ``run_sanafe_files.py JOB RESULT``, in SANA-FE's environment.
 
-The job lists ``{folder, file, steps}``; the result has for each its counts, the energies of its parts in joules, its
-spikes as (step, group, neuron), and the potentials of all neurons that log them, by group name, then neuron.
+The job, a JSON file, lists ``{folder, file, steps}``. The result has for each its counts, the energies of its parts in
+joules, its spikes as (step, group, neuron), and the potentials of all neurons that log them, by group name, then neuron.
 """
 
 import json
@@ -14,7 +14,7 @@ COUNTS = ("neurons_fired", "neurons_updated", "packets_sent", "spikes")
 
 
 def run(folder, file, steps):
-    """Return what SANA-FE finds with one network file."""
+    """Return counts, energies, spikes and potentials of one network file."""
     arch = sanafe.load_arch(Path(folder) / "arch.yaml")
     chip = sanafe.SpikingChip(arch)
     chip.load(sanafe.load_net(Path(folder) / file, arch))

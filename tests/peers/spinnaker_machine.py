@@ -32,7 +32,7 @@ EXPONENTIAL = (
     f"{ANY_WORD} e1500002 {ANY_WORD} {ANY_WORD} e1500002 {ANY_WORD} e3a00000 e12fff1e "
     f"e3e00102 e12fff1e e92d4010 {ANY_WORD}"
 )
-"""Both exponentials begin so: they look whether their argument is within their range."""
+"""Both exponentials begin with these words: they check whether their argument is within their range."""
 FUNCTIONS = {
     "expk": Function(f"{EXPONENTIAL} e1a008a0 e1800781"),
     "expulr": Function(f"{EXPONENTIAL} e8bd8010"),
@@ -43,7 +43,9 @@ FUNCTIONS = {
     "receive": Function(f"{ANY_WORD} e92d4ff0 e5932078 e24dd014 e3520000 e58d2004 e58d000c", 0),
     "update": Function(f"e92d4ff0 {ANY_WORD} e24dd034 e59a200c e58d0020 e5923004 e3530001", 1),
 }
-"""Exponentials; constants of neurons; a row of synapses; a slot of a ring buffer; all neurons."""
+"""The functions that are called, by our names: two exponentials; ``start`` computes the constants of neurons; ``process_row``
+adds a row of synapses to the ring buffer of charges; ``receive`` takes the charges of a step out of it; ``update`` steps all
+neurons."""
 ARGUMENTS = tuple(getattr(arm_const, f"UC_ARM_REG_R{n}") for n in range(4))
 
 CODE_BYTES = 0x10000
@@ -65,13 +67,16 @@ ROOM = {
     "flag": 0x1C000,
     "ring": 0x20000,
 }
-"""Where our data lie behind ``DATA``; the program's own lie below."""
+"""Where our data lie, from ``DATA`` on; the program's own variables lie below the first of them. Distances are larger than any
+data of the tests."""
 WORDS_OF_NEURON = 8
 WORDS_OF_SYNAPSE = 6
 COLOURS = 15
-"""The mask of the bits of a key that tell when a spike was sent."""
+"""The mask of the lowest bits of a key, the step in which the spike was sent: by them a row knows how late it is."""
 ONE = 1 << 15
+"""1.0 in s16.15, the fixed-point format of all parameters."""
 NEVER = 0x7FFFFFFF
+"""A step that does not come, at which a variable would next be recorded."""
 
 
 def installed_file() -> Path:
@@ -84,7 +89,7 @@ def installed_file() -> Path:
 
 
 def read_checked(path: Path) -> bytes:
-    """Return the content of the file; any other than that of sPyNNaker 7.4.1 is a ValueError."""
+    """Return the content of the file. Raise ValueError if it is not the one of sPyNNaker 7.4.1."""
     content = path.read_bytes()
     digest = hashlib.sha256(content).hexdigest()
     if digest != SHA256:
@@ -93,7 +98,7 @@ def read_checked(path: Path) -> bytes:
 
 
 def sections(content: bytes) -> dict[int, bytes]:
-    """Return what the loader copies to which address; its list has four words an entry."""
+    """Return what the loader copies to each address. The file begins with the loader's commands, four words each."""
     copies = {}
     for entry in range(0, len(content), 16):
         command, address, offset, size = struct.unpack_from("<4I", content, entry)
@@ -106,7 +111,7 @@ def sections(content: bytes) -> dict[int, bytes]:
 
 @cache  # every core has the same code
 def place_of(code: bytes, name: str) -> int:
-    """Return where a function begins; one that is not there exactly once is a LookupError."""
+    """Return where a function begins. Raise LookupError unless its first words occur exactly once."""
     words = FUNCTIONS[name].pattern.split()
     parts = [
         b"[\x00-\xff]{4}" if word == ANY_WORD else re.escape(struct.pack("<I", int(word, 16)))
@@ -120,7 +125,10 @@ def place_of(code: bytes, name: str) -> int:
 
 
 class Machine:
-    """A core's memory with the program in it."""
+    """A core's memory with the program in it, and calls of its functions.
+
+    Functions of neurons must agree on where their variables are: a check that the right ones were found.
+    """
 
     def __init__(self, content: bytes) -> None:
         self.emulator = Uc(UC_ARCH_ARM, UC_MODE_ARM)
@@ -141,7 +149,10 @@ class Machine:
             raise LookupError("the functions of neurons have not the same variables")
 
     def _variables(self, code: bytes, name: str) -> int:
-        """Return the address that an instruction loads from behind the function's code."""
+        """Return the address that an instruction of a function loads, from a word behind the function's code.
+
+        The offset is in the lowest 12 bits of the instruction; an ARM counts it from two instructions further on.
+        """
         place = self.begins[name] + 4 * FUNCTIONS[name].loads_variables
         (instruction,) = struct.unpack_from("<I", code, place)
         (address,) = struct.unpack_from("<I", code, place + 8 + (instruction & 0xFFF))
@@ -158,7 +169,7 @@ class Machine:
         return np.frombuffer(content, dtype="<i4").astype(np.int64)
 
     def call(self, name: str, *arguments: int) -> int:
-        """Call a function; return what it leaves, without a sign."""
+        """Call a function with up to four arguments; return its result as an unsigned word."""
         for register, argument in zip(ARGUMENTS, arguments, strict=False):
             self.emulator.reg_write(register, argument & 0xFFFFFFFF)
         self.emulator.reg_write(arm_const.UC_ARM_REG_SP, STACK)
@@ -189,6 +200,7 @@ class Core:
         self._start(parameters)
 
     def _give_neurons_their_room(self, shifts) -> None:
+        """Write the addresses and sizes of the neurons' data to the variables at which ``update`` was seen to read them."""
         variables = self.machine.variables["update"]
         room = [self.address[name] for name in ("neurons", "synapses", "thresholds")]
         self.machine.write(variables + 0x50, [*room, self.size])
@@ -199,6 +211,7 @@ class Core:
         self.machine.write(self.address["shifts"], shifts)
 
     def _give_rows_their_room(self) -> None:
+        """Write the layout of the ring buffer to the variables at which ``process_row`` was seen to read it."""
         variables = self.machine.variables["process_row"]
         slot_mask = self.slots - 1
         entry_mask = (self.slots << self.slot_shift) - 1
@@ -208,7 +221,7 @@ class Core:
         self.machine.write(variables + 0x40, [0] * 5)  # counts
 
     def _give_records_their_room(self) -> None:
-        """Three variables of a word a neuron, the first of them V, and spikes of a bit a neuron."""
+        """Let the core record three variables, a word per neuron, the first of them V, and spikes, a bit per neuron."""
         recording = self.address["recording"]
         word_info, word_lists, word_indices, bit_info, bit_lists, bit_indices = (
             recording + 0x80 * part for part in range(6)
@@ -249,7 +262,7 @@ class Core:
         return words.reshape(self.size, 2, 3)
 
     def constants(self) -> dict[str, np.ndarray]:
-        """Return what the core has computed of its neurons."""
+        """Return the constants that the core has computed for its neurons."""
         neurons = self._neurons()
         synapses = self._synapses() & 0xFFFFFFFF
         return {
@@ -278,7 +291,7 @@ class Core:
         return bits[: self.size]
 
     def recorded_v(self) -> np.ndarray:
-        """Return what the core recorded of V in the last step."""
+        """Return V as the core recorded it in the last step."""
         return self.machine.read(self.address["recorded"], self.size)
 
     def process_row(self, t: int, lateness: int, synapses: np.ndarray) -> None:

@@ -1,7 +1,8 @@
 """Model files that frameworks write, against how the frameworks themselves spike: neuron by neuron, step by step.
 
-The float reference must be equal, and the chip where the file holds integers. A NIR graph takes one step a projection,
-so spikes are lined up by depth; lava-dl's layers take the step too.
+The float reference must be equal, and so must the chip if the file holds integers (lava-dl). In our networks each projection
+of a NIR graph takes one step and in the frameworks none, so spikes are compared as many steps later as a layer is deep;
+lava-dl's layers take the step too.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ pytestmark = pytest.mark.peers
 
 SCRIPTS = Path(__file__).parent
 STEP = {"norse": 1e-6, "sinabs": 1.0}
-"""Seconds of a step, where it is not the conventional one: in the units that each of them writes."""
+"""Seconds per step, for frameworks that do not write time constants for a step of 1e-4 s."""
 RESETS = ("late-zero", "late-subtract", "subtract")
-"""The reset of a network whose name ends so."""
+"""Resets that the name of a network may end with. A NIR file does not hold the reset, so it is passed when it is read."""
 NETWORKS = {
     "snntorch": (
         "leaky", "synaptic", "leaky-late-subtract", "synaptic-late-subtract", "synaptic-late-zero", "beta-0", "beta-1", "recurrent",
@@ -45,13 +46,15 @@ NETWORKS = {
     "lava-dl": ("dense", "weight-norm", "decay-of-each", "recurrent", "delay", "input", "conv", "conv-groups-delay", "affine"),
 }  # fmt: skip
 CHIP_LEAST = 0.85
-"""Agreement of the chip, which rounds weights and decays, with the spikes of a first layer; later ones hear its few
-differences through heavy weights."""
+"""Least agreement of the chip, which rounds weights and decays, with the spikes of a first layer. Later layers are not judged:
+heavy weights pass the few differences of the first on to them."""
+LEAST_SPIKES = 5
+"""More spikes than these must have come from each layer that is compared, or equality would say little."""
 
 
 @pytest.fixture(scope="session")
 def written(tmp_path_factory):
-    """Return the folder of files that a framework has written; it is run once."""
+    """Return a function that gives the folder of files that a framework has written; each framework is run once."""
 
     @cache
     def run(framework: str) -> Path:
@@ -60,16 +63,17 @@ def written(tmp_path_factory):
             pytest.skip(f"{framework}: {reason}")
         folder = tmp_path_factory.mktemp(framework)
         script = SCRIPTS / f"export_{framework.replace('-', '_')}.py"
-        made = subprocess.run(
+        process = subprocess.run(
             [str(python_of(framework)), str(script), str(folder)], capture_output=True, text=True
         )
-        assert made.returncode == 0, made.stderr
+        assert process.returncode == 0, process.stderr
         return folder
 
     return run
 
 
 def load(framework: str, name: str, folder: Path) -> lc.Network:
+    """Return a network as we read it from the framework's file."""
     if framework == "lava-dl":
         return lc.load(folder / f"{name}.net")
     how = "hold" if framework == "sinabs" else None
@@ -98,29 +102,31 @@ def test_we_spike_as_the_framework_does(framework, name, written):
         given = held["given"].astype(np.uint8)[None]
     reference = evaluate(network, given, potentials=True)
     chip = hw.simulate(lc.compile(network, events=given, diagnosis=False).program, given)
-    at = depths(network)
+    depth_of = depths(network)
     compared = 0
     for population in network.populations:
         layer = population.name.removesuffix(".lif")
         if layer not in theirs:
             continue
-        late = 0 if framework == "lava-dl" else at[population.name]
-        wanted = theirs[layer][: len(given[0]) - late]
+        lag = 0 if framework == "lava-dl" else depth_of[population.name]
+        expected = theirs[layer][: len(given[0]) - lag]
         if (
             population.name in network.readout.populations
             and network.readout.potentials_from is not None
         ):
             if framework != "lava-dl":  # potentials of slayer are in other units
-                found = reference.potential[population.name][0, late:]
-                np.testing.assert_allclose(found, wanted, atol=1e-5)
+                chip_agreement = reference.potential[population.name][0, lag:]
+                np.testing.assert_allclose(chip_agreement, expected, atol=1e-5)
             continue
         np.testing.assert_array_equal(
-            reference.spikes[population.name][0, late:], wanted, err_msg=population.name
+            reference.spikes[population.name][0, lag:], expected, err_msg=population.name
         )
-        found = spike_agreement(chip.spikes[population.name][0, late:], wanted)
-        if framework == "lava-dl" or at[population.name] == 1:
-            assert found >= (1.0 if framework == "lava-dl" else CHIP_LEAST), population.name
-        assert wanted.sum() > 5
+        chip_agreement = spike_agreement(chip.spikes[population.name][0, lag:], expected)
+        if framework == "lava-dl" or depth_of[population.name] == 1:
+            assert chip_agreement >= (1.0 if framework == "lava-dl" else CHIP_LEAST), (
+                population.name
+            )
+        assert expected.sum() > LEAST_SPIKES
         compared += 1
     assert compared
 
@@ -161,12 +167,10 @@ OURS = {
     "cuba-recurrent": ("cuba", (*CHAIN, ("b", "b", 0))),
 }
 READ = {
-    "snntorch": (
-        "lif",
-        "cuba",
-        "lif-skip",
-    ),  # its reader takes no IF whose r is not 1, and no recurrent one of ours
-    "norse": ("cuba", "if", "cuba-recurrent"),  # it leaves out the r of an LIF
+    # Its reader takes no IF whose r is not 1, and none of our recurrent networks.
+    "snntorch": ("lif", "cuba", "lif-skip"),
+    # It leaves out the r of an LIF.
+    "norse": ("cuba", "if", "cuba-recurrent"),
     "spikingjelly": tuple(OURS),
 }
 

@@ -1,7 +1,7 @@
-"""Emitted programs in Lava's fixed-point models: every spike of every step, and u and v after the last one.
+"""Programs of ``--emit lava`` in Lava's fixed-point models: every spike of every step, and u and v after the last one.
 
-A thousand random programs are played by Lava's models in one process, and some by Lava as a whole.
-``LOCSNN_LAVA_PROGRAMS`` is the number of these: 60 take a minute or two on an idle machine.
+A thousand random programs are played by Lava's models in one process, and some by Lava as a whole. The environment variables
+``LOCSNN_LAVA_MODELS`` and ``LOCSNN_LAVA_PROGRAMS`` say how many; 60 in Lava as a whole take a minute or two on an idle machine.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def test_random_programs_and_edges_play_as_in_lava(driver, count, tmp_path):
         write_folder(tmp_path / "folders" / name, case)
     compared, spikes = compare(tmp_path / "folders", driver)
     print(f"\nlava: {len(programs)} programs, {compared:,} values, 0 differ ({spikes:,} spikes)")
-    assert spikes > 50 * count
+    assert spikes > 50 * count  # or the programs would be too quiet to show a difference
 
 
 @pytest.mark.parametrize(

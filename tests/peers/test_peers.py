@@ -30,7 +30,7 @@ Found = Callable[[Peer], Mapping[str, NDArray[np.float64]]]
 
 @pytest.fixture(scope="session")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
-    """Return what a peer finds on all its networks; it is run once."""
+    """Return a function that gives a peer's arrays for all its networks; each peer is run once."""
 
     @cache
     def run(peer: Peer) -> Mapping[str, NDArray[np.float64]]:
@@ -53,12 +53,13 @@ def test_spikes_u_and_v_are_equal(peer, seed, found):
 
 
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
-def test_what_a_peer_finds_is_not_trivial(peer, found):
+def test_networks_of_a_peer_spike_and_fill_a_good_part_of_their_registers(peer, found):
     probes = {
         probe: [array for key, array in found(peer).items() if key.endswith(f"/{probe}")]
         for probe in PROBES
     }
     assert sum(array.sum() for array in probes["spikes"]) > 1000
+    # An eighth of the registers, which have 23 bits and a sign.
     for probe in ("u", "v"):
         assert min(array.min() for array in probes[probe]) < -(2**20)
         assert max(array.max() for array in probes[probe]) > 2**20

@@ -1,4 +1,4 @@
-"""Emitted folders for a Xylo in rockpool itself: ``xylo/run.py`` finds every spike equal."""
+"""Folders of ``--emit xylo`` in rockpool, the vendor's framework: their own script ``run.py`` says that every spike is equal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def python() -> Path:
 
 
 def last_line_of_script(python: Path, compiled: lc.CompiledXylo, recording, folder: Path) -> str:
-    """Write the folder for a recording, and return what its script says last."""
+    """Write the folder for a recording, run its script in rockpool, and return the last line that it prints."""
     for file, content in compiled.files(["xylo"], ShownRecording(recording)).items():
         (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_bytes(content)
@@ -51,8 +51,8 @@ def last_line_of_script(python: Path, compiled: lc.CompiledXylo, recording, fold
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_emitted_script_finds_every_spike_equal_in_rockpool(name, chip, python, tmp_path):
     compiled = lc.compile(NETWORKS[name](), target=chip, events=touches())
-    said = last_line_of_script(python, compiled, touches()[0], tmp_path)
-    assert said == f"{chip}: every spike is equal"
+    last_line = last_line_of_script(python, compiled, touches()[0], tmp_path)
+    assert last_line == f"{chip}: every spike is equal"
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -70,7 +70,7 @@ def test_trained_networks_play_as_in_xylosim_and_rockpool(name, python, tmp_path
             values += witness[register].size
         spikes += int(result.spikes.sum())
     assert spikes > 100
-    said = last_line_of_script(python, compiled, recordings[0], tmp_path)
-    assert said == f"{CHIP}: every spike is equal"
+    last_line = last_line_of_script(python, compiled, recordings[0], tmp_path)
+    assert last_line == f"{CHIP}: every spike is equal"
     played = f"{len(cases)} recordings, {values:,} values, 0 differ ({spikes:,} hidden spikes)"
-    print(f"\nxylosim: {name}, {played}; rockpool: {said}")
+    print(f"\nxylosim: {name}, {played}; rockpool: {last_line}")

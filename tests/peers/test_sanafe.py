@@ -1,7 +1,7 @@
-"""SANA-FE beside our engine.
+"""Spikes and counts of SANA-FE against those of our engine, on random networks.
 
-Its currents are not truncated, and those of a Loihi are. So spikes are the same where currents have
-nothing to truncate; where they have, SANA-FE does what :func:`without_truncated_currents` says.
+SANA-FE does not truncate currents, and a Loihi does. So spikes must be equal if currents have nothing
+to truncate; otherwise SANA-FE must spike as :func:`without_truncated_currents`, written here, does.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DECAY_ONE = 4096
 UNIT = 64
 """Units of a register in a mantissa of 1, of weights and of thresholds."""
 SEEDS = range(12)
-"""Few: loading one network takes SANA-FE a second or more."""
+"""A few networks only, because loading one takes SANA-FE a second or more."""
 
 
 def with_whole_currents(network: Network) -> Network:
@@ -44,7 +44,7 @@ def with_whole_currents(network: Network) -> Network:
 
 
 def play_on_sanafe(networks: list[Network], folder: Path) -> Mapping[str, NDArray[np.float64]]:
-    """Return what ``drive_sanafe.py`` measures, by network, population and name."""
+    """Play networks in SANA-FE; return the arrays of ``drive_sanafe.py``, by network, population and name."""
     reason = why_missing("sanafe")
     if reason:
         pytest.skip(f"sanafe: {reason}")
@@ -53,8 +53,8 @@ def play_on_sanafe(networks: list[Network], folder: Path) -> Mapping[str, NDArra
     job.write_text(json.dumps(jobs, default=lambda array: array.tolist()))
     driver = Path(__file__).with_name("drive_sanafe.py")
     command = [str(python_of("sanafe")), str(driver), str(job), str(result)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert process.returncode == 0, process.stderr
     with np.load(result) as arrays:
         return dict(arrays)
 
@@ -102,12 +102,13 @@ def drawn_networks():
 
 @pytest.fixture(scope="module")
 def whole_networks(drawn_networks):
-    """Those networks whose registers do not overflow either once their currents are whole."""
+    """Return the networks with whole currents whose registers do not overflow; with whole currents more do than without."""
     networks = [with_whole_currents(network) for network in drawn_networks]
     return [network for network in networks if not overflows(network)]
 
 
 def overflows(network: Network) -> bool:
+    """Return whether a register of our engine wraps or clips, which SANA-FE does not model."""
     counts = network.simulate().counts
     return any(counts[event] for event in EVENTS)
 

@@ -1,7 +1,7 @@
-"""SANA-FE runs what ``--emit sanafe`` writes: its spikes, counts and energies are those of our simulator.
+"""SANA-FE runs the files of ``--emit sanafe``: its spikes, counts and energies are those of our simulator.
 
-Networks lie on several cores and tiles, as placement puts them. Where SANA-FE's neurons cannot compute a program they
-play its spikes back; then all that follows from spikes and mapping is compared: traffic, synaptic events, hops.
+Networks lie on several cores and tiles, as placement puts them. If SANA-FE's neurons cannot compute a program, they play
+its spikes back; then all that follows from spikes and mapping is compared: traffic, synaptic events, hops.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ pytestmark = pytest.mark.peers
 
 CHIP = hw.chip("loihi-sim")
 EXAMPLES = Path(__file__).parents[2] / "examples"
+SIX_DIGITS = 5e-7
+"""Relative difference of energies that both round to six digits."""
 
 
 def small_chip(chips: int = 1) -> hw.Chip:
@@ -41,18 +43,22 @@ def small_chip(chips: int = 1) -> hw.Chip:
 
 
 def odd(r: np.random.Generator, shape: tuple[int, int], share: float = 1.0) -> np.ndarray:
-    """Return excitatory and a few inhibitory weights, without zeros but for the share that is no synapse."""
+    """Return excitatory and a few inhibitory weights for a share of all pairs; the other pairs are 0, no synapse.
+
+    The weights are even, as the mixed 8-bit format asks.
+    """
     weights = r.choice([-102, -34, 22, 46, 86, 154, 254], shape)
     weights[r.random(shape) >= share] = 0
     return weights
 
 
 def bernoulli(r: np.random.Generator, steps: int, lines: int, rate: float) -> np.ndarray:
+    """Return random spikes (steps, lines)."""
     return (r.random((steps, lines)) < rate).astype(np.uint8)
 
 
 def feed_forward() -> Played:
-    """Three layers without memory of current, every v decay another, some biases."""
+    """Three layers whose currents last one step, with different v decays and some biases."""
     r = np.random.default_rng(1)
     b = hw.ProgramBuilder(small_chip())
     x = b.add_input("x", 40)
@@ -132,7 +138,7 @@ def two_chips() -> Played:
 
 
 def full_cores() -> Played:
-    """On the whole chip: synapse memory fills several cores."""
+    """A network on the whole chip whose synapses fill the memory of several cores."""
     r = np.random.default_rng(7)
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 512)
@@ -144,7 +150,7 @@ def full_cores() -> Played:
 
 
 def hybrid(name: str) -> Callable[[], Played]:
-    """Return an example network on a recording, of joined compartments."""
+    """Return what makes an example hybrid, whose compartments are joined, on its first example recording."""
 
     def made() -> Played:
         import locsnn_compile as lc
@@ -173,7 +179,7 @@ REPLAYED = {"objects": hybrid("objects"), "containers": hybrid("containers")}
 
 @dataclass(frozen=True)
 class Case:
-    """A recording, what the emitted files expect of each phase, and what SANA-FE finds in it."""
+    """A recording, the counts and energies that the emitted files predict for each phase, and those that SANA-FE gives."""
 
     played: Played
     expected: list[dict[str, Any]]
@@ -200,8 +206,8 @@ def run(played: Played, folder: Path) -> Case:
         str(job),
         str(result),
     ]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run(call, capture_output=True, text=True, timeout=600)
+    assert process.returncode == 0, process.stderr
     return Case(played, phases, json.loads(result.read_text()))
 
 
@@ -273,8 +279,10 @@ def test_counts_are_ours(simulated):
 def test_energies_agree_to_six_digits(simulated):
     ours = our_energies_pj(simulated.played.result.counts, simulated.played.program.chip)
     (found,) = simulated.found
-    assert energies_pj(found) == pytest.approx(ours, rel=5e-7)
-    assert found["energy_joules"]["total"] * 1e12 == pytest.approx(sum(ours.values()), rel=5e-7)
+    assert energies_pj(found) == pytest.approx(ours, rel=SIX_DIGITS)
+    assert found["energy_joules"]["total"] * 1e12 == pytest.approx(
+        sum(ours.values()), rel=SIX_DIGITS
+    )
     assert found["energy_joules"]["dendrite"] == 0
 
 
@@ -287,22 +295,23 @@ def test_traffic_of_joined_compartments_is_ours(replayed):
         assert found["counts"]["hops"] == counts.hops
         ours = our_energies_pj(counts, replayed.played.program.chip)
         theirs = energies_pj(found)
-        assert theirs["synapse"] == pytest.approx(ours["synapse"], rel=5e-7)
-        assert theirs["network"] == pytest.approx(ours["network"], rel=5e-7)
+        assert theirs["synapse"] == pytest.approx(ours["synapse"], rel=SIX_DIGITS)
+        assert theirs["network"] == pytest.approx(ours["network"], rel=SIX_DIGITS)
 
 
-def test_what_is_simulated_finds_what_was_written(simulated):
-    assert_found_as_written(simulated)
+def test_simulated_networks_have_the_counts_and_energies_that_the_files_predict(simulated):
+    assert_as_predicted(simulated)
 
 
-def test_what_is_played_back_finds_what_was_written(replayed):
-    assert_found_as_written(replayed)
+def test_networks_played_back_have_the_counts_and_energies_that_the_files_predict(replayed):
+    assert_as_predicted(replayed)
 
 
-def assert_found_as_written(case: Case) -> None:
+def assert_as_predicted(case: Case) -> None:
+    """Assert that SANA-FE's counts and energies are those in ``expected.yaml``."""
     for expected, found in zip(case.expected, case.found, strict=True):
         assert found["counts"] == expected["counts"]
-        assert energies_pj(found) == pytest.approx(expected["energy_pj"], rel=5e-7)
+        assert energies_pj(found) == pytest.approx(expected["energy_pj"], rel=SIX_DIGITS)
 
 
 def test_the_lines_of_the_readme_run(tmp_path):
@@ -319,7 +328,7 @@ def test_the_lines_of_the_readme_run(tmp_path):
 
 
 def test_its_rule_for_updates_differs_where_charges_cancel(tmp_path):
-    """Two opposite charges at rest: nothing to work on here, an update there; the files say what it will count."""
+    """Two opposite charges reach a compartment at rest: no active update in our count, one in SANA-FE's; the files predict it."""
     b = hw.ProgramBuilder(CHIP)
     x = b.add_input("x", 2)
     h = b.add_compartments("h", 1, decay_u=4096, decay_v=4096, threshold=10)

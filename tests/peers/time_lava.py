@@ -1,6 +1,6 @@
 """Print the least processor seconds that Lava takes for the first run of a folder: ``time_lava.py FOLDER TURNS``.
 
-Those of all its processes count, and their start; importing Lava does not.
+The time of all its processes counts, their start included; importing Lava does not count.
 """
 
 import os

@@ -1,6 +1,7 @@
 """Train 156-32-20 networks of Leaky and of Synaptic neurons briefly: ``train_snntorch.py FOLDER``, in snnTorch's environment.
 
-Twenty synthetic rate patterns; each network goes to NIR, with labelled recordings that it has not seen and its spikes.
+A class is a synthetic pattern of rates, one for each channel. Each trained network is written as NIR, with labelled
+recordings that it has not learned from and its spikes for them.
 """
 
 import sys
@@ -33,7 +34,7 @@ def neurons(kind, n):
 
 
 def counts(network, given):
-    """Return the output's spike counts (batch, classes), from rest."""
+    """Return the output's spike counts (batch, classes) for recordings (batch, steps, channels), starting from rest."""
     for module in network:
         if isinstance(module, snn.SpikingNeuron):
             module.reset_mem()

@@ -1,4 +1,4 @@
-"""Networks that learned in the integers of a Xylo, each from recordings of a set, merged to 16 inputs."""
+"""Networks that were trained on the integers of a Xylo, each on recordings of a set whose channels are merged to 16 inputs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ INPUTS = 16
 CHIP = "xylo-audio3"
 EPOCHS = 3
 LEARNED_FROM = 500
-"""Recordings of an archive, about."""
+"""About so many recordings of an archive: enough for networks that spike, in a minute of training."""
 OPTIONS = {
     "target": CHIP,
     "channels": INPUTS,
@@ -28,7 +28,7 @@ SETS = ("spoken digits", "grasps", "letters in Braille")
 def compiled_for(name: str, count: int) -> tuple[lc.CompiledXylo, np.ndarray]:
     """Return a network trained for a set and compiled, and ``count`` recordings of its test part.
 
-    The test is skipped where the set is not next to the repository.
+    The test is skipped if the set is not next to the repository.
     """
     train, labels, test, test_labels = _divided(name)
     checkpoint = lc.train(train, {**OPTIONS, "seed": 0}, labels=labels)
@@ -39,7 +39,7 @@ def compiled_for(name: str, count: int) -> tuple[lc.CompiledXylo, np.ndarray]:
 
 
 def _divided(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return recordings (samples, steps, 16) and labels to learn from, and others."""
+    """Return recordings (samples, steps, 16) and labels to learn from, and recordings and labels to play."""
     if name == "grasps":
         # One finger of the hand: its 24 channels, of which neighbours are merged.
         grasps = _read(DATA / "icub_grasp" / "grasps.npz", None)
@@ -70,6 +70,6 @@ def _read(path: Path, part: str | None) -> lc.Recordings:
 
 
 def _merged(spikes: np.ndarray, inputs: int) -> np.ndarray:
-    """Return recordings in which neighbouring channels are one input: 1 where any of them is."""
+    """Return recordings in which neighbouring channels are one input, with a spike wherever any of them has one."""
     starts = np.linspace(0, spikes.shape[2], inputs, endpoint=False).astype(np.int64)
     return np.maximum.reduceat(spikes, starts, axis=2)

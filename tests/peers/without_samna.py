@@ -1,7 +1,7 @@
 """Play an emitted ``xylo/run.py`` in rockpool without samna: ``without_samna.py SCRIPT``.
 
-Only a device needs samna, and its stub on the package index fetches it from elsewhere when it is imported. Modules
-of its name are empty here; what rockpool takes from them is a class of empty classes.
+Only a device needs samna, and its package on the index is a stub that fetches it from elsewhere when it is imported. Here
+modules of its name are empty: every name that rockpool imports from them is a class, whose attributes are empty classes too.
 """
 
 import runpy
@@ -24,7 +24,7 @@ class EmptyModules(MetaPathFinder, Loader):
 
 
 def is_samna(name):
-    """Tell whether a module is samna or below it."""
+    """Return whether a module is samna or one of its submodules."""
     return name.split(".")[0] == "samna"
 
 
@@ -36,7 +36,7 @@ class EmptyClass(type):
 
 
 def empty_class(name):
-    """Return a class of this name; Python's own names stay unknown."""
+    """Return an empty class of this name; names with two underscores raise AttributeError, or imports would misread them."""
     if name.startswith("__"):
         raise AttributeError(name)
     return EmptyClass(name, (), {})
