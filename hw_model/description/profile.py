@@ -68,6 +68,8 @@ class NotIncluded(Frozen):
 class Profile(Shown, eq=True):
     """One published set of costs: picojoules and nanoseconds for each count that it prices.
 
+    ``source`` names the publication, and ``basis`` how the costs were found, such as by simulation or measurement.
+
     ``energy_pj_range`` and ``time_ns_range`` hold the ranges of constants for which the source gives a least value, a
     largest value or both. ``sources`` names the other sources of single constants. ``voltage_v`` is the supply voltage
     at which the costs hold; None if it is not stated.

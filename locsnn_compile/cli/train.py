@@ -87,7 +87,7 @@ def _train(args: argparse.Namespace, output: Path) -> int:
     """Train, write the checkpoint, and print the summary; return the exit code."""
     start = None if args.from_model is None else read_checkpoint(args.from_model)
     config, given_values = training_config(args, start)
-    needed("torch", "train", "locsnn train")
+    needed(package="torch", extra="train", where="locsnn train")
 
     # Imported only now: torch takes seconds, and wrong options are refused before.
     from locsnn_compile.training.chosen import choose
@@ -166,7 +166,8 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
     """Refuse outputs that are inputs, files next to them that no training wrote, and ``--resume`` without a state."""
     option = f"-o {args.output!r}"
     state_path = _state_path(output)
-    # Files that a training writes next to its output, each with bytes by which it is recognised.
+    # Files that a training writes next to its output, each with bytes by which it is recognised: a file of this name
+    # without them is somebody else's.
     mark_of_file = {
         output.with_suffix(".csv"): b"phase,epoch,learning_rate,",
         output.with_suffix(".svg"): b"Training of ",

@@ -188,7 +188,7 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
     Remarks about runs that learned nothing are logged as warnings. Raises ``InputError`` for data and options that
     cannot be used.
     """
-    needed("torch", "train", "lc.train")
+    needed(package="torch", extra="train", where="lc.train")
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.train import train as run
 

@@ -24,6 +24,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint, read_models
 HERE = Path(__file__).parents[1] / "compatibility/version_0_1_0"
 TOUCHES = str(HERE / "touches.npz")
 MODELS = [str(HERE / f"{name}.pt") for name in ("hybrid", "hybrid-loihi-reset", "window-snn")]
+# Compiles as locsnn-compile does, in a Python in which `import torch` fails.
 WITHOUT_TORCH = "import sys; sys.modules['torch'] = None\nfrom locsnn_compile.cli.compile import main\nsys.exit(main(sys.argv[1:]))"
 
 

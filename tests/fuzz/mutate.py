@@ -27,7 +27,9 @@ SIZES = (
     2**63 - 1,
     2**64 - 1,
 )
+# Words of text are replaced by these. The order matters: it decides the damage of a case.
 WORDS = (
+    # Numbers of every kind, and values of other types.
     *(
         "0",
         "-1",
@@ -43,6 +45,7 @@ WORDS = (
         "''",
         "[]",
     ),
+    # Containers, and what YAML can do beyond values: aliases, and tags that run code or decode bytes.
     *(
         "{}",
         "[1, 2]",
@@ -53,6 +56,8 @@ WORDS = (
         "!!binary aGk=",
         "~",
     ),
+    # A path outside of the folder, what moves a terminal's cursor or turns its text around, a lone surrogate, and the
+    # marks of YAML.
     *(
         "../../ran",
         "\x1b[31m",
@@ -69,6 +74,7 @@ WORDS = (
         ":",
         "-",
     ),
+    # Nesting and length, blanks and control characters, and numbers that only some readers know.
     *(
         '"\\ud800"',
         "0.5",
@@ -90,6 +96,7 @@ WORDS = (
         "1:30:00",
     ),
 )
+# Arrays are replaced by what these make of them: other types, axes, sizes and values.
 ARRAYS = (
     lambda a: a.astype(np.float64) * np.nan,
     lambda a: a.astype(np.float64) * 1e300,
@@ -113,6 +120,7 @@ def mutated(data, kind, chance):
     ways = {
         "bytes": (damage,),
         "text": (damage, retype),
+        # Twice, so that it is drawn more often: most damage of an archive is refused before its contents are read.
         "zip": (damage, repack, repack),
         "hdf5": (damage, regraph),
     }

@@ -63,6 +63,8 @@ def test_silent_recordings_are_right_if_ties_predict_their_class(with_ties: lc.C
     without = trained()
     assert with_ties.tie_class == 2
     assert without.tie_class is None
+    # Rows of a confusion matrix are labels, columns predictions. Without a class for ties, its last column is that of
+    # ties: all silent recordings, a third, count as wrong.
     assert without.training["test_accuracy"] == pytest.approx(2 / 3)
     assert without.training["test_confusion"] == "8 0 0 0; 0 8 0 0; 0 0 0 8"
     assert with_ties.training["test_accuracy"] == 1.0
@@ -83,6 +85,7 @@ def test_the_program_keeps_the_class_of_ties(with_ties: lc.Checkpoint, tmp_path:
     spikes = recordings().spikes
     np.testing.assert_array_equal(hw.simulate(program, spikes).prediction, LABELS)
     session = hw.Session(program)
+    # Recording 2 is the first silent one.
     assert session.push(spikes[2]).prediction.tolist() == [2] * STEPS
 
 
@@ -97,6 +100,7 @@ def test_early_stops_are_right_with_a_class_of_ties(with_ties: lc.Checkpoint) ->
         scores_from_stop = scores[row, stop - 1 :] if stop else scores[row, :0]
         assert (decided(scores_from_stop, 2) == final).all()
     margin = hw.calibrate_margin(program, spikes, 1.0)
+    # No finite margin may be safe. A margin of 1e9 is one that no lead reaches, so that nothing stops early.
     stops = hw.stop_at_margin(program, spikes, margin if np.isfinite(margin) else 1e9)
     np.testing.assert_array_equal(stops.final, LABELS)
 

@@ -141,6 +141,7 @@ def _measured(match: Match, peaks: EventPeaks, *, times_cores: bool) -> _Measure
 
 
 def _bounds(worst: hw.WorstCase, measured: _Measured) -> RateBounds:
+    """Return the bounds at one rate, each next to the largest value that was measured."""
     return RateBounds(
         events_per_step=worst.events_per_step,
         slowest_step_ns=_bounded(worst.slowest_step_ns, measured.slowest_step_ns),
