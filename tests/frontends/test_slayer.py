@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from scipy import sparse
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -542,3 +543,56 @@ def test_biases_of_zero_change_nothing(tmp_path):
     assert [
         p.name for p in lc.load(*replaced(tmp_path, "fc1.bias", torch.zeros(4))).populations
     ] == ["fc1", "fc2"]
+
+
+def one_row(folder, kernel):
+    """Write a list of layers for an image of one row of 6 pixels and 2 channels, with a convolution of 3 pixels."""
+    state = {"blocks.0.weightOp.weight": torch.tensor(kernel).float()}
+    return write(folder, {}, LOIHI, extra=state, layer=[{"dim": "6x1x2"}, {"dim": "1c3z"}])
+
+
+def test_a_convolution_on_an_image_of_one_row_has_kernels_of_one_row(tmp_path):
+    """Weights are even: 2 and 4 for one channel, and 6 for the other. Without rows above and below, none is padded."""
+    kernel = np.array([[2.0, 4.0, 0.0], [0.0, 6.0, 0.0]]).reshape(1, 2, 1, 3, 1)
+    (projection,) = lc.load(*one_row(tmp_path, kernel)).projections
+    weights = sparse.csr_array(projection.mantissa).toarray()
+    first = 2 * np.eye(6, k=-1) + 4 * np.eye(6)
+    assert weights.tolist() == np.hstack((first, 6 * np.eye(6))).tolist()
+
+
+def test_a_convolution_on_an_image_of_one_column_keeps_its_square_kernels(tmp_path):
+    kernel = np.zeros((1, 1, 3, 3, 1))
+    kernel[0, 0, :, 1, 0] = [2.0, 4.0, 6.0]
+    state = {"blocks.0.weightOp.weight": torch.tensor(kernel).float()}
+    layers = [{"dim": "1x4x1"}, {"dim": "1c3z"}]
+    (projection,) = lc.load(*write(tmp_path, {}, LOIHI, extra=state, layer=layers)).projections
+    weights = sparse.csr_array(projection.mantissa).toarray()
+    assert weights.tolist() == (2 * np.eye(4, k=-1) + 4 * np.eye(4) + 6 * np.eye(4, k=1)).tolist()
+
+
+@pytest.mark.parametrize(
+    "shape", [(5, 12, 1, 1, 1), (5, 2, 3, 2, 1), (5, 12)], ids=["flat", "an image", "a matrix"]
+)
+def test_a_dense_layer_may_join_the_axes_of_an_image(shape, tmp_path):
+    kernel = 2.0 * np.arange(60).reshape(shape)
+    state = {"blocks.0.weightOp.weight": torch.tensor(kernel).float()}
+    layers = [{"dim": "2x3x2"}, {"dim": 5}]
+    (projection,) = lc.load(*write(tmp_path, {}, LOIHI, extra=state, layer=layers)).projections
+    assert np.asarray(projection.mantissa).tolist() == (2 * np.arange(60).reshape(5, 12)).tolist()
+
+
+def test_a_dense_layer_of_another_order_of_axes_is_refused(tmp_path):
+    state = {"blocks.0.weightOp.weight": torch.ones(12, 5, 1, 1, 1)}
+    layers = [{"dim": "2x3x2"}, {"dim": 5}]
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(*write(tmp_path, {}, LOIHI, extra=state, layer=layers))
+    assert str(caught.value) == (
+        "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists "
+        "((12, 5, 1, 1, 1) against 5 x 12). Give the YAML that this checkpoint was trained with."
+    )
+
+
+def test_kernels_in_a_checkpoint_of_integer_neurons_are_not_compared(tmp_path):
+    extra = {"slayer.srmKernel": torch.ones(1, 1, 1, 1, 9)}
+    network = lc.load(*write(tmp_path, {"fc1": normal_weights(3, 6)}, LOIHI, extra=extra))
+    assert [population.name for population in network.populations] == ["fc1"]

@@ -3,9 +3,11 @@
 The documented format is read by a few lines of the test's own, without the package.
 """
 
+import hashlib
 import math
 import re
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
+from hw_model.mapping.graph import Readout
+from hw_model.program.sealed import sealed_files
 from hw_model.program.write import program_files
 from tests.support.random_programs import SMALL, random_program
 
@@ -236,3 +240,75 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
         for i, j in zip(*np.nonzero(k["weights"]), strict=True)
     ]
     assert sorted(read_from_files) == sorted(expected)
+
+
+def two_classes(**readout) -> hw.ChipProgram:
+    """Return a program of two populations of two compartments each, with such a readout."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 1)
+    for name in ("y", "z"):
+        builder.connect(x, builder.add_compartments(name, 2, threshold=1), [[2], [2]])
+    return replace(builder.build(), readout=Readout(("y", "z"), (1.0, 2.0), **readout))
+
+
+@pytest.mark.parametrize(
+    "readout",
+    [
+        {},
+        {"potentials_from": 3},
+        {"potentials_from": (3, None)},
+        {"potentials_from": (0, 4)},
+        {"tie_class": 1},
+    ],
+    ids=["spikes", "potentials", "potentials and spikes", "two first steps", "a class for ties"],
+)
+def test_a_readout_is_read_back(readout, tmp_path):
+    program = two_classes(**readout)
+    program.save(tmp_path)
+    assert hw.load_program(tmp_path).readout == program.readout
+
+
+@pytest.mark.parametrize(
+    ("more", "measured"),
+    [(["core9/extra"], "core9/extra"), (["a", "b", "c"], "a and 2 more")],
+    ids=["one", "three"],
+)
+def test_arrays_without_a_meaning_are_refused_by_name(saved, more, measured):
+    arrays = saved / "program.npz"
+    text = saved / "program.yaml"
+    with np.load(arrays) as stored:
+        extended = {**stored, **{name: np.zeros(1, dtype=np.int64) for name in more}}
+    before = hashlib.sha256(arrays.read_bytes()).hexdigest()
+    np.savez(arrays, **extended)
+    document = text.read_text().replace(before, hashlib.sha256(arrays.read_bytes()).hexdigest())
+    text.write_text(document[: document.rindex("# SHA-256")])
+    with pytest.raises(hw.InputError) as caught:
+        hw.load_program(saved)
+    assert str(caught.value) == (
+        f"program.npz: it holds arrays without a meaning ({measured}). Compile again."
+    )
+
+
+def test_texts_are_written_as_they_are_and_lines_break_at_the_first_blank_after_120_characters():
+    """The words have 9 characters: with 11 of them, the first line has 121."""
+    words = ["ninechars"] * 13
+    entries = {"name": "Größe", "provenance": " ".join(words)}
+    files = sealed_files("locsnn-program", 1, entries, {})
+    *_, name, first, second, _ = files["program.yaml"].decode().splitlines()
+    assert (name, first, second) == (
+        "name: Größe",
+        f"provenance: {' '.join(words[:11])}",
+        f"  {' '.join(words[11:])}",
+    )
+
+
+def test_files_of_more_than_two_gibibytes_are_not_read(saved):
+    """The file is sparse, so that it takes no space."""
+    most = 2 << 30
+    with (saved / "program.npz").open("r+b") as file:
+        file.truncate(most + 1)
+    with pytest.raises(hw.InputError) as caught:
+        hw.load_program(saved)
+    assert str(caught.value) == (
+        f"program '{saved}', program.npz: it is too large ({most + 1} bytes against {most}). Compile again."
+    )
