@@ -1,48 +1,69 @@
-"""Checks of a graph of compartments: every parameter at the ends of its range and one beyond, impossible joins, synapses
-and visits, and phases that cannot begin at the first touch."""
+"""Checks of a graph of compartments: every parameter with a range at both ends and one beyond, impossible joins, synapses
+and visits, and phases that cannot begin at the first touch.
+
+A phase with ``align_events`` begins at the first touch: the first step with that many events, over all inputs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import pytest
 
 import hw_model as hw
+from hw_model.arithmetic import loihi
 from hw_model.mapping import check_graph as checks
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import CompartmentGraph, Input, Phase
 
 CHIP = hw.chip("loihi-sim")
-
-
 DECAY = "Give an effective decay, what is subtracted from 4096."
 SCALE = "Raise the bias exponent or scale the bias down."
-# Lowest value, highest value, and the way out in the message.
+
+
+class Range(NamedTuple):
+    """The lowest and the highest value of a parameter, and the way out in the message beyond them."""
+
+    low: int
+    high: int
+    fix: str
+
+
 RANGES = {
-    "decay_u": (0, 4096, DECAY),
-    "decay_v": (0, 4096, DECAY),
-    "threshold": (0, 131071, "Give a 64th of the threshold, or scale the weights down."),
-    "bias_mantissa": (-4096, 4095, SCALE),
-    "bias_exponent": (0, 7, "Use a smaller exponent and a larger mantissa."),
-    "refractory": (1, 63, "Shorten the refractory period; 1 blocks no step."),
+    "decay_u": Range(0, 4096, DECAY),
+    "decay_v": Range(0, 4096, DECAY),
+    "threshold": Range(0, 131071, "Give a 64th of the threshold, or scale the weights down."),
+    "bias_mantissa": Range(-4096, 4095, SCALE),
+    "bias_exponent": Range(0, 7, "Use a smaller exponent and a larger mantissa."),
+    "refractory": Range(1, 63, "Shorten the refractory period; 1 blocks no step."),
 }
+SOMA = 0
+DENDRITE = 1
 
 
-def graph(group: int = 0, **changes: object) -> CompartmentGraph:
-    """Return two groups of two compartments, the second joined to the first, with ``changes`` in one group."""
-    b = hw.ProgramBuilder(CHIP)
-    x = b.add_input("x", 2)
-    soma = b.add_compartments("soma", 2, threshold=5)
-    b.connect(x, b.add_compartments("dendrite", 2, threshold=5, joined_to=soma), [[20, 0], [0, 20]])
-    unchanged = b.graph()
+def graph(group: int = SOMA, **changes: object) -> CompartmentGraph:
+    """Return two somas and two dendrites, joined to them and driven by input ``x``, with ``changes`` in one group."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    soma = builder.add_compartments("soma", 2, threshold=5)
+    dendrite = builder.add_compartments("dendrite", 2, threshold=5, joined_to=soma)
+    builder.connect(x, dendrite, [[20, 0], [0, 20]])
+    unchanged = builder.graph()
     groups = list(unchanged.groups)
     groups[group] = replace(groups[group], **changes)
     return replace(unchanged, groups=tuple(groups))
 
 
+def test_the_table_has_every_parameter_of_a_compartment_that_has_a_range():
+    # The only other range is that of the delay of a synapse.
+    assert {*RANGES, "delay"} == loihi.domains(CHIP.registers).keys()
+
+
 @pytest.mark.parametrize("name", RANGES)
 def test_a_parameter_has_its_own_range(name):
     low, high, fix = RANGES[name]
+    # Compartment 1 has the value, so that the message must find the place as well.
     for value in (low, high):
         check_graph(graph(**{name: [low, value]}), CHIP)
     for value in (low - 1, high + 1):
@@ -58,47 +79,86 @@ def test_a_parameter_has_its_own_range(name):
     ids=["nobody", "itself", "a group of another phase"],
 )
 def test_a_group_cannot_join_itself_or_a_group_of_another_phase(changes):
-    made = graph(1, **changes)
-    made = replace(made, synapses=(), phases=(*made.phases, replace(made.phases[0], name="later")))
+    impossible = graph(DENDRITE, **changes)
+    # The phase "later" exists, so that nothing but the join is wrong.
+    phases = (*impossible.phases, replace(impossible.phases[0], name="later"))
+    impossible = replace(impossible, phases=phases)
     with pytest.raises(hw.InputError) as error:
-        check_graph(made, CHIP)
+        check_graph(impossible, CHIP)
     to = changes.get("joined_to", "soma")
     expected = f"compartments 'dendrite': cannot be joined to '{to}'. Join to another group of the same size and phase."
     assert str(error.value) == expected
 
 
-TURNED = Input("turned", 2, "time", "x", positions=[0, 1])
-"""An input through the transpose buffer, which makes a phase over time a mixed one."""
+TURNED = Input(name="turned", size=2, phase="time", stream="x", positions=[0, 1])
+"""An input of the same phase that comes through the transpose buffer, which exchanges steps and channels: two lines,
+which are time steps, hear channel 0 in step 0 and channel 1 in step 1."""
+
+
+def phase_of(axis: str, *, steps: int | None, align_events: int | None) -> Phase:
+    """Return the phase of the graph's compartments and inputs, which is named "time" whatever its axis."""
+    return Phase(name="time", axis=axis, steps=steps, align_events=align_events)
 
 
 @pytest.mark.parametrize(
     ("phase", "inputs", "measured"),
     [
-        (Phase("time", "time", None, 0), (), "align_events 0, axis 'time'"),
-        (Phase("time", "time", None, -1), (), "align_events -1, axis 'time'"),
-        (Phase("time", "time", 2, 1), (TURNED,), "align_events 1, axis 'time'"),
-        (Phase("time", "location", 2, 1), (TURNED,), "align_events 1, axis 'location'"),
-        (Phase("time", "location", 2, 1), (), "align_events 1, axis 'location'"),
+        pytest.param(
+            phase_of("time", steps=None, align_events=0),
+            (),
+            "align_events 0, axis 'time'",
+            id="no event",
+        ),
+        pytest.param(
+            phase_of("time", steps=None, align_events=-1),
+            (),
+            "align_events -1, axis 'time'",
+            id="below 0",
+        ),
+        pytest.param(
+            phase_of("time", steps=2, align_events=1),
+            (TURNED,),
+            "align_events 1, axis 'time'",
+            id="mixed over time",
+        ),
+        pytest.param(
+            phase_of("location", steps=2, align_events=1),
+            (TURNED,),
+            "align_events 1, axis 'location'",
+            id="mixed over locations",
+        ),
+        pytest.param(
+            phase_of("location", steps=2, align_events=1),
+            (),
+            "align_events 1, axis 'location'",
+            id="another axis",
+        ),
     ],
-    ids=["no event", "below 0", "mixed over time", "mixed over locations", "another axis"],
 )
 def test_a_phase_that_cannot_begin_at_a_touch_is_refused(phase, inputs, measured):
-    made = graph()
-    made = replace(made, inputs=(*made.inputs, *inputs))
-    check_graph(replace(made, phases=(replace(phase, align_events=None),)), CHIP)
+    unaligned = graph()
+    unaligned = replace(
+        unaligned,
+        inputs=(*unaligned.inputs, *inputs),
+        phases=(replace(phase, align_events=None),),
+    )
+    # Nothing but the alignment is wrong.
+    check_graph(unaligned, CHIP)
+    aligned = replace(unaligned, phases=(phase,))
     with pytest.raises(hw.InputError) as error:
-        check_graph(replace(made, phases=(phase,)), CHIP)
+        check_graph(aligned, CHIP)
     assert str(error.value) == (
         f"phase 'time': it cannot be aligned ({measured}). Align to 1 event or more, with inputs of this axis alone."
     )
 
 
 def test_a_phase_of_one_axis_can_begin_at_a_touch():
-    check_graph(replace(graph(), phases=(Phase("time", "time", None, 1),)), CHIP)
+    phase = phase_of("time", steps=None, align_events=1)
+    check_graph(replace(graph(), phases=(phase,)), CHIP)
 
 
 def with_synapses(**changes: object) -> CompartmentGraph:
-    """Return the two groups, with ``changes`` in the synapses between the input and the second group."""
+    """Return the two groups, with ``changes`` in the two synapses from the input onto the dendrites."""
     unchanged = graph()
     return replace(unchanged, synapses=(replace(unchanged.synapses[0], **changes),))
 
@@ -147,12 +207,12 @@ def test_a_delay_that_a_chip_without_delays_lacks_is_refused(delay, measured, fi
 def test_the_longest_delay_of_a_phase_decides_how_many_charges_are_in_flight(monkeypatch):
     """Four compartments and a delay of 3 steps keep 4 times 5 charges; other synapses without delay do not matter."""
     delayed = with_synapses(delay=[3, 0])
-    made = replace(delayed, synapses=(*delayed.synapses, *graph().synapses))
+    with_others = replace(delayed, synapses=(*delayed.synapses, *graph().synapses))
     monkeypatch.setattr(checks, "MOST_CHARGES", 20)
-    check_graph(made, CHIP)
+    check_graph(with_others, CHIP)
     monkeypatch.setattr(checks, "MOST_CHARGES", 19)
     with pytest.raises(hw.TargetError) as error:
-        check_graph(made, CHIP)
+        check_graph(with_others, CHIP)
     assert str(error.value) == (
         "phase 'time': its longest delay keeps more charges in flight than the simulator allows "
         "(5 steps of 4 compartments against 19). Shorten the delay, or relay the spike through compartments."
@@ -161,15 +221,16 @@ def test_the_longest_delay_of_a_phase_decides_how_many_charges_are_in_flight(mon
 
 def with_visits(steps: int | None, **changes: object) -> CompartmentGraph:
     """Return the two groups with an input through the transpose buffer, in a phase of ``steps`` steps."""
-    made = graph()
+    unchanged = graph()
     return replace(
-        made,
-        phases=(Phase("time", "location", steps),),
-        inputs=(*made.inputs, replace(TURNED, **changes)),
+        unchanged,
+        phases=(phase_of("location", steps=steps, align_events=None),),
+        inputs=(*unchanged.inputs, replace(TURNED, **changes)),
     )
 
 
 def test_a_visit_after_the_end_of_its_phase_is_refused():
+    # The second channel is visited in step 1, so a phase needs two steps.
     check_graph(with_visits(2), CHIP)
     check_graph(with_visits(None), CHIP)
     with pytest.raises(hw.InputError) as error:
@@ -205,12 +266,12 @@ def test_first_lines_that_do_not_fit_are_refused(first_lines, measured):
 )
 def test_two_channels_of_three_that_share_lines_are_enough(first_lines, shared):
     """Of 6 lines, each channel takes 2 if the last one begins at line 4."""
-    made = with_visits(1, size=6, positions=[0, 0, 0], first_lines=first_lines)
+    together = with_visits(1, size=6, positions=[0, 0, 0], first_lines=first_lines)
     if not shared:
-        check_graph(made, CHIP)
+        check_graph(together, CHIP)
         return
     with pytest.raises(hw.InputError) as error:
-        check_graph(made, CHIP)
+        check_graph(together, CHIP)
     assert str(error.value) == (
         "input 'turned': two channels of one step share lines. Give each lines of its own."
     )

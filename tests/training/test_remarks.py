@@ -1,6 +1,7 @@
 """The remarks of a run: sentences, on lines that begin with ``!``, about data and about what was not learned.
 
-Runs that learned from good data must have none.
+Runs that learned from good data must have none. All classes *tie* in a recording if their scores are equal: the
+recording then predicts no class.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ CHANNELS = 78  # of a fingertip: 39 taxels with two polarities
 
 
 def save(path: Path, labels: list[int], *, silent: int = 0) -> str:
-    """Write 30 steps of noise, each class with ten busy channels; the first ``silent`` recordings have no event."""
+    """Write recordings of 30 steps of noise, with ten busy channels for each label; return the path.
+
+    The first ``silent`` recordings have no event.
+    """
     rng = np.random.default_rng(0)
     spikes = (rng.random((len(labels), CHANNELS, 30)) < 0.05).astype(np.uint8)
     for i, label in enumerate(labels):
@@ -45,23 +49,30 @@ def save(path: Path, labels: list[int], *, silent: int = 0) -> str:
 
 
 def train(tmp_path: Path, data: str, *options: str) -> int:
-    """Run the command, and return its exit code, but 0 for 3, with which such short runs end if they learn nothing."""
+    """Run ``locsnn train`` and return its exit code, but 0 instead of 3.
+
+    A run that learned nothing ends with 3. Most of these runs are too short to learn, and their remarks are tested.
+    """
     code = main(["train", "--data", data, "-o", str(tmp_path / "o.pt"), *options])
     return 0 if code == 3 else code
 
 
 def remarks(capsys: Capture) -> list[str]:
-    """Return the remarks that were printed; the lines of epochs go to the standard error."""
+    """Return the remarks that were printed; the standard error must have nothing but a line for each epoch."""
     printed = capsys.readouterr()
     assert all(" epoch " in line and ", loss " in line for line in printed.err.splitlines())
     return [line for line in printed.out.splitlines() if line.startswith("! ")]
 
 
 SILENT = "! No output neuron spikes in any of the 12 recordings it was trained on: every prediction is a tie. Give --learning-rate 0.1."
+"""The advised rate is the largest: a run of one epoch has few updates of its weights."""
 CHANCE = "! Accuracy 0.500 on the 12 recordings it was trained on is not clearly above chance, 0.500 for the commonest label."
 FIXED = ("--defaults", "fixed")
+"""Options that are left out have fixed values. By default, they are chosen from the data."""
 QUICK = (*FIXED, "--model", "tactile-snn", "--hidden", "4", "--epochs", "1")
+"""An epoch after which no output neuron spikes yet."""
 STUCK = (*FIXED, "--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
+"""An epoch that hardly changes the random weights. The networks that it is for have scores without any spike."""
 
 
 @pytest.mark.parametrize(
@@ -99,6 +110,7 @@ STUCK = (*FIXED, "--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
             [0] * 12,
             0,
             QUICK,
+            # The outputs are silent as well, but with one class there is nothing that they could tell apart.
             ["! All recordings to train on have label 0: there is nothing to tell apart."],
             id="one class",
         ),
@@ -155,6 +167,7 @@ def test_recordings_without_any_event_are_refused(tmp_path: Path, capsys: Captur
         f"recordings '{tmp_path}/a_label_0.tact': none of them has an event (3 of 3 events dropped: 0 outside the steps, 3 in bins "
         "of at most 1). Lower --threshold, or give more --steps.\n",
     )
+    # Nothing was written.
     assert not list(tmp_path.glob("o.*"))
 
 
@@ -171,14 +184,17 @@ def test_all_recordings_tie_in_networks_whose_weights_are_0(name: str, words: st
     rng = np.random.default_rng(0)
     labels = np.arange(5) % 3
     spikes = (rng.random((5, 24, CHANNELS)) < 0.2).astype(np.uint8)
-    recordings = Recordings(spikes, labels, None, "a")
-    location = {"location_order": "loop", "location_taxels": tuple(range(1, 40))}
+    recordings = Recordings(spikes, labels, step_seconds=None, source="a")
+    # The networks with a branch that walks over locations need its order.
+    location = {}
+    if name in ("hybrid-lif", "window-snn"):
+        location = {"location_order": "loop", "location_taxels": tuple(range(1, 40))}
     described = NetworkDescription(
         name,
         InputLayout(neutouch(1), steps=24, step_seconds=None),
         classes=3,
         hidden=4,
-        **(location if name in ("hybrid-lif", "window-snn") else {}),  # type: ignore[arg-type]
+        **location,  # type: ignore[arg-type]
     )
     network = build_network(described, seed=0)
     for weight in network.parameters():
@@ -187,16 +203,20 @@ def test_all_recordings_tie_in_networks_whose_weights_are_0(name: str, words: st
         f"{words} in any of the 5 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
     ]
     # Two recordings are of class 0, which argmax returns for equal scores; ties must not count as right.
-    assert evaluate(network, Loss(TrainingConfig(), 3), recordings.spikes, labels)[1] == 0.0
+    _, accuracy = evaluate(network, Loss(TrainingConfig(), classes=3), recordings.spikes, labels)
+    assert accuracy == 0.0
     counts = np.bincount(labels, minlength=3)
     confused = confusion(network, recordings)
-    np.testing.assert_array_equal(confused, np.column_stack([np.zeros((3, 3)), counts]))
+    # A row for each label, a column for each class, and a last one for ties.
+    all_tie = np.column_stack([np.zeros((3, 3)), counts])
+    np.testing.assert_array_equal(confused, all_tie)
     assert tie_remarks(confused) == [
         "All classes tie in 5 of 5 test recordings: they predict no class (column 'tie') and count as wrong."
     ]
+    # Now ties predict class 2.
     network.tie_class = 2
-    right = counts[2] / 5
-    assert evaluate(network, Loss(TrainingConfig(), 3), recordings.spikes, labels)[1] == right
+    _, accuracy = evaluate(network, Loss(TrainingConfig(), classes=3), recordings.spikes, labels)
+    assert accuracy == counts[2] / 5
     confused = confusion(network, recordings)
     np.testing.assert_array_equal(confused[:, 2], counts)
     assert tie_remarks(confused) == []
@@ -211,7 +231,8 @@ def test_all_recordings_tie_in_networks_whose_weights_are_0(name: str, words: st
     ],
 )
 def test_an_accuracy_that_guesses_could_reach_is_remarked(right: int, is_remarked: bool) -> None:
-    # Of ten recordings of two classes, guesses have 5 right, and 7.6 or more in one case of twenty.
+    # Of ten recordings of two classes, guesses have 5 right on average, with a standard deviation of sqrt(10) / 2 = 1.58.
+    # One case in twenty is 1.645 deviations above: 7.6.
     assert bool(chance_remarks(right / 10, np.arange(10) % 2, "of these")) == is_remarked
 
 
@@ -226,7 +247,9 @@ def test_a_walk_that_ends_before_outputs_can_spike_is_remarked(channels: int, sp
         weight.data.fill_(1000.0)
     events = np.ones((1, 24, channels), dtype=np.float32)
     assert bool(network.counts(torch.from_numpy(events)).any()) == spikes
-    recordings = Recordings(np.ones((4, 24, channels)), np.arange(4) % 2, None, "a")
+    spikes_of_all = np.ones((4, 24, channels))
+    recordings = Recordings(spikes_of_all, np.arange(4) % 2, step_seconds=None, source="a")
+    # The model of a configuration is, by default, a hybrid with the same location branch.
     remarks_on_data = data_remarks(recordings, 2, TrainingConfig(channels=channels))
     remark = (
         "The location branch walks over 2 channels and says nothing: its outputs spike 2 channels "
@@ -236,8 +259,11 @@ def test_a_walk_that_ends_before_outputs_can_spike_is_remarked(channels: int, sp
 
 
 def test_many_missing_labels_are_counted() -> None:
-    recordings = Recordings(np.ones((2, 3, CHANNELS)), np.array([0, 40]), None, "a")
-    assert data_remarks(recordings, 41, TrainingConfig(validation_fraction=0.0)) == [
+    labels = np.array([0, 40])
+    recordings = Recordings(np.ones((2, 3, CHANNELS)), labels, step_seconds=None, source="a")
+    # Without validation there is no remark that nothing was held back for it.
+    config = TrainingConfig(validation_fraction=0.0)
+    assert data_remarks(recordings, 41, config) == [
         "No recording to train on has label 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 27 more: labels count from 0 to "
         "40 here."
     ]
@@ -319,10 +345,15 @@ def test_many_missing_labels_are_counted() -> None:
 def test_faults_of_recordings_are_remarked(
     labels: list[int], silent: list[int], options: dict, expected: list[str]
 ) -> None:
+    """``silent`` are the numbers of the recordings without events."""
     spikes = np.ones((len(labels), 3, CHANNELS))
     spikes[silent] = 0
     recordings = Recordings(
-        spikes, np.array(labels), None, "a", class_names=("press", "slide", "twist")
+        spikes,
+        np.array(labels),
+        step_seconds=None,
+        source="a",
+        class_names=("press", "slide", "twist"),
     )
     assert data_remarks(recordings, 3, TrainingConfig(**options)) == expected
 
@@ -342,10 +373,12 @@ def test_faults_of_recordings_are_remarked(
 def test_carried_recordings_are_of_all_classes(
     labels: list[int], most: int, rows: list[int]
 ) -> None:
+    """A checkpoint carries at most ``most`` recordings: as many of each class, evenly spread over its ``rows``."""
     assert carried_rows(np.array(labels), len(labels), most).tolist() == rows
 
 
 def test_a_checkpoint_carries_recordings_of_rare_classes(tmp_path: Path) -> None:
+    # Six recordings evenly spread over all would leave out the rare classes.
     data = save(tmp_path / "a.npz", [0] * 20 + [1] * 2 + [2] * 2)
     assert train(tmp_path, data, *QUICK, "--recordings", "6", "--quiet") == 0
     carried = read_checkpoint(tmp_path / "o.pt").recordings
@@ -359,14 +392,17 @@ def test_recordings_of_different_lengths_get_the_longest_or_the_option(
     tmp_path: Path, name: str
 ) -> None:
     rng = np.random.default_rng(0)
+    # The longest is in the test part, which counts as well.
     for part, lengths in (("train", (20, 26, 23, 20)), ("test", (18, 30))):
         (tmp_path / "set" / part).mkdir(parents=True)
         for i, steps in enumerate(lengths):
             spikes = (rng.random((39, 2, steps)) < 0.2).astype(np.uint8)
             np.save(tmp_path / "set" / part / f"sample_{i}_label_{i % 2}.npy", spikes)
+    # Small networks, which train faster; that of windows alone has no hidden neurons.
     hidden = () if name == "window-snn" else ("--hidden", "4")
     sizes = ("--model", name, *hidden, "--epochs", "1", "--quiet")
     if name == "hybrid-graph":
+        # Features per node of its two graphs, of taxels and of time steps: few, for speed.
         (tmp_path / "c.yaml").write_text("features: 2\nstep_features: 2\n")
         sizes = (*sizes, "--config", str(tmp_path / "c.yaml"))
     assert train(tmp_path, str(tmp_path / "set"), *sizes) == 0
