@@ -2,8 +2,8 @@
 // for every state, charge, constant and joined voltage, and whatever surrounds the compartment in the pipeline. Memories may hold
 // anything (any_memory.sv), so this proof does not say that compartments never read what others are about to write.
 //
-//     rz(x, d) = sign(x) * ((|x| * (4096 - d)) >> 12), where the product is 4096 times that of the upper half of x, and that
-//         of the lower half
+//     rz(x, d) = sign(x) * ((|x| * keep) >> 12) with keep = 4096 - d. The module multiplies the two halves of x alone, so the
+//         proof puts them together: x * keep = 4096 * (x[23:12] * keep) + x[11:0] * keep
 //     q = charge * 64, wrapped to 22 bits         (charges are in units of 64)
 //     u = rz(u, d_u) + q, wrapped to 24 bits
 //     v = rz(v, d_v) + (u + bias, wrapped to 24 bits) + joined, clipped to vmin..vmax
@@ -13,7 +13,7 @@
 // The formulas only need what a compartment brings with it, so the proof copies that from the module, cycle by cycle, computes
 // the formulas from the copies when the compartment is in its last cycle, and asserts that the module has the same results.
 //
-// Words of the module's memories, lowest bit first (update.sv). A keep is 4096 - d, the share that a decay d leaves:
+// Words of the module's memories, lowest bit first (update.sv):
 //
 //     state  [23:0] u, [47:24] v, [53:48] steps to stay blocked
 //     leak   [0] 1 for a compartment, 0 for a gap, [13:1] keep of u, [26:14] keep of v, [46:27] bias, [47] has joined children
@@ -124,8 +124,8 @@ module step_proof (
     wire [5:0]          blocked_new = spike ? blocks : held ? blocked - 6'd1 : 6'd0;
     wire signed [39:0]  v_new = spike ? 40'sd0 : open;
 
-    // For the leak, which is proved in two steps: its products (cycle 3), then the quotient of their sum (cycle 4), which starts from
-    // the products of the module.
+    // For the leak, which is proved in two steps: first that the module's products are right (cycle 3), then, from these products,
+    // that the quotient of their sum is (cycle 4).
     wire [23:0]         u3 = firsts[3] ? 24'b0 : stored[3][23:0], v3 = firsts[3] ? 24'b0 : stored[3][47:24];
     wire [23:0]         u4 = firsts[4] ? 24'b0 : stored[4][23:0], v4 = firsts[4] ? 24'b0 : stored[4][47:24];
     wire [12:0]         keep_u3 = leaks[3][13:1], keep_v3 = leaks[3][26:14];
