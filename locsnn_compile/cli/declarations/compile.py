@@ -1,4 +1,8 @@
-"""Options of ``locsnn-compile``, in the order of its help."""
+"""Options of ``locsnn-compile``, in the order of its help.
+
+An option that several commands share is declared by a function of ``shared.py``. Where such a function adds several, a
+comment names them.
+"""
 
 import argparse
 
@@ -56,6 +60,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     # weight bits. The first, the strategy, decides most and comes first in the help.
     first_dial, *other_dials = DIALS
     add_dial(parser, first_dial)
+    # Between the dials in the help, because --strategy auto compares settings on these recordings, and weights are
+    # rounded for them.
     add_recordings(
         parser,
         "--calibration",
@@ -64,10 +70,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     for dial in sorted(other_dials, key=lambda dial: dial.name):
         add_dial(parser, dial)
-    add_format_options(parser)
-    add_numbering(parser)
-    add_times(parser)
-    add_division(parser)
+    add_format_options(parser)  # such as --config: options that only some formats of models take
+    add_numbering(parser)  # --channel-order
+    add_times(
+        parser
+    )  # --step-seconds, --steps, --threshold, --start, --time-unit, --max-steps, --classes
+    add_division(parser)  # --split, --fold
+    # --axes, --grid, --layout, --channels, --polarities, --columns, and what to merge or leave out: --merge-polarities,
+    # --only-taxels, --only-polarity, --merge-channels
     add_sensor(parser)
     add_psi(
         parser,
@@ -95,7 +105,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--recording",
         metavar="K",
-        type=int,
+        type=int,  # its range depends on the recordings, so it is checked when they have been read
         help="the recording to emit, counted from 0 (default 0)",
     )
     parser.add_argument(
