@@ -1,6 +1,7 @@
 """The rules that a network must keep before it is compiled, each with its whole error message; and weight matrices.
 
-Each case breaks one rule of a sound network. Weight matrices may be dense or sparse.
+Each case breaks one rule of a sound network, most of them of the small hybrid of ``tests/support/networks.py``. Weight
+matrices may be dense or sparse.
 """
 
 import math
@@ -31,6 +32,10 @@ from locsnn_compile.network.projections import (
 from locsnn_compile.passes.srm.quantize import refractory_count
 from tests.support.networks import DECAY_OF_10, NEURON, hybrid, on_grid, single
 
+CHANNELS = 4
+STEPS = 12
+"""The size of the hybrid. Its location branch visits the channels, each on a line for every step."""
+
 
 def lif(**changes):
     """Return a network of two leaky neurons behind three channels, with parameters of the neurons changed."""
@@ -59,7 +64,7 @@ def in_phase(phase):
 def tapped(**changes):
     """Return two neurons with two self-synapses (taps) each, of which some parameters are changed."""
     neuron = ChipSrm.with_taps(
-        2, decay=390, threshold=10, delay=[0, 1], mantissa=[-3, 2], exponent=[1, 1]
+        2, decay=DECAY_OF_10, threshold=10, delay=[0, 1], mantissa=[-3, 2], exponent=[1, 1]
     )
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
 
@@ -67,13 +72,13 @@ def tapped(**changes):
 def joined(**changes):
     """Return two neurons with a refractory dendrite, of which some parameters are changed."""
     neuron = ChipSrm.with_taps(
-        2, decay=390, threshold=10, refractory_decay=1, mantissa=-3, exponent=0
+        2, decay=DECAY_OF_10, threshold=10, refractory_decay=1, mantissa=-3, exponent=0
     )
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
 
 
 def visiting(axis="location", **changes):
-    """Return the hybrid of four channels and twelve steps, with fields of the view of one axis changed."""
+    """Return the hybrid with fields of the view of one axis changed."""
     network = hybrid()
     views = tuple(replace(view, **changes) if view.axis == axis else view for view in network.views)
     return replace(network, views=views)
@@ -82,7 +87,7 @@ def visiting(axis="location", **changes):
 def two_walks():
     """Return the hybrid with a second view of the location axis, which takes one step more."""
     network = hybrid()
-    other = InputView("other", "location", lines=12, walk=np.arange(4), silence=1)
+    other = InputView("other", "location", lines=STEPS, walk=np.arange(CHANNELS), silence=1)
     return replace(network, views=(*network.views, other))
 
 
@@ -284,13 +289,14 @@ BROKEN_RULES = [
         id="early delay",
     ),
     pytest.param(
-        lambda: replace(hybrid(), channels=5),
+        lambda: replace(hybrid(), channels=CHANNELS + 1),
         "input 'touch_transposed': its location order is not a permutation of the channels. "
         "Visit every channel exactly once.",
         id="walk",
     ),
     pytest.param(
-        lambda: visiting(walk=np.arange(78.0)),
+        # Every channel once, so nothing but the type of the numbers is wrong.
+        lambda: visiting(walk=np.arange(CHANNELS, dtype=np.float64)),
         "input 'touch_transposed': its location order is not a permutation of the channels. "
         "Visit every channel exactly once.",
         id="walk in floats",
@@ -302,7 +308,7 @@ BROKEN_RULES = [
         id="no walk",
     ),
     pytest.param(
-        lambda: visiting("time", walk=np.arange(4)),
+        lambda: visiting("time", walk=np.arange(CHANNELS)),
         "input 'touch': only a location axis has a location order. Leave it out.",
         id="walk over time",
     ),
@@ -318,13 +324,13 @@ BROKEN_RULES = [
         id="none together",
     ),
     pytest.param(
-        lambda: visiting(together=6),
+        lambda: visiting(together=CHANNELS + 2),
         "input 'touch_transposed': channels visited together do not have equal lines of "
         "their own (6 of 4 channels on 12 lines). Give lines for every time step of each.",
         id="too many together",
     ),
     pytest.param(
-        lambda: visiting(lines=13, together=2),
+        lambda: visiting(lines=STEPS + 1, together=2),
         "input 'touch_transposed': channels visited together do not have equal lines of "
         "their own (2 of 4 channels on 13 lines). Give lines for every time step of each.",
         id="lines that do not part",
@@ -404,7 +410,7 @@ def test_a_network_that_breaks_a_rule_is_refused(make, message):
     [
         pytest.param(hybrid, id="hybrid"),
         pytest.param(lambda: hybrid(together=2, silence=3), id="together"),
-        pytest.param(lambda: on_grid(1), id="on grid"),
+        pytest.param(lambda: on_grid(seed=1), id="on grid"),
         pytest.param(lif, id="lif"),
         pytest.param(lambda: with_tie_class(1), id="class for ties"),
         pytest.param(lambda: lif(bias=np.array([0.0, 1e100])), id="large bias"),
@@ -427,6 +433,7 @@ WEIGHTS = np.array([[0.0, 2.0, 0.0], [-3.0, 0.0, 1.0]])
 @pytest.mark.parametrize("dtype", [np.int64, np.float64])
 def test_both_forms_of_a_matrix_mean_the_same(form, dtype):
     m = matrix(form(WEIGHTS), dtype)
+    # Ordered by source, as the chip stores synapses, then by target.
     target, source, index = connections(m)
     assert target.tolist() == [1, 0, 1]
     assert source.tolist() == [0, 1, 2]
@@ -511,6 +518,7 @@ def test_fields_of_a_network_have_their_types(changes, line):
             "population 'n', size: it must be a whole number from 1 to 10000000 (got '2'). "
             "Correct it.",
         ),
+        # Not a wrong type: a readout reads no helper, so it finds no population to take the number of classes from.
         (
             {"helper": True},
             "readout: its populations or weights do not fit together (populations ('n',), sizes "
@@ -573,15 +581,34 @@ def test_parameters_of_a_neuron_are_checked(changes, line):
 
 @pytest.mark.parametrize("tau", [2**63, 1e90], ids=["beyond 64 bits", "far beyond"])
 def test_a_very_long_refractory_kernel_has_a_count_of_steps(tau):
-    """The count is refused later, as too large for the chip; to compute it must not overflow."""
-    assert refractory_count(replace(SRM, tau_ref=tau), decay=DECAY_OF_10) > 2**40
+    """The count is cut to the chip's largest later; to compute it must not overflow.
+
+    It is about e * scale_ref * tau_ref, the sum of the kernel, and here scale_ref is 2.
+    """
+    count = refractory_count(replace(SRM, tau_ref=tau), decay=DECAY_OF_10)
+    assert count == pytest.approx(2 * math.e * tau)
 
 
-@pytest.mark.parametrize("first", [-1, (), [], (None, 3), (0.5,), 2**63], ids=str)
-def test_the_first_step_of_potentials_must_be_a_step(first):
+NO_STEP = "readout: potentials_from is not a step ({}). Give a step from 0 up, or one or None for each population."
+
+
+@pytest.mark.parametrize(
+    ("first", "message"),
+    [
+        pytest.param(-1, NO_STEP.format("-1"), id="negative"),
+        pytest.param(2**63, NO_STEP.format("9223372036854775808"), id="beyond 64 bits"),
+        pytest.param((), NO_STEP.format("()"), id="no step for the one population"),
+        pytest.param([], NO_STEP.format("[]"), id="an empty list"),
+        pytest.param((None, 3), NO_STEP.format("(None, 3)"), id="two steps for one population"),
+        pytest.param(
+            (0.5,),
+            "Readout, potentials_from: it must be an int (got float 0.5). Correct it.",
+            id="fraction",
+        ),
+    ],
+)
+def test_the_first_step_of_potentials_must_be_a_step(first, message):
     network = lif()
     with pytest.raises(InputError) as caught:
         check_network(replace(network, readout=replace(network.readout, potentials_from=first)))
-    assert str(caught.value).startswith(
-        ("readout: potentials_from is not a step (", "Readout, potentials_from: it must be")
-    )
+    assert str(caught.value) == message
