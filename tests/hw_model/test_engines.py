@@ -38,7 +38,7 @@ CHIP = hw.chip("loihi-sim")
 @given(seed=st.integers(0, 2**32 - 1))
 def test_engine_equals_the_oracle(engine, chip, seed):
     program, graph, _, spikes = random_program(seed, chip)
-    check_oracle(program, graph, {"x": spikes[None]}, None, engine)
+    check_oracle(program, graph, {"x": spikes[None]}, steps=None, engine=engine)
 
 
 @settings(max_examples=40, deadline=None)
