@@ -8,7 +8,8 @@ from the bottom in AEDAT 2.0, and from the top in AEDAT 3.1.
   polarity in bit 0, x in 7..1, y in 14..8, bit 15 for an input. Of a DAVIS: polarity in bit 11, x in
   21..12, y in 30..22, bit 10 for an input, bit 31 for a sample of an image
 - 3.1: packets of events of one kind behind a head of 28 bytes, low byte first. An event of a pixel has
-  x in bits 31..17, y in 16..2, polarity in 1, bit 0 if it is valid, and 31 bits of time
+  x in bits 31..17, y in 16..2, polarity in 1, bit 0 if it is valid, and 31 bits of time. Packets of
+  all other kinds are skipped
 """
 
 import re

@@ -5,7 +5,8 @@ of EVT3. All three begin with lines ``% name value``. Coordinates count from the
 is brighter, times are microseconds.
 
 - EVT2, words of 32 bits, kind in bits 31..28: an event (0 darker, 1 brighter) has the low 6 bits of
-  its time in 27..22, x in 21..11, y in 10..0; 8 has the other 28 bits of the time
+  its time in 27..22, x in 21..11, y in 10..0; 8 sets the high 28 bits of the time for all events
+  behind it. Words of all other kinds are skipped
 - DAT: two bytes for kind and size of an event, then 32 bits of time, and 32 with x in 13..0, y in
   27..14 and polarity in 28
 """

@@ -99,7 +99,7 @@ def long_row(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> Row:
         return replace(row, causes=row.causes + defects, drift=drift)
     if defects:
         return replace(row, verdict="unexplained", causes=defects, drift=drift)
-    causes = (*row.causes, *growth(row, drift, run.fades))
+    causes = (*row.causes, *growth(row, drift, fades=run.fades))
     return replace(row, verdict="limited" if causes else "ok", causes=causes, drift=drift)
 
 
@@ -120,6 +120,7 @@ def measure_drift(run: LongRun, chip: hw.Chip, float_run: FloatRun) -> tuple[Dri
     quiet: BoolArray = ~has_spikes
     matches = []
     errors = []
+    # Slices of about equal length, one after the other.
     for tenth_steps in np.array_split(np.arange(steps), TENTHS):
         tenth = slice(tenth_steps[0], tenth_steps[-1] + 1)
         matches.append(PopulationMatch.of(float_run.spikes[tenth], spikes[tenth]))
@@ -143,6 +144,7 @@ def play_float(network: Network, block: ByteArray, steps: int) -> FloatRun:
 
 
 def _repeated(block: ByteArray, steps: int) -> ByteArray:
+    """Return ``steps`` steps of a block (steps, channels) again and again."""
     return np.resize(block, (steps, block.shape[1]))
 
 
@@ -189,8 +191,11 @@ def _beyond_bound(drift: Drift) -> str | None:
     return f"an error of {short(largest)} thresholds in the long run is beyond the bound of {short(drift.bound)}"
 
 
-def growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
-    """Yield a sentence for each thing that is worse in the last tenth of the run than in its beginning."""
+def growth(row: Row, drift: Drift, *, fades: bool) -> Iterator[str]:
+    """Yield a sentence for each thing that is worse in the last tenth of the run than in its beginning.
+
+    ``fades`` is False if the neuron has no leak, so that no rounding error is ever forgotten.
+    """
     assert row.measured is not None  # rows that were judged have figures
     last_error = 0.0 if drift.error is None else drift.error[-1]
     if not fades and last_error > TENTH:

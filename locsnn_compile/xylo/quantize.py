@@ -167,6 +167,7 @@ def _rounded(
     network = XyloNetwork(
         hidden=hidden,
         outputs=outputs,
+        # The last axis: a hidden neuron of a Xylo can have several currents; ours have one.
         weights_in=into_hidden.mantissas[:, :, None],
         weights_hidden=among_hidden.mantissas[:, :, None],
         weights_out=into_outputs.mantissas,

@@ -36,6 +36,7 @@ def trained_integers(parts: XyloParts) -> QuantizedXylo:
         shifts[group_of(parts, projection)].add(projection.exponent)
     hidden = _population(parts.hidden)
     outputs = _population((parts.outputs,))
+    # The last axis: a hidden neuron of a Xylo can have several currents; ours have one.
     network = XyloNetwork(
         hidden=hidden,
         outputs=outputs,

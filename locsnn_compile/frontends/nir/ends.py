@@ -54,7 +54,8 @@ def image_of(flat: FlatGraph) -> Channels | None:
 def outputs_of(flat: FlatGraph, where: str) -> tuple[str, ...]:
     """Return the populations that are read out: those that reach an Output directly, or through a Flatten."""
     read_out: list[str] = []
-    # Go back from the Outputs, through nodes that change nothing, to neurons.
+    # Go back from the Outputs, through nodes that change nothing, to neurons. This ends, because ``flatten_graph``
+    # refuses circles without a neuron.
     waiting = flat.named("Output")
     if not waiting:
         raise InputError(

@@ -21,6 +21,10 @@ MAX_NODES = 10_000
 """Largest number of nodes of a file; a limit for hostile files, chosen by hand."""
 MAX_DEPTH = 16
 """Largest number of graphs inside each other; a limit for hostile files, chosen by hand."""
+LONGEST_NAME = 200
+"""Most characters of a node's name; chosen by hand."""
+SHOWN_CHARACTERS = 60
+"""Characters of a word of the file that an error shows, so that it stays short; chosen by hand."""
 
 Array = AnyArray
 Edge = tuple[str, str]
@@ -81,7 +85,9 @@ def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
         kind = top.text("type")
         if kind != "NIRGraph":
             what = "it contains one node, not a graph"
-            raise InputError(where, what, measured=kind[:60], fix="Wrap it in a NIRGraph.")
+            raise InputError(
+                where, what, measured=kind[:SHOWN_CHARACTERS], fix="Wrap it in a NIRGraph."
+            )
         return _read_graph(top, where, 0, [0]), data
 
 
@@ -93,8 +99,8 @@ def _read_graph(group: Group, where: str, depth: int, node_count: list[int]) -> 
     for name in node_groups.names():
         node_count[0] += 1
         check_most(node_count[0], MAX_NODES, where, "too many nodes", fix="Give a smaller graph.")
-        place = f"{where}, node {name[:60]!r}"
-        if not name.isprintable() or len(name) > 200:
+        place = f"{where}, node {name[:SHOWN_CHARACTERS]!r}"
+        if not name.isprintable() or len(name) > LONGEST_NAME:
             raise InputError(place, "its name is not plain text", fix="Rename it.")
         nodes[name] = _read_node(node_groups.group(name, place), place, depth, node_count)
     edges = group.texts("edges") if "edges" in group else []
@@ -130,7 +136,8 @@ def _read_node(group: Group, where: str, depth: int, node_count: list[int]) -> N
     kind = group.text("type")
     if kind == "NIRGraph":
         return _read_graph(group, where, depth + 1, node_count)
-    check_known(where, f"{kind[:60]!r} is not a NIR primitive", kind[:60], PARAMETERS)
+    shown_kind = kind[:SHOWN_CHARACTERS]
+    check_known(where, f"{shown_kind!r} is not a NIR primitive", shown_kind, PARAMETERS)
     # Some versions write the type of the input as a group. It only names axes, and later weights depend on the order of
     # the values alone, so it is skipped.
     missing = [
