@@ -64,8 +64,8 @@ def run_phase(
     trace = PhaseTrace.empty(played, layout.columns, layout.pieces, windows)
     kept = NOTHING_KEPT
     if windows:
-        registers = [_kept(kind, layout, trace, windows) for kind in REGISTERS]
-        kept = packed.pack(Kept(True, *registers))
+        u, v, potential = (_kept(kind, layout, trace, windows) for kind in REGISTERS)
+        kept = packed.pack(Kept(watched=True, u=u, v=v, potential=potential))
     first, line = join_lists(played.events)
     recordings = _Recordings(first=first, line=line, start=played.start, stop=played.stop)
     written = _Trace(

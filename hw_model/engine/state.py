@@ -127,7 +127,7 @@ class Written(NamedTuple):
 
 
 NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
-NOTHING_KEPT = packed.pack(Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER))
+NOTHING_KEPT = packed.pack(Kept(watched=False, u=NO_REGISTER, v=NO_REGISTER, potential=NO_REGISTER))
 
 
 def first_state(layout: FastLayout, tile: int = TILE) -> State:

@@ -72,7 +72,16 @@ def latencies(
     core = on_core(program, recordings.shape[1], program.chip)
     cycles = predicted_cycles(core, recordings, fired)
     # The core has no mesh and no barrier: of the entries only the total is known.
-    return [Latency(count / program.chip.clock_ghz, {}, 0, 0.0, 0.0) for count in cycles]
+    return [
+        Latency(
+            total_ns=count / program.chip.clock_ghz,
+            by_phase_ns={},
+            critical_core=0,
+            after_last_row_ns=0.0,
+            slowest_step_ns=0.0,
+        )
+        for count in cycles
+    ]
 
 
 def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, dict[str, float]]:

@@ -65,9 +65,11 @@ class SpinnakerPopulation(Frozen, eq=False):
                 shape = (self.size, spinnaker.RECEPTOR_COUNT)
             _check_shape(f"{where}, {name}", array, shape)
             _check_range(f"{where}, {name}", array, low, high)
-        _check_range(f"{where}, shifts", np.array(self.shifts), 0, spinnaker.SHIFT_MAX)
+        _check_range(f"{where}, shifts", np.array(self.shifts), low=0, high=spinnaker.SHIFT_MAX)
         neurons_per_core = np.array(self.neurons_per_core)
-        _check_range(f"{where}, neurons_per_core", neurons_per_core, 1, NEURONS_PER_CORE_MAX)
+        _check_range(
+            f"{where}, neurons_per_core", neurons_per_core, low=1, high=NEURONS_PER_CORE_MAX
+        )
         # The chip finds a slot by the lowest bits of the step.
         is_power_of_two = self.slots & (self.slots - 1) == 0
         if self.slots < 2 or not is_power_of_two:

@@ -198,6 +198,8 @@ def _streams(group: Group, where: str, time_unit: TimeUnit) -> list[EventStream]
             fix = "Give times and units from 0 up."
             raise InputError(place, what, measured=measured, fix=fix)
         times_us, channel = microseconds.astype(np.int64), unit.astype(np.int64)
-        stream = EventStream(times_us, channel, None, None, place=place, unit_is_open=True)
+        stream = EventStream(
+            times_us, channel, y=None, polarity=None, place=place, unit_is_open=True
+        )
         streams.append(stream)
     return streams

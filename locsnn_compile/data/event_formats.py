@@ -107,7 +107,7 @@ def _events_of(
     times = _microseconds(columns["t"], time_unit, where)
     x = _whole(columns["x"], "x", 0, MAX_PLACE, where)
     y = _whole(columns["y"], "y", 0, MAX_PLACE, where) if "y" in columns else None
-    polarity = (_whole(columns["p"], "p", -1, 1, where) > 0).astype(np.int64)
+    polarity = (_whole(columns["p"], "p", low=-1, high=1, where=where) > 0).astype(np.int64)
     return EventStream(times, x, y, polarity, start=None, place=where, unit_is_open=True)
 
 

@@ -166,7 +166,9 @@ class Recordings(Shown):
         lost = int(self.spikes[:, steps:].sum())
         spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
         spikes[:, : min(steps, old_steps)] = self.spikes[:, :steps]
-        before = self.binned or Binned(None, int(self.spikes.sum()), 0, 0)
+        before = self.binned or Binned(
+            threshold=None, events=int(self.spikes.sum()), outside=0, below=0
+        )
         binned = replace(before, outside=before.outside + lost) if lost else self.binned
         return replace(self, spikes=spikes, binned=binned)
 

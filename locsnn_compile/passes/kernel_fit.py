@@ -60,7 +60,7 @@ def _(neuron: SrmAlpha, scaled: Scaled, registers: Registers) -> KernelFit:
 
 def _fit(of_input: Errors, of_own_spike: Errors | None = None) -> KernelFit:
     if of_own_spike is None:
-        return KernelFit(of_input.largest, of_input.rms, None, None)
+        return KernelFit(of_input.largest, of_input.rms, refractory_max=None, refractory_rms=None)
     return KernelFit(of_input.largest, of_input.rms, of_own_spike.largest, of_own_spike.rms)
 
 

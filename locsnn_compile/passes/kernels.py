@@ -55,7 +55,7 @@ def one_decay(tau: float, where: str) -> Decays:
         raise _never_fades(where, f"{tau:g} steps against at most {longest_tau}")
     b = share_kept(decay)
     if c < FADED:
-        return Decays(decay, decay, 0.0, 0.0)
+        return Decays(decay, decay, gain=0.0, error=0.0)
     chip_chip = _energy(b * b)
     kernel_chip = c * _energy(a * b)
     kernel_kernel = c * c * _energy(a * a)

@@ -125,7 +125,7 @@ def _gate(rule: _Rule, report: SharedFigures, bound: float) -> Gate:
     """Return the result of one rule; an unknown value fails."""
     measured = rule.measured(report)
     if measured is None:
-        return Gate(rule.option, bound, None, False, rule.why_unknown)
+        return Gate(rule.option, bound, measured=None, holds=False, found=rule.why_unknown)
     if rule.at_least:
         # Exact: an agreement is a count divided by a count, and 98 / 100 is the float that 0.98 is read as.
         holds = measured >= bound

@@ -53,7 +53,9 @@ def compare_wide(observed: Observed, match: Match) -> WideComparison | str:
     """
     overflowing = overflowing_recordings(match)
     program = observed.levels.program
-    wide = WideComparison(len(overflowing), 0, 0, False, match)
+    wide = WideComparison(
+        len(overflowing), spikes_changed=0, predictions_changed=0, scores_change=False, match=match
+    )
     for rows in batches(len(overflowing)):
         numbers = overflowing[rows]
         recordings = observed.recordings[numbers]

@@ -101,9 +101,9 @@ def xylo_case(hidden: int) -> tuple[XyloNetwork, NDArray[np.int64]]:
         weights(16, hidden, 1),
         weights(hidden, hidden, 1) // 12,
         weights(hidden, 8),
-        0,
-        0,
-        0,
+        shift_in=0,
+        shift_hidden=0,
+        shift_out=0,
     )
     return network, (generator.random((STEPS, 16)) < 0.2).astype(np.int64)
 

@@ -127,7 +127,9 @@ def train_float(args: argparse.Namespace, dataset: str, seed: int) -> None:
         name.removesuffix(".weight"): weight.numpy()
         for name, weight in state.chosen_weights.items()
     }
-    entry = training_entry(result, replace(config, refit=False), recordings, None, None)
+    entry = training_entry(
+        result, replace(config, refit=False), recordings, test=None, confused=None
+    )
     Checkpoint(result.network.description, selected, training=entry).save(
         folder / f"{dataset}-{seed}-select.pt"
     )

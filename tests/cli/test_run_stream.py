@@ -409,7 +409,11 @@ def test_a_recording_that_is_streamed():
         seconds=np.full(3, 2.0),
         decided=np.full(3, -1),
     )
-    assert changing.changes == (Change(2, 4, 2.0), Change(4, 2, 0.0), Change(5, 4, 3.0))
+    assert changing.changes == (
+        Change(step=2, prediction=4, lead=2.0),
+        Change(step=4, prediction=2, lead=0.0),
+        Change(step=5, prediction=4, lead=3.0),
+    )
     assert changing.filled(7).tolist() == [-1, 4, 4, 2, 4, 4, 4]
     assert silent.changes == ()
     both = [changing, silent]

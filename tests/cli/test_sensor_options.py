@@ -101,7 +101,7 @@ def test_compile_and_run_play_a_pixel_to_its_neuron(
 
 def test_a_program_that_does_not_know_says_so_and_is_told(capsys: Capture) -> None:
     write_graph((32,))
-    write_event(1, 2, 1)
+    write_event(x=1, y=2, p=1)
     assert compile_main(["m.nir", "--quiet", "-o", "built"]) == 0
     capsys.readouterr()
     assert locsnn_main(["run", "built", "--events", "e.npy", "--grid", "4x4"]) == 0
@@ -118,7 +118,7 @@ def test_a_program_that_does_not_know_says_so_and_is_told(capsys: Capture) -> No
 
 def test_another_order_than_the_models_own_is_refused(capsys: Capture) -> None:
     write_graph((2, 4, 4))
-    write_event(1, 2, 1)
+    write_event(x=1, y=2, p=1)
     command = ["m.nir", "--events", "e.npy", "--channel-order", "yxp", "--quiet", "-o", "built"]
     assert compile_main(command) == 2
     assert capsys.readouterr().err == (

@@ -140,7 +140,13 @@ def losses(spike_error, cost, score_error=0.0):
         pytest.param(losses(0.05, 100), losses(0.10, 81), 5, "exact", id="saves less"),
         pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 1, "cheap", id="worth less"),
         pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 0, "cheap", id="cost alone"),
-        pytest.param(losses(None, 100, 0.01), losses(None, 99, 0.04), 5, "exact", id="scores"),
+        pytest.param(
+            losses(spike_error=None, cost=100, score_error=0.01),
+            losses(spike_error=None, cost=99, score_error=0.04),
+            5,
+            "exact",
+            id="scores",
+        ),
         pytest.param(losses(0.1, 0), losses(0.1, 0), 5, "exact", id="no cost, no difference"),
     ],
 )

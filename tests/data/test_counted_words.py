@@ -43,11 +43,11 @@ def refused(call, *arguments):
             "file 'e.bs1': it ends within an event (1 byte, 5 per event). Give a whole file.",
         ),
         (
-            lambda: Binned(0, 1, 1, 0).words,
+            lambda: Binned(threshold=0, events=1, outside=1, below=0).words,
             "1 of 1 event dropped: 1 outside the steps, 0 in bins of at most 0",
         ),
         (
-            lambda: Binned(0, 2, 1, 0).words,
+            lambda: Binned(threshold=0, events=2, outside=1, below=0).words,
             "1 of 2 events dropped: 1 outside the steps, 0 in bins of at most 0",
         ),
         (

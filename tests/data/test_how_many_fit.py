@@ -28,7 +28,7 @@ def test_more_recordings_are_refused_with_the_number_that_fits(monkeypatch):
 
 def test_a_recording_that_does_not_fit_alone_needs_wider_bins():
     with pytest.raises(InputError) as refused:
-        check_size(1, 300_000, 1000, "file 'long.npy'")
+        check_size(samples=1, steps=300_000, channels=1000, where="file 'long.npy'")
     assert str(refused.value) == (
         "file 'long.npy': its recordings of 1 x 300000 x 1000 are too large (300000000 values against "
         "200000000). Give wider bins, or shorter recordings."
@@ -40,7 +40,7 @@ def test_a_large_array_is_refused_before_its_axes_are_reordered(monkeypatch):
     monkeypatch.setattr(axes, "MAX_ELEMENTS", 1000)
     monkeypatch.setattr(recordings, "MAX_ELEMENTS", 1000)
     with pytest.raises(InputError) as refused:
-        axes.order_of(np.zeros((14, 10, 10), np.uint8), "file 'a.npy'", None, None)
+        axes.order_of(np.zeros((14, 10, 10), np.uint8), "file 'a.npy'", channels=None, order=None)
     assert str(refused.value) == (
         "file 'a.npy': it is too large (1400 values against 1000). Give at most 10 at a time and "
         "average the figures of the parts, or give wider bins."

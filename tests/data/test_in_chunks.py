@@ -78,7 +78,10 @@ def test_a_last_chunk_of_two_recordings_is_not_taken_for_polarities(tmp_path: Pa
 def test_chunks_have_labels_and_what_a_model_expects(tmp_path: Path) -> None:
     np.save(tmp_path / "x.npy", TWENTY)
     np.save(tmp_path / "x_labels.npy", np.arange(20) % 3)
-    assert sizes(tmp_path / "x.npy", Expected("model 'm'", 0.02, 0, 7, 78)) == [6, 6, 6, 2]
+    assert sizes(
+        tmp_path / "x.npy",
+        Expected("model 'm'", step_seconds=0.02, threshold=0, steps=7, channels=78),
+    ) == [6, 6, 6, 2]
 
 
 def test_with_options_or_from_other_files_all_come_in_one_chunk(tmp_path: Path) -> None:

@@ -55,7 +55,9 @@ def by_hand(channels: Channels, sensor: Channels, first_polarity: int = 0) -> li
 
 
 @pytest.mark.parametrize("numbering", ["yxp", "pyx"])
-@pytest.mark.parametrize("sensor", [IMAGE, Channels(4, 4, 2)], ids=["an image", "a grid"])
+@pytest.mark.parametrize(
+    "sensor", [IMAGE, Channels(columns=4, rows=4, polarities=2)], ids=["an image", "a grid"]
+)
 @pytest.mark.parametrize(
     ("columns", "rows", "reached"), [(4, 4, False), (2, 3, True), (3, 2, True), (1, 4, True)]
 )
@@ -69,13 +71,13 @@ def test_a_pixel_stays_where_it_is(
 
 @pytest.mark.parametrize("polarity", [0, 1])
 def test_a_single_polarity_keeps_its_number(polarity: int) -> None:
-    recorded = Channels(2, 3, 1, reached=True, polarity=polarity)
+    recorded = Channels(columns=2, rows=3, polarities=1, reached=True, polarity=polarity)
     assert inputs_of(numbered(recorded, 6), MODEL) == by_hand(recorded, IMAGE, polarity)
 
 
 def test_places_without_rows_are_pixels_row_by_row() -> None:
     """In SLAYER's ``.bs1`` files of an image, x is 4 * row + column."""
-    recorded = Channels(11, 1, 2, reached=True)
+    recorded = Channels(columns=11, rows=1, polarities=2, reached=True)
     expected = [16 * p + place for place in range(11) for p in range(2)]
     assert inputs_of(numbered(recorded, 22), MODEL) == expected
 
@@ -83,7 +85,9 @@ def test_places_without_rows_are_pixels_row_by_row() -> None:
 @pytest.mark.parametrize(
     ("model", "recorded", "count", "assumptions"),
     [
-        pytest.param(MODEL, Channels(4, 4, 2), 32, (), id="both sides know"),
+        pytest.param(
+            MODEL, Channels(columns=4, rows=4, polarities=2), 32, (), id="both sides know"
+        ),
         pytest.param(
             MODEL,
             None,
@@ -106,7 +110,7 @@ def test_places_without_rows_are_pixels_row_by_row() -> None:
         ),
         pytest.param(
             FLAT,
-            Channels(4, 4, 2),
+            Channels(columns=4, rows=4, polarities=2),
             32,
             (
                 "The model does not say how its inputs are numbered: 2 * (4 * y + x) + polarity was taken "
@@ -124,10 +128,12 @@ def test_places_without_rows_are_pixels_row_by_row() -> None:
             ),
             id="neither knows",
         ),
-        pytest.param(FLAT, Channels(8, 4, 1), 32, (), id="one polarity, in one order"),
+        pytest.param(
+            FLAT, Channels(columns=8, rows=4, polarities=1), 32, (), id="one polarity, in one order"
+        ),
         pytest.param(
             Expected("model 'm'", channels=32, numbering="pyx"),
-            Channels(4, 4, 2),
+            Channels(columns=4, rows=4, polarities=2),
             32,
             (),
             id="the order of the model is known",
@@ -148,56 +154,60 @@ def test_an_assumption_is_reported_if_a_side_does_not_know_its_pixels(
     [
         pytest.param(
             MODEL,
-            Channels(5, 4, 2),
+            Channels(columns=5, rows=4, polarities=2),
             "their sensor is not that of model 'm' (5 x 4 pixels of 2 polarities against 4 x 4 pixels of 2 polarities). "
             "Give recordings of its sensor.",
             id="another sensor",
         ),
         pytest.param(
             MODEL,
-            Channels(3, 3, 2),
+            Channels(columns=3, rows=3, polarities=2),
             "their sensor is not that of model 'm' (3 x 3 pixels of 2 polarities against 4 x 4 pixels of 2 polarities). "
             "Give recordings of its sensor.",
             id="a smaller sensor",
         ),
         pytest.param(
             MODEL,
-            Channels(2, 5, 2, reached=True),
+            Channels(columns=2, rows=5, polarities=2, reached=True),
             "their events reach beyond the grid of model 'm' (2 x 5 pixels of 2 polarities against 4 x 4 pixels of 2 "
             "polarities). Give recordings of its sensor.",
             id="events outside",
         ),
         pytest.param(
             MODEL,
-            Channels(17, 1, 2, reached=True),
+            Channels(columns=17, rows=1, polarities=2, reached=True),
             "a place lies outside the grid (place 16 against 4 x 4 pixels). "
             "Give recordings of this sensor.",
             id="a place outside",
         ),
         pytest.param(
             MODEL,
-            Channels(4, 4, 1),
+            Channels(columns=4, rows=4, polarities=1),
             "they do not have the polarities of model 'm' (1 against 2). "
             "Give recordings of its sensor.",
             id="one polarity for two",
         ),
         pytest.param(
-            Expected("model 'm'", channels=16, inputs=Channels(4, 4, 1, "pyx")),
-            Channels(4, 4, 2),
+            Expected(
+                "model 'm'",
+                channels=16,
+                inputs=Channels(columns=4, rows=4, polarities=1, numbering="pyx"),
+            ),
+            Channels(columns=4, rows=4, polarities=2),
             "they do not have the polarities of model 'm' (2 against 1). "
             "Give --merge-polarities to merge them, or recordings of one polarity.",
             id="two polarities for one",
         ),
         pytest.param(
             FLAT,
-            Channels(4, 3, 2),
+            Channels(columns=4, rows=3, polarities=2),
             "their pixels are not those of model 'm' (4 x 3 pixels of 2 polarities against 32 channels). "
             "Give recordings of its sensor.",
             id="a grid of another size for a flat model",
         ),
         pytest.param(
             FLAT,
-            Channels(4, 3, 2, reached=True),
+            Channels(columns=4, rows=3, polarities=2, reached=True),
             "the width of its grid is not known (up to 4 x 3 in 32 channels). "
             "Give --grid WxH of the sensor.",
             id="a grid of unknown width for a flat model",
@@ -213,9 +223,9 @@ def test_contradictions_are_refused(model: Expected, recorded: Channels, message
 @pytest.mark.parametrize(
     ("shape", "channels"),
     [
-        ((2, 34, 34), Channels(34, 34, 2, "pyx")),
-        ((1, 2, 34, 34), Channels(34, 34, 2, "pyx")),
-        ((3, 2, 5), Channels(5, 2, 3, "pyx")),
+        ((2, 34, 34), Channels(columns=34, rows=34, polarities=2, numbering="pyx")),
+        ((1, 2, 34, 34), Channels(columns=34, rows=34, polarities=2, numbering="pyx")),
+        ((3, 2, 5), Channels(columns=5, rows=2, polarities=3, numbering="pyx")),
         # 156 taxels in a row, with axes of 1 around them.
         ((156,), None),
         ((1, 156), None),
@@ -237,11 +247,11 @@ def test_merged_polarities_are_one_channel_of_each_pixel() -> None:
         labels=None,
         step_seconds=0.001,
         source="r",
-        channels=Channels(4, 3, 2, "pyx"),
+        channels=Channels(columns=4, rows=3, polarities=2, numbering="pyx"),
     )
     merged_recordings = merged(recordings)
     assert np.array_equal(merged_recordings.spikes, images.max(axis=2).reshape(2, 5, 12))
-    assert merged_recordings.channels == Channels(4, 3, 1)
+    assert merged_recordings.channels == Channels(columns=4, rows=3, polarities=1)
     pixels_first = by_pixel(recordings).spikes
     assert np.array_equal(pixels_first, images.transpose(0, 1, 3, 4, 2).reshape(2, 5, 24))
 

@@ -244,7 +244,12 @@ def test_recordings_of_different_lengths_are_padded_or_cut(
         assert np.array_equal(spikes, expected)
     late = int(ONE[0][..., 9:].sum())
     assert recordings.binned == (
-        Binned(None, int(sum(ONE[i][..., : 12 - 5 * i].sum() for i in range(3))), late, 0)
+        Binned(
+            threshold=None,
+            events=int(sum(ONE[i][..., : 12 - 5 * i].sum() for i in range(3))),
+            outside=late,
+            below=0,
+        )
         if steps == 9
         else None
     )

@@ -19,7 +19,7 @@ def read_lines(file):
     """Return the events of a file."""
     rows = [line.split() for line in file.data.decode().splitlines()]
     times, channels = np.array(rows, dtype=np.int64).reshape(-1, 2).T
-    return EventStream(times, channels, None, None, place=file.where)
+    return EventStream(times, channels, y=None, polarity=None, place=file.where)
 
 
 def write_lines(events):

@@ -143,7 +143,7 @@ def test_all_pixels_of_a_grid_in_another_order_are_no_grid(tmp_path):
     recordings = read_recordings(file, sensor=grid, **selection)
 
     assert recordings.spikes.tolist() == [[[0, 0, 0, 1]]]
-    assert recordings.channels == Channels(4, 1, 1)
+    assert recordings.channels == Channels(columns=4, rows=1, polarities=1)
     assert selected_layout(grid, ChannelSelection(**selection)).columns is None
 
 
@@ -220,7 +220,12 @@ def trained(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-MERGED = RecordedChannels(10, 1, 2, ChannelSelection(merge_polarities=True, merge_channels=5))
+MERGED = RecordedChannels(
+    columns=10,
+    rows=1,
+    polarities=2,
+    selection=ChannelSelection(merge_polarities=True, merge_channels=5),
+)
 SAID = "Channels were read as in the training (--merge-polarities --merge-channels 5)."
 
 
@@ -279,7 +284,9 @@ def test_a_program_of_a_mesh_keeps_the_selection(data, tmp_path, capsys):
     assert locsnn(["train", "--data", str(data), *picked, *fast, "-o", str(out)]) in (0, 3)
     built = tmp_path / "built"
     assert locsnn(["compile", str(out), "--events", str(data), "--quiet", "-o", str(built)]) == 0
-    recorded = RecordedChannels(10, 1, 2, ChannelSelection("3-8", 1))
+    recorded = RecordedChannels(
+        columns=10, rows=1, polarities=2, selection=ChannelSelection("3-8", 1)
+    )
     assert hw.load_program(built).recorded == recorded
     assert locsnn(["run", str(built), "--events", str(data), "--json"]) == 0
     assumptions = json.loads(capsys.readouterr().out)["assumptions"]
@@ -341,7 +348,9 @@ def test_a_program_of_an_impossible_sensor_is_refused():
 
 
 def test_a_polarity_of_0_is_kept_in_files():
-    rising = RecordedChannels(4, 4, 2, ChannelSelection(only_polarity=0))
+    rising = RecordedChannels(
+        columns=4, rows=4, polarities=2, selection=ChannelSelection(only_polarity=0)
+    )
     assert rising.document() == {
         "columns": 4,
         "rows": 4,

@@ -191,7 +191,7 @@ def test_every_price_is_within_its_range():
 
 def test_a_report_bounds_what_cleaning_takes_and_nothing_else_that_is_left_out():
     profile = hw.chip("locsnn-130nm").profile("ihp-sg13g2")
-    rows = rows_left_out(hw.Counts(), profile, 3, None)
+    rows = rows_left_out(hw.Counts(), profile, samples=3, static=None)
     cleaning = profile.not_included[0].bound_recording_pj
     assert 10_000 < cleaning < 1e6  # the order of magnitude, in picojoules
     assert [(row.what, row.at_most_pj, row.bound_source) for row in rows] == [

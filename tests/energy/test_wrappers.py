@@ -64,13 +64,21 @@ def model(macro: liberty.Macro) -> str:
 
 # Words, bits and ports of a shape; macros of a row; banks; words in a row.
 WRAPPED = [
-    memories.Choice(memories.Shape("plain", 64, 10, 2), (macro(64, 10, 2),), 1, 1),
+    memories.Choice(memories.Shape("plain", 64, 10, 2), (macro(words=64, bits=10, ports=2),), 1, 1),
     memories.Choice(
-        memories.Shape("banks", 60, 10, 2), (macro(16, 8, 2), macro(16, 4, 2, mask=False)), 4, 1
+        memories.Shape("banks", 60, 10, 2),
+        (macro(words=16, bits=8, ports=2), macro(words=16, bits=4, ports=2, mask=False)),
+        4,
+        1,
     ),
-    memories.Choice(memories.Shape("shallow", 8, 5, 1), (macro(16, 8, 1),), 1, 1),
-    memories.Choice(memories.Shape("pairs", 64, 9, 1), (macro(16, 16, 1), macro(16, 8, 1)), 2, 2),
-    memories.Choice(memories.Shape("fours", 50, 7, 1), (macro(8, 32, 1),), 2, 4),
+    memories.Choice(memories.Shape("shallow", 8, 5, 1), (macro(words=16, bits=8, ports=1),), 1, 1),
+    memories.Choice(
+        memories.Shape("pairs", 64, 9, 1),
+        (macro(words=16, bits=16, ports=1), macro(words=16, bits=8, ports=1)),
+        2,
+        2,
+    ),
+    memories.Choice(memories.Shape("fours", 50, 7, 1), (macro(words=8, bits=32, ports=1),), 2, 4),
     Latches(memories.Shape("latches", 64, 10, 2), 16),
     Latches(memories.Shape("few", 50, 3, 2, used=50), 64),
     Latches(memories.Shape("loaded", 8, 5, 1), 8),
@@ -118,7 +126,12 @@ def test_a_memory_of_a_plan_behaves_as_the_memory_of_the_core(choice, tmp_path):
 def test_banks_of_one_port_alternate_between_reads_and_writes_of_a_sweep(cycles_late, tmp_path):
     """A word is read, and written so many cycles later, while later words are read."""
     shape = memories.Shape("states", 64, 10, 2)
-    choice = memories.Choice(shape, (macro(16, 8, 1), macro(16, 4, 1, mask=False)), 4, 1)
+    choice = memories.Choice(
+        shape,
+        (macro(words=16, bits=8, ports=1), macro(words=16, bits=4, ports=1, mask=False)),
+        4,
+        1,
+    )
     assert choice.waits
     assert played(tmp_path, modules(choice) + SWEEP.replace("LATE", str(cycles_late))) == [
         "0",
@@ -152,8 +165,12 @@ def test_marks_of_a_memory_of_one_port_wait_for_reads(banks, tmp_path):
 def test_words_that_repeat_are_not_read_again_and_come_out_the_same(tmp_path):
     split = repeats.Split(memories.Shape("leaks", 64, 10, 1), (1, 6, 7, 9))
     parts = (
-        memories.Choice(memories.Shape("leaks_same", 32, 6, 1, 2), (macro(16, 8, 1),), 2, 1),
-        memories.Choice(memories.Shape("leaks_own", 64, 4, 1), (macro(32, 8, 1),), 1, 2),
+        memories.Choice(
+            memories.Shape("leaks_same", 32, 6, 1, 2), (macro(words=16, bits=8, ports=1),), 2, 1
+        ),
+        memories.Choice(
+            memories.Shape("leaks_own", 64, 4, 1), (macro(words=32, bits=8, ports=1),), 1, 2
+        ),
         Latches(memories.Shape("leaks_flags", 2, 32, 2), 2),
     )
     text = modules(*parts) + repeats.verilog(split)
@@ -167,8 +184,18 @@ def test_words_that_repeat_are_not_read_again_and_come_out_the_same(tmp_path):
 
 
 PLANNED = [
-    memories.Choice(memories.Shape("pairs", 64, 9, 1), (macro(16, 16, 1), macro(16, 8, 1)), 2, 2),
-    memories.Choice(memories.Shape("states", 64, 10, 2), (macro(16, 8, 1), macro(16, 4, 1)), 4, 1),
+    memories.Choice(
+        memories.Shape("pairs", 64, 9, 1),
+        (macro(words=16, bits=16, ports=1), macro(words=16, bits=8, ports=1)),
+        2,
+        2,
+    ),
+    memories.Choice(
+        memories.Shape("states", 64, 10, 2),
+        (macro(words=16, bits=8, ports=1), macro(words=16, bits=4, ports=1)),
+        4,
+        1,
+    ),
     Latches(memories.Shape("charges", 64, 10, 2, copies=2, used=13, period=32), 8),
 ]
 
@@ -400,7 +427,11 @@ endmodule
 
 
 def test_a_row_holds_every_word_and_no_macro_too_many():
-    macros = [macro(16, 8, 1), macro(16, 16, 1), macro(64, 8, 1)]
+    macros = [
+        macro(words=16, bits=8, ports=1),
+        macro(words=16, bits=16, ports=1),
+        macro(words=64, bits=8, ports=1),
+    ]
     words, bits = 40, 12
     choices = list(memories.choices(memories.Shape("x", words, bits, 1), macros))
     assert choices

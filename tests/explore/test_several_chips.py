@@ -316,13 +316,15 @@ DOCUMENT = ChipsDocument(
     schema="locsnn-explore-chips/1",
     code="1",
     model=ExploredModel("small", None),
-    compared_on=ExploredEvents("few.npz", None, 5, 5),
+    compared_on=ExploredEvents("few.npz", part=None, recordings=5, available=5),
     reported_on=None,
     bounds=None,
     runs_on=("loihi-sim", "spinnaker1"),
     lose_least=("spinnaker1",),
     chips=(
-        tried_chip("loihi-sim", "locsnn-compile a", figures(0.02, 1e6, 2e6)),
+        tried_chip(
+            "loihi-sim", "locsnn-compile a", figures(spike_error=0.02, time_ns=1e6, energy_pj=2e6)
+        ),
         tried_chip("spinnaker1", "locsnn-compile b", figures(0.01, 3.5e8)),
         tried_chip("xylo-imu", "locsnn-compile c", refused="a population steps over locations."),
     ),

@@ -45,7 +45,7 @@ def serial(model, events, tmp_path_factory):
 def study(model, events):
     """A study without engines to time, calibrated and checked on the same recordings."""
     network = lc.load(model)
-    recordings = choose_events(network, str(events), None, None).recordings
+    recordings = choose_events(network, str(events), part=None, bound=None).recordings
     return Study(network, "digest", hw.chip("loihi-sim"), recordings, recordings)
 
 

@@ -161,7 +161,7 @@ def loop(*between):
         "input": nir.Input(np.array([10])),
         "n": lif(RNG, 10),
         "m": lif(RNG, 10),
-        "back": linear(RNG, 10, 10, 0.1),
+        "back": linear(RNG, outs=10, ins=10, scale=0.1),
     }
     nodes |= {"o": nir.Output(np.array([10])), **dict(between)}
     way_back = itertools.pairwise(["m", *dict(between), "back", "n"])
@@ -375,7 +375,14 @@ NET_CELLS = [
     works(
         "lava-dl",
         "input with neurons",
-        net({"type": "input", "shape": np.array([10]), "neuron": neuron(4096, 4096, 32)}, DENSE),
+        net(
+            {
+                "type": "input",
+                "shape": np.array([10]),
+                "neuron": neuron(i_decay=4096, v_decay=4096, threshold=32),
+            },
+            DENSE,
+        ),
     ),
     works(
         "lava-dl",
@@ -386,7 +393,7 @@ NET_CELLS = [
                 "shape": np.array([10]),
                 "weight": np.array([50.0]),
                 "bias": np.array([6.0]),
-                "neuron": neuron(4096, 1024, 32),
+                "neuron": neuron(i_decay=4096, v_decay=1024, threshold=32),
             },
             DENSE,
         ),
@@ -475,7 +482,7 @@ NET_CELLS = [
                 "type": "input",
                 "shape": np.array([10]),
                 "bias": np.array([6.0]),
-                "neuron": neuron(4096, 1024, 32),
+                "neuron": neuron(i_decay=4096, v_decay=1024, threshold=32),
             },
             DENSE,
         ),

@@ -64,8 +64,8 @@ def test_the_input_has_the_shape_of_the_image(tmp_path):
 def test_pixels_reach_the_same_neurons_of_the_file(tmp_path):
     network, written = exchanged(net_over_images(tmp_path), tmp_path)
     read_back = lc.load(written, dt=1e-4)
-    assert network.expected.inputs == Channels(4, 3, 2, "pyx")
-    assert read_back.expected.inputs == Channels(4, 3, 2, "pyx")
+    assert network.expected.inputs == Channels(columns=4, rows=3, polarities=2, numbering="pyx")
+    assert read_back.expected.inputs == Channels(columns=4, rows=3, polarities=2, numbering="pyx")
     # For every pixel and polarity: 4 steps of an image with this pixel alone, then 2 steps of silence.
     reached = 0
     for pixel in np.ndindex(*IMAGE):

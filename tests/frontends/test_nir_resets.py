@@ -45,7 +45,7 @@ NEURONS = {
         r=np.full(12, 1 / DT), v_threshold=np.full(12, 1.5), v_reset=np.full(12, -0.7)
     ),
 }
-BACK = linear(RNG, 12, 12, 0.2)
+BACK = linear(RNG, outs=12, ins=12, scale=0.2)
 """Recurrent weights of the first layer."""
 
 
@@ -213,7 +213,7 @@ def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_witho
 ):
     graph, events = two_layers(TONIC[name]), random_spikes((10,))
     graph.nodes["second"] = TONIC[name]
-    graph.nodes["fc2"] = linear(RNG, 12, 12, 0.3)
+    graph.nodes["fc2"] = linear(RNG, outs=12, ins=12, scale=0.3)
     expected = run(graph, events, DT, how=how, reset=reset)
     ours = evaluate(
         load_graph(graph, tmp_path, reset=reset, discretisation=how), events[None]

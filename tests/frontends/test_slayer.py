@@ -107,7 +107,7 @@ def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
 def test_the_authors_hybrid_walks_its_location_order(order, tmp_path):
     steps = 40
     layers_by_name = {
-        "fc1": normal_weights(6, 156, 0.1),
+        "fc1": normal_weights(outs=6, ins=156, mean=0.1),
         "fc2": normal_weights(3, 6),
         "locationFc1": normal_weights(6, steps, 0.3),
         "locationFc2": normal_weights(3, 6),

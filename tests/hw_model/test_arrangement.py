@@ -91,7 +91,7 @@ def test_an_arrangement_is_within_a_tenth_of_the_best(seed):
 
 
 def test_traffic_counts_every_compartment_and_target_core_once():
-    placed = place_cores(random_graph(3, 9, 40), small_chip(24, 6, per_core=2))
+    placed = place_cores(random_graph(seed=3, size=9, links=40), small_chip(24, 6, per_core=2))
     traffic = core_traffic(placed)
     recurrent = placed.graph.synapses[1]
     core = np.arange(9) // 2
@@ -107,7 +107,7 @@ def test_traffic_counts_every_compartment_and_target_core_once():
 
 
 def test_expected_spikes_weigh_the_traffic():
-    placed = place_cores(random_graph(1, 8, 30), small_chip(24, 6))
+    placed = place_cores(random_graph(seed=1, size=8, links=30), small_chip(24, 6))
     spikes = np.r_[0.0, np.arange(8.0)]
     assert core_traffic(placed, 2 * spikes).sum() == 2 * core_traffic(placed, spikes).sum()
     assert core_traffic(placed, np.zeros(9)).sum() == 0

@@ -65,9 +65,9 @@ class Ice40Case(NamedTuple):
 # 100 MHz * 8 = 800 MHz, / 2^5 = 25 MHz, and 800 MHz is the only multiple of 25 by a power of two from 533 to 1066 MHz; undivided
 # or not, it is the same frequency, and the first reference divider is taken: filter 5 up to 101 MHz.
 ICE40 = {
-    "iCEBreaker": Ice40Case(12.0, 24.0, (0, 63, 5), 1),
-    "48 MHz": Ice40Case(48.0, 20.625, (3, 54, 5), 1),
-    "100 MHz": Ice40Case(100.0, 25.0, (0, 7, 5), 5),
+    "iCEBreaker": Ice40Case(input_mhz=12.0, core_mhz=24.0, dividers=(0, 63, 5), filter_range=1),
+    "48 MHz": Ice40Case(input_mhz=48.0, core_mhz=20.625, dividers=(3, 54, 5), filter_range=1),
+    "100 MHz": Ice40Case(input_mhz=100.0, core_mhz=25.0, dividers=(0, 7, 5), filter_range=5),
 }
 
 

@@ -112,7 +112,8 @@ NOTHING = {"slices": ()} | {
 """The fields of a core without compartments."""
 TIME = PROGRAM.phases[0]
 WAYS = PROGRAM.input_routes[0]
-# A program, and the place and the table that the message names.
+# A program, and the place and the table that the message names. `table(0, "profile", 1, 2)` puts the value 2 at entry 1 of
+# the table `profile` of core 0, and `axon_table` does the same in the tables of a core's axons.
 BROKEN = {
     "two phases of one name": (phases(TIME, TIME), "phases", "names"),
     "an axis that is none": (phases(replace(TIME, axis="space")), "phases", "axes"),

@@ -119,6 +119,7 @@ class Visits(NamedTuple):
 
 EVENTS_OF_VISITS = [(0, 0), (0, 2), (1, 0), (1, 1), (2, 2)]
 """Row and channel of each event."""
+# The columns: positions, first_lines, lines, steps, lines_by_step.
 VISITS = {
     "one at a time": Visits([2, 0, 1], None, 3, 3, [[1], [0, 2], [0, 1]]),
     "fewer lines than rows": Visits([2, 0, 1], None, 2, 3, [[1], [0], [0, 1]]),

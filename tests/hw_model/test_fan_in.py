@@ -15,7 +15,12 @@ PLAIN = SynapseFormat(weight_bits=4, sign_mode="mixed", exponent=0, delay_bits=2
 
 
 def test_a_synapse_takes_its_weight_delay_and_index_bits():
-    assert SynapseFormat(5, "mixed", 0, 3, 10).bits_per_synapse == 18
+    assert (
+        SynapseFormat(
+            weight_bits=5, sign_mode="mixed", exponent=0, delay_bits=3, index_bits=10
+        ).bits_per_synapse
+        == 18
+    )
 
 
 @pytest.mark.parametrize("field", ["weight_bits", "delay_bits", "index_bits"])

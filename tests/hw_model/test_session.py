@@ -247,7 +247,7 @@ def test_each_phase_reads_its_own_stream():
 
 def _location_only() -> hw.ChipProgram:
     """Return a program without a time phase."""
-    branch = random_branch(np.random.default_rng(0), "location", 8, 2, CHIP)
+    branch = random_branch(np.random.default_rng(0), "location", lines=8, classes=2, chip=CHIP)
     return program_of_graphs(
         CHIP, Readout(("location/y",), (1.0,)), graph_in_phase(branch, "location", 8)
     )
@@ -255,7 +255,7 @@ def _location_only() -> hw.ChipProgram:
 
 def _time_only() -> hw.ChipProgram:
     """Return a program without a location phase."""
-    branch = random_branch(np.random.default_rng(0), "time", 8, 2, CHIP)
+    branch = random_branch(np.random.default_rng(0), "time", lines=8, classes=2, chip=CHIP)
     return program_of_graphs(
         CHIP, Readout(("time/y",), (1.0,)), replace(graph_in_phase(branch, "time", 8))
     )

@@ -46,7 +46,13 @@ def test_formats_are_merged_only_as_far_as_the_limit_requires(synapses, limit):
 
 def test_the_two_formats_whose_merging_costs_least_are_merged():
     def form(delay_bits, exponent=0):
-        return SynapseFormat(8, "excitatory", exponent, delay_bits, 10)
+        return SynapseFormat(
+            weight_bits=8,
+            sign_mode="excitatory",
+            exponent=exponent,
+            delay_bits=delay_bits,
+            index_bits=10,
+        )
 
     # In bits: 100 synapses from 0 to 4, 300 from 4 to 5, or 100 from 0 to 5; exponent 1 shares with none.
     synapses = Counter({form(0): 100, form(4): 300, form(5): 10, form(4, exponent=1): 1})

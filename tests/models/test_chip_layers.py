@@ -255,7 +255,10 @@ def test_the_gradient_is_that_of_the_surrogate_through_the_filters(strategy: str
     neuron = NeuronParameters(tau_rho=0.7, scale_rho=1.3)
     numbers = replace(NUMBERS, refractory=3 if strategy == "reset" else 1)
     if strategy != "dendrite":
-        numbers = replace(numbers, own=(Synapse(-200, 5, 2),) if strategy == "delay-line" else ())
+        numbers = replace(
+            numbers,
+            own=(Synapse(mantissa=-200, exponent=5, delay=2),) if strategy == "delay-line" else (),
+        )
     weights, steps = rng.normal(0.8, 1.0, size=(3, 5)), 40
     layer = layer_of(numbers, strategy, weights, neuron).double()
     x = torch.from_numpy((rng.random((1, steps, 5)) < 0.4).astype(np.float64)).requires_grad_()

@@ -140,7 +140,7 @@ def test_adding_active_inputs_equals_a_matrix_product(
         assert own_weight.grad is not None
         return spikes, own_x.grad, own_weight.grad
 
-    ours, expected = spikes_and_gradients(True), spikes_and_gradients(False)
+    ours, expected = spikes_and_gradients(adds_active=True), spikes_and_gradients(adds_active=False)
     # Equal but for the order of the sums in float64.
     for our_values, expected_values in zip(ours, expected, strict=True):
         np.testing.assert_allclose(

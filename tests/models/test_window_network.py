@@ -228,7 +228,7 @@ def test_the_chip_and_the_reference_have_the_scores_of_torch(
 ) -> None:
     description = described(steps, fingertips, windows)
     network = random_network(description)
-    x = touches(6, steps, fingertips, 0.1)
+    x = touches(samples=6, steps=steps, fingertips=fingertips, share=0.1)
     Checkpoint(description, network.weights()).save(tmp_path / "w.pt")
     loaded = lc.load(tmp_path / "w.pt")
     outputs = loaded.readout.populations

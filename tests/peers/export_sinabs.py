@@ -44,22 +44,37 @@ def readout(n):
 
 
 NETWORKS = {
-    "lif": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 12), lif(8, ZERO)),
+    "lif": lambda: Sequential(
+        linear(ins=20, outs=16, gain=12),
+        lif(16, ZERO),
+        linear(ins=16, outs=8, gain=12),
+        lif(8, ZERO),
+    ),
     "lif-subtract": lambda: Sequential(
-        linear(20, 16, 12), lif(16, SUBTRACT), linear(16, 8, 12), lif(8, SUBTRACT)
+        linear(ins=20, outs=16, gain=12),
+        lif(16, SUBTRACT),
+        linear(ins=16, outs=8, gain=12),
+        lif(8, SUBTRACT),
     ),
-    "iaf": lambda: Sequential(linear(20, 16, 4), iaf(ZERO), linear(16, 8, 4), iaf(ZERO)),
+    "iaf": lambda: Sequential(
+        linear(ins=20, outs=16, gain=4), iaf(ZERO), linear(ins=16, outs=8, gain=4), iaf(ZERO)
+    ),
     "iaf-subtract": lambda: Sequential(
-        linear(20, 16, 2), iaf(SUBTRACT), linear(16, 8, 2), iaf(SUBTRACT)
+        linear(ins=20, outs=16, gain=2),
+        iaf(SUBTRACT),
+        linear(ins=16, outs=8, gain=2),
+        iaf(SUBTRACT),
     ),
-    "li": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 4), readout(8)),
+    "li": lambda: Sequential(
+        linear(ins=20, outs=16, gain=12), lif(16, ZERO), linear(ins=16, outs=8, gain=4), readout(8)
+    ),
 }
 IMAGES = {
     "conv": lambda: Sequential(
         conv(Conv2d, 2, 4, 3, padding=1, bias=False), iaf(ZERO), sl.SumPool2d(2), conv(Conv2d, 4, 3, 3), iaf(ZERO),
-        Flatten(), linear(12, 5, 8), iaf(ZERO),
+        Flatten(), linear(ins=12, outs=5, gain=8), iaf(ZERO),
     ),
-    "conv1d": lambda: Sequential(conv(Conv1d, 3, 4, 3, padding=1), iaf(ZERO), Flatten(), linear(48, 5, 8), iaf(ZERO)),
+    "conv1d": lambda: Sequential(conv(Conv1d, 3, 4, 3, padding=1), iaf(ZERO), Flatten(), linear(ins=48, outs=5, gain=8), iaf(ZERO)),
 }  # fmt: skip
 SHAPES = {"conv": (2, 8, 8), "conv1d": (3, 12)}
 

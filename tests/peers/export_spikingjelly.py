@@ -43,7 +43,7 @@ class Skip(Module):
             *(LIFNode(tau=4.0) for _ in range(3)),
         )
         self.fc1, self.fc2, self.fc3, self.over = (
-            linear(20, 16, 12),
+            linear(ins=20, outs=16, gain=12),
             linear(16, 16),
             linear(16, 8),
             linear(16, 8),
@@ -69,10 +69,10 @@ NETWORKS = {
 IMAGES = {
     "conv": lambda: Sequential(
         scaled(layer.Conv2d(2, 4, 3, padding=1)), LIFNode(tau=3.0), layer.AvgPool2d(2, padding=1),
-        scaled(layer.Conv2d(4, 3, 3, bias=False), 16), LIFNode(tau=2.0), layer.Flatten(), linear(27, 5, 12), LIFNode(),
+        scaled(layer.Conv2d(4, 3, 3, bias=False), 16), LIFNode(tau=2.0), layer.Flatten(), linear(ins=27, outs=5, gain=12), LIFNode(),
     ),
     "conv1d": lambda: Sequential(
-        scaled(layer.Conv1d(3, 4, 3, padding="same")), LIFNode(tau=3.0), layer.Flatten(), linear(48, 5, 12), LIFNode()
+        scaled(layer.Conv1d(3, 4, 3, padding="same")), LIFNode(tau=3.0), layer.Flatten(), linear(ins=48, outs=5, gain=12), LIFNode()
     ),
 }  # fmt: skip
 SHAPES = {"conv": (2, 8, 8), "conv1d": (3, 12)}

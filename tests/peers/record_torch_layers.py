@@ -134,10 +134,12 @@ class Recorded(NamedTuple):
 
 
 NETWORKS: Mapping[str, Recorded] = {
-    "snntorch": Recorded(snntorch_layers, lambda: spikes(2, 6, 6), 1.5, 4.0),
-    "sinabs": Recorded(sinabs_layers, lambda: spikes(2, 6, 6), 2.5, 20.0),
-    "spikingjelly": Recorded(spikingjelly_layers, lambda: image(1, 8, 8), 2.0, 6.0),
-    "norse": Recorded(norse_layers, lambda: signals(12), 4.0, 30.0),
+    "snntorch": Recorded(snntorch_layers, lambda: spikes(2, 6, 6), first_gain=1.5, last_gain=4.0),
+    "sinabs": Recorded(sinabs_layers, lambda: spikes(2, 6, 6), first_gain=2.5, last_gain=20.0),
+    "spikingjelly": Recorded(
+        spikingjelly_layers, lambda: image(1, 8, 8), first_gain=2.0, last_gain=6.0
+    ),
+    "norse": Recorded(norse_layers, lambda: signals(12), first_gain=4.0, last_gain=30.0),
 }
 
 

@@ -71,7 +71,7 @@ def feed_forward() -> Played:
     b.connect(x, h, odd(r, (60, 40)))
     b.connect(h, o, odd(r, (30, 60)))
     b.connect(o, y, odd(r, (20, 30)))
-    return play_recording(b.build(), bernoulli(r, 120, 40, 0.05))
+    return play_recording(b.build(), bernoulli(r, steps=120, lines=40, rate=0.05))
 
 
 def delays() -> Played:
@@ -83,7 +83,7 @@ def delays() -> Played:
     o = b.add_compartments("o", 20, decay_u=4096, decay_v=1500, threshold=350)
     b.connect(x, h, odd(r, (40, 30)), delay=r.integers(0, 6, (40, 30)))
     b.connect(h, o, odd(r, (20, 40)), delay=r.integers(0, 6, (20, 40)))
-    return play_recording(b.build(), bernoulli(r, 150, 30, 0.05))
+    return play_recording(b.build(), bernoulli(r, steps=150, lines=30, rate=0.05))
 
 
 def recurrent() -> Played:
@@ -98,7 +98,7 @@ def recurrent() -> Played:
     b.connect(h, h, odd(r, (50, 50), share=0.2))
     b.connect(h, i, odd(r, (20, 50), share=0.5))
     b.connect(i, h, -np.abs(odd(r, (50, 20))), sign_mode="mixed")
-    return play_recording(b.build(), bernoulli(r, 200, 20, 0.1))
+    return play_recording(b.build(), bernoulli(r, steps=200, lines=20, rate=0.1))
 
 
 def fading_currents() -> Played:
@@ -110,7 +110,7 @@ def fading_currents() -> Played:
     o = b.add_compartments("o", 20, decay_u=2048, decay_v=1024, threshold=9_000)
     b.connect(x, h, odd(r, (50, 30), share=0.5), exponent=5)
     b.connect(h, o, odd(r, (20, 50), share=0.2), exponent=4)
-    return play_recording(b.build(), bernoulli(r, 11, 30, 0.1))
+    return play_recording(b.build(), bernoulli(r, steps=11, lines=30, rate=0.1))
 
 
 def lasting_currents() -> Played:
@@ -122,7 +122,7 @@ def lasting_currents() -> Played:
     o = b.add_compartments("o", 24, decay_u=0, decay_v=1024, threshold=9_000)
     b.connect(x, h, odd(r, (48, 24)))
     b.connect(h, o, odd(r, (24, 48), share=0.3))
-    return play_recording(b.build(), bernoulli(r, 60, 24, 0.02))
+    return play_recording(b.build(), bernoulli(r, steps=60, lines=24, rate=0.02))
 
 
 def two_chips() -> Played:
@@ -134,7 +134,7 @@ def two_chips() -> Played:
     o = b.add_compartments("o", 60, decay_u=4096, decay_v=128, threshold=900)
     b.connect(x, h, odd(r, (400, 50), share=0.3))
     b.connect(h, o, odd(r, (60, 400), share=0.2))
-    return play_recording(b.build(), bernoulli(r, 60, 50, 0.05))
+    return play_recording(b.build(), bernoulli(r, steps=60, lines=50, rate=0.05))
 
 
 def full_cores() -> Played:
@@ -146,7 +146,7 @@ def full_cores() -> Played:
     o = b.add_compartments("o", 10, decay_u=4096, decay_v=128, threshold=3000)
     b.connect(x, h, np.abs(odd(r, (1000, 512))))
     b.connect(h, o, odd(r, (10, 1000), share=0.2))
-    return play_recording(b.build(), bernoulli(r, 50, 512, 0.02))
+    return play_recording(b.build(), bernoulli(r, steps=50, lines=512, rate=0.02))
 
 
 def hybrid(name: str) -> Callable[[], Played]:

@@ -32,12 +32,12 @@ class GateCase(NamedTuple):
 
 
 CASES = [
-    GateCase("--min-agreement", 0.75, 0.7501, "prediction agreement is 0.7500, not below 0.75", "prediction agreement is 0.7500, below 0.7501"),
-    GateCase("--max-spike-error", 0.125, 0.1249, "0.1250 of the spikes differ, not above 0.125", "0.1250 of the spikes differ, above 0.1249"),
-    GateCase("--max-score-error", 0.25, 0.2499, "class scores differ by 0.2500 of their spread, not above 0.25", "class scores differ by 0.2500 of their spread, above 0.2499"),
-    GateCase("--max-energy-nj", 2.5, 2.4999, "a recording takes 2.5 nJ, not above 2.5", "a recording takes 2.5 nJ, above 2.4999"),
-    GateCase("--max-latency-us", 1.5, 1.4999, "a recording takes 1.5 µs, not above 1.5", "a recording takes 1.5 µs, above 1.4999"),
-    GateCase("--max-cores", 3, 2, "the program takes 3 cores, not above 3", "the program takes 3 cores, above 2"),
+    GateCase("--min-agreement", kept=0.75, broken=0.7501, sentence_kept="prediction agreement is 0.7500, not below 0.75", sentence_broken="prediction agreement is 0.7500, below 0.7501"),
+    GateCase("--max-spike-error", kept=0.125, broken=0.1249, sentence_kept="0.1250 of the spikes differ, not above 0.125", sentence_broken="0.1250 of the spikes differ, above 0.1249"),
+    GateCase("--max-score-error", kept=0.25, broken=0.2499, sentence_kept="class scores differ by 0.2500 of their spread, not above 0.25", sentence_broken="class scores differ by 0.2500 of their spread, above 0.2499"),
+    GateCase("--max-energy-nj", kept=2.5, broken=2.4999, sentence_kept="a recording takes 2.5 nJ, not above 2.5", sentence_broken="a recording takes 2.5 nJ, above 2.4999"),
+    GateCase("--max-latency-us", kept=1.5, broken=1.4999, sentence_kept="a recording takes 1.5 µs, not above 1.5", sentence_broken="a recording takes 1.5 µs, above 1.4999"),
+    GateCase("--max-cores", kept=3, broken=2, sentence_kept="the program takes 3 cores, not above 3", sentence_broken="the program takes 3 cores, above 2"),
 ]  # fmt: skip
 
 

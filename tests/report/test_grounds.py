@@ -142,10 +142,14 @@ OTHERS = random_recordings()
         ),
         pytest.param(random_recordings(steps=30), OTHERS, 0.02, (SILENCE,), id="shorter"),
         pytest.param(
-            replace(GIVEN, binned=Binned(None, 9, 0, 0)), OTHERS, 0.02, (), id="bins were given"
+            replace(GIVEN, binned=Binned(threshold=None, events=9, outside=0, below=0)),
+            OTHERS,
+            0.02,
+            (),
+            id="bins were given",
         ),
         pytest.param(
-            replace(GIVEN, binned=Binned(2, 9, 0, 0)),
+            replace(GIVEN, binned=Binned(threshold=2, events=9, outside=0, below=0)),
             OTHERS,
             0.02,
             (THRESHOLD,),

@@ -7,8 +7,20 @@ from locsnn_compile.report.gates import Gate, junit_file
 
 def test_gates_are_test_cases_of_a_build() -> None:
     gates = (
-        Gate("--max-cores", 2.0, 1.0, True, "the program takes 1 core, not above 2"),
-        Gate("--min-agreement", 1.0, None, False, 'no "prediction"\x00 was compared & judged'),
+        Gate(
+            "--max-cores",
+            bound=2.0,
+            measured=1.0,
+            holds=True,
+            found="the program takes 1 core, not above 2",
+        ),
+        Gate(
+            "--min-agreement",
+            bound=1.0,
+            measured=None,
+            holds=False,
+            found='no "prediction"\x00 was compared & judged',
+        ),
     )
     assert junit_file(gates, "a<b").decode() == (
         "<?xml version='1.0' encoding='utf-8'?>\n"

@@ -151,7 +151,7 @@ def test_a_frame_that_is_refused_is_answered(loaded, name):
     problem, kind, payload = REFUSED[name]
     greet(port)
     assert exchange(port, kind, 1, payload) == [(ERROR, 1, bytes((problem,)))]
-    assert exchange(port, REPORT, 2, b"\0") == [(DONE, 2, b"")]
+    assert exchange(port, REPORT, number=2, payload=b"\0") == [(DONE, 2, b"")]
 
 
 @pytest.fixture(scope="module")
@@ -169,14 +169,14 @@ def test_a_load_that_is_refused_is_answered(empty, name):
     problem = NO_PLACE if name in outside else FORM
     greet(empty)
     assert exchange(empty, LOAD, 1, REFUSED_LOADS[name]) == [(ERROR, 1, bytes((problem,)))]
-    assert exchange(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
+    assert exchange(empty, REPORT, number=2, payload=b"\0") == [(DONE, 2, b"")]
 
 
 @pytest.mark.slow
 def test_a_hello_has_no_payload(loaded):
     port, _ = loaded
     greet(port)
-    assert exchange(port, HELLO, 1, b"a") == [(ERROR, 1, bytes((FORM,)))]
+    assert exchange(port, HELLO, number=1, payload=b"a") == [(ERROR, 1, bytes((FORM,)))]
 
 
 def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, loaded):
@@ -184,7 +184,9 @@ def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, lo
     words = desk.words
     greet(port)
     assert exchange(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
-    assert exchange(port, LOAD, 2, b"\x01\0\0\0\x04abcd") == [(ERROR, 2, bytes((BUSY,)))]
+    assert exchange(port, LOAD, number=2, payload=b"\x01\0\0\0\x04abcd") == [
+        (ERROR, 2, bytes((BUSY,)))
+    ]
     done, answer = exchange(port, WORDS, 3, stream_words(words[5:]))
     assert done == (DONE, 3, b"")
     _, _, payload = answer
@@ -196,7 +198,7 @@ def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     port, plain = loaded
     words = desk.words
     greet(port)
-    exchange(port, REPORT, 1, b"\1")
+    exchange(port, REPORT, number=1, payload=b"\1")
     exchange(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
     assert [kind for kind, _, _ in exchange(port, HELLO, 0) if kind != SPIKES] == [ERROR, WELCOME]
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
@@ -278,7 +280,7 @@ def test_words_before_a_program_are_refused(desk):
     Board(port).load(desk.core)
     assert says_loaded(port)
     # After part of a load the board has no program, nor after a reset.
-    assert exchange(port, LOAD, 1, b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
+    assert exchange(port, LOAD, number=1, payload=b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
     assert exchange(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
     port.write([PRESS])

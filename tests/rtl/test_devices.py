@@ -371,9 +371,27 @@ def test_two_builds_are_compared_by_time(build, capsys):
 
 def test_settings_are_ranked_by_cycles():
     """Where the energy is unknown; otherwise by energy."""
-    slow = Losses(1.0, 1.0, 0.0, None, 20.0)
-    fast = Losses(1.0, 1.0, 0.0, None, 10.0)
-    priced = Losses(1.0, 1.0, 0.0, 5.0, 30.0)
+    slow = Losses(
+        prediction_agreement=1.0,
+        spike_agreement=1.0,
+        score_error=0.0,
+        energy_pj=None,
+        chip_time_ns=20.0,
+    )
+    fast = Losses(
+        prediction_agreement=1.0,
+        spike_agreement=1.0,
+        score_error=0.0,
+        energy_pj=None,
+        chip_time_ns=10.0,
+    )
+    priced = Losses(
+        prediction_agreement=1.0,
+        spike_agreement=1.0,
+        score_error=0.0,
+        energy_pj=5.0,
+        chip_time_ns=30.0,
+    )
     assert min((slow, fast), key=lambda losses: losses.cost) is fast
     assert [losses.cost for losses in (slow, fast, priced)] == [20.0, 10.0, 5.0]
 

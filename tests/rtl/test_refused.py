@@ -49,14 +49,16 @@ def two_starts() -> hw.ChipProgram:
 
 def late_potentials() -> hw.ChipProgram:
     return hybrids.program_of_graphs(
-        benches.CHIP, Readout(("a/y",), (1.0,), 2), branch("a", Phase("a", "time", 5, 1))
+        benches.CHIP,
+        Readout(("a/y",), (1.0,), 2),
+        branch("a", Phase("a", "time", steps=5, align_events=1)),
     )
 
 
 def a_stream_of_two() -> hw.ChipProgram:
     other = branch("b", Phase("b", "time", 5))
     other = replace(other, inputs=tuple(replace(item, stream="other") for item in other.inputs))
-    return benches.together(branch("a", Phase("a", "time", 5, 1)), other)
+    return benches.together(branch("a", Phase("a", "time", steps=5, align_events=1)), other)
 
 
 def different_lengths() -> hw.ChipProgram:

@@ -141,7 +141,7 @@ def test_what_does_not_fit_the_device_is_not_simulated():
     spikes = np.ones((1, 900, 40), np.uint8)
     for play in (
         lambda: hw.cosimulate(program, spikes),
-        lambda: stream(program, spikes, "sim:icarus", 115200, False),
+        lambda: stream(program, spikes, "sim:icarus", baud=115200, report=False),
     ):
         with pytest.raises(
             hw.TargetError, match=r"the open core of ecp5-25f is too small in 'bitmap'"

@@ -71,11 +71,13 @@ def everything(seed=0, chip=None):
         drawn[r.random(shape) < 0.4] = 0
         return drawn
 
-    b.connect(x, nodes["h"], weights((7, 9), 2, -256, 254), delay=r.integers(0, 6, (7, 9)))
+    b.connect(
+        x, nodes["h"], weights((7, 9), step=2, low=-256, high=254), delay=r.integers(0, 6, (7, 9))
+    )
     b.connect(
         x,
         nodes["h"],
-        weights((7, 9), 8, 0, 248),
+        weights((7, 9), step=8, low=0, high=248),
         exponent=-2,
         weight_bits=5,
         sign_mode="excitatory",
@@ -85,10 +87,24 @@ def everything(seed=0, chip=None):
     strong = np.zeros((7, 3), dtype=np.int64)
     strong[0] = 254
     b.connect(y, nodes["h"], strong, exponent=7)
-    b.connect(nodes["h"], nodes["h"], weights((7, 7), 256, -256, 0), exponent=1, weight_bits=1)
-    b.connect(nodes["h"], child, weights((5, 7), 1, -255, 0), weight_bits=8, sign_mode="inhibitory")
-    b.connect(nodes["h"], nodes["o"], weights((5, 7), 16, -256, 240), weight_bits=5, delay=3)
-    b.connect(nodes["o"], nodes["h"], weights((7, 5), 2, -256, 254))
+    b.connect(
+        nodes["h"],
+        nodes["h"],
+        weights((7, 7), step=256, low=-256, high=0),
+        exponent=1,
+        weight_bits=1,
+    )
+    b.connect(
+        nodes["h"],
+        child,
+        weights((5, 7), step=1, low=-255, high=0),
+        weight_bits=8,
+        sign_mode="inhibitory",
+    )
+    b.connect(
+        nodes["h"], nodes["o"], weights((5, 7), step=16, low=-256, high=240), weight_bits=5, delay=3
+    )
+    b.connect(nodes["o"], nodes["h"], weights((7, 5), step=2, low=-256, high=254))
     b.read_out(nodes["o"])
     return b.build()
 

@@ -114,7 +114,7 @@ def graphs():
             "input": nir.Input(np.array([6])),
             "w": linear(rng, 8, 6),
             "lif": lif(rng, 8),
-            "back": linear(rng, 8, 8, 0.2),
+            "back": linear(rng, outs=8, ins=8, scale=0.2),
             "o": nir.Output(np.array([8])),
         },
         [("lif", "back"), ("back", "lif"), ("input", "w"), ("lif", "o"), ("w", "lif")],

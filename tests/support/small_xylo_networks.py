@@ -43,9 +43,13 @@ def small_network(threshold: float = 5.0, **changes: object) -> lc.Network:
     """Return 16 inputs, hidden layers of 12 neurons (with recurrence) and 8, and 4 outputs."""
     r = np.random.default_rng(5)
     populations = (
-        lc.Population("first", TIME, 12, soft(12, 0.25, 0.125, threshold)),
-        lc.Population("second", TIME, 8, soft(8, 0.5, 0.25, 2.0)),
-        lc.Population("classes", TIME, 4, soft(4, 0.25, 0.0625, 1.0)),
+        lc.Population(
+            "first", TIME, 12, soft(size=12, decay_u=0.25, decay_v=0.125, threshold=threshold)
+        ),
+        lc.Population("second", TIME, 8, soft(size=8, decay_u=0.5, decay_v=0.25, threshold=2.0)),
+        lc.Population(
+            "classes", TIME, 4, soft(size=4, decay_u=0.25, decay_v=0.0625, threshold=1.0)
+        ),
     )
     projections = (
         lc.Projection("touch", "first", r.normal(0.08, 0.25, (12, INPUTS))),
@@ -72,7 +76,7 @@ def memoryless_network() -> lc.Network:
     )
     populations = (
         lc.Population("hidden", TIME, 10, hidden),
-        lc.Population("classes", TIME, 3, soft(3, 0.3, 0.1, 1.0)),
+        lc.Population("classes", TIME, 3, soft(size=3, decay_u=0.3, decay_v=0.1, threshold=1.0)),
     )
     projections = (
         lc.Projection("touch", "hidden", r.normal(0.1, 0.3, (10, INPUTS))),

@@ -71,9 +71,30 @@ def texts_of(picture: bytes) -> list[str]:
 def test_the_picture_shows_the_figures_that_were_measured(tmp_path: Path) -> None:
     # Phase, epoch, learning rate, loss, validation loss, validation accuracy.
     history = [
-        EpochRecord("select", 1, 0.1, 2.0, 2.5, 0.25),
-        EpochRecord("select", 2, 0.05, 1.0, 1.5, 0.5),
-        EpochRecord("refit", 1, 0.1, 1.75, None, None),
+        EpochRecord(
+            "select",
+            epoch=1,
+            learning_rate=0.1,
+            loss=2.0,
+            validation_loss=2.5,
+            validation_accuracy=0.25,
+        ),
+        EpochRecord(
+            "select",
+            epoch=2,
+            learning_rate=0.05,
+            loss=1.0,
+            validation_loss=1.5,
+            validation_accuracy=0.5,
+        ),
+        EpochRecord(
+            "refit",
+            epoch=1,
+            learning_rate=0.1,
+            loss=1.75,
+            validation_loss=None,
+            validation_accuracy=None,
+        ),
     ]
     words = texts_of(profile(history, "a <b>"))
     assert "Training of a <b>" in words

@@ -72,7 +72,9 @@ def one_hidden_neuron(weight: float, neuron: lc.Cuba | lc.SoftCuba) -> lc.Networ
     return network(
         (
             lc.Population("hidden", TIME, 1, neuron),
-            lc.Population("classes", TIME, 1, soft(1, 0.5, 0.5, 1.0)),
+            lc.Population(
+                "classes", TIME, 1, soft(size=1, decay_u=0.5, decay_v=0.5, threshold=1.0)
+            ),
         ),
         (
             lc.Projection("touch", "hidden", np.array([[weight]])),
@@ -94,7 +96,7 @@ def test_the_integers_of_a_neuron_by_hand():
     current in a step, which adds up to 1/2, and 3/8 to the potential: the bias takes away 1.
     """
     program = lc.compile(
-        one_hidden_neuron(0.5, soft(1, 0.5, 0.25, 2.0)),
+        one_hidden_neuron(0.5, soft(size=1, decay_u=0.5, decay_v=0.25, threshold=2.0)),
         target="xylo-audio2",
         events=np.zeros((1, STEPS, 1), np.uint8),
     ).program
@@ -152,8 +154,8 @@ def test_the_small_group_of_synapses_gets_the_smaller_shift():
     At level 2 they are 50.8, which 8 bits hold without a shift: not 13 << 2, but 51.
     """
     populations = (
-        lc.Population("hidden", TIME, 4, soft(4, 0.5, 0.25, 40.0)),
-        lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),
+        lc.Population("hidden", TIME, 4, soft(size=4, decay_u=0.5, decay_v=0.25, threshold=40.0)),
+        lc.Population("classes", TIME, 2, soft(size=2, decay_u=0.5, decay_v=0.25, threshold=1.0)),
     )
     projections = (
         lc.Projection("touch", "hidden", np.full((4, 16), 1.0)),
@@ -170,8 +172,8 @@ def test_the_small_group_of_synapses_gets_the_smaller_shift():
 def test_nothing_saturates_upwards_while_sources_send_once_in_a_step(rate):
     """The compiler chose the level for that. At a rate of 1, as many events arrive as there can be."""
     populations = (
-        lc.Population("hidden", TIME, 6, soft(6, 0.25, 0.125, 2.0)),
-        lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),
+        lc.Population("hidden", TIME, 6, soft(size=6, decay_u=0.25, decay_v=0.125, threshold=2.0)),
+        lc.Population("classes", TIME, 2, soft(size=2, decay_u=0.5, decay_v=0.25, threshold=1.0)),
     )
     r = np.random.default_rng(3)
     projections = (
@@ -186,7 +188,7 @@ def test_nothing_saturates_upwards_while_sources_send_once_in_a_step(rate):
 
 def test_step_t_of_the_program_is_step_t_of_the_network():
     """One event acts a step later on both sides, then the hidden spike a step after that."""
-    neuron = soft(1, 0.5, 0.5, 1.0)
+    neuron = soft(size=1, decay_u=0.5, decay_v=0.5, threshold=1.0)
     compiled = lc.compile(
         one_hidden_neuron(1.5, neuron),
         target="xylo-audio3",
@@ -307,8 +309,10 @@ def test_the_drift_is_what_rounded_decays_were_seen_to_add_to_potentials(dash_sy
 def test_long_time_constants_do_not_move_the_potential_at_rest_far():
     """A dash of 8 would drift by 127.5 units a step; a sixteenth of the threshold is the most."""
     populations = (
-        lc.Population("hidden", TIME, 2, soft(2, 2.0**-8, 0.25, 400.0)),
-        lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),
+        lc.Population(
+            "hidden", TIME, 2, soft(size=2, decay_u=2.0**-8, decay_v=0.25, threshold=400.0)
+        ),
+        lc.Population("classes", TIME, 2, soft(size=2, decay_u=0.5, decay_v=0.25, threshold=1.0)),
     )
     projections = (
         lc.Projection("touch", "hidden", np.full((2, 16), 0.4)),
@@ -357,8 +361,8 @@ def test_saturations_are_counted_and_lead_the_report():
 def test_decays_that_no_dash_meets_are_reported_with_their_error():
     """In octaves, the nearest power of 1/2 to a decay of 0.3 is 1/4, which is a sixth less."""
     populations = (
-        lc.Population("hidden", TIME, 2, soft(2, 0.3, 0.125, 2.0)),
-        lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),
+        lc.Population("hidden", TIME, 2, soft(size=2, decay_u=0.3, decay_v=0.125, threshold=2.0)),
+        lc.Population("classes", TIME, 2, soft(size=2, decay_u=0.5, decay_v=0.25, threshold=1.0)),
     )
     projections = (
         lc.Projection("touch", "hidden", np.full((2, 16), 0.4)),

@@ -32,8 +32,8 @@ def one_layer(neuron: lc.SoftCuba | lc.Cuba | lc.SrmAlpha | lc.ChipCuba, **chang
     return replace(network(populations, (INTO_HIDDEN, OUT_OF_HIDDEN)), **changes)
 
 
-OUTPUT = soft(2, 0.5, 0.25, 1.0)
-LEAKY = soft(4, 0.5, 0.25, 1.0)
+OUTPUT = soft(size=2, decay_u=0.5, decay_v=0.25, threshold=1.0)
+LEAKY = soft(size=4, decay_u=0.5, decay_v=0.25, threshold=1.0)
 INTO_HIDDEN = lc.Projection("touch", "hidden", np.full((4, INPUTS), 0.2))
 OUT_OF_HIDDEN = lc.Projection("hidden", "classes", np.full((2, 4), 0.2))
 SRM = lc.SrmAlpha(theta=1.0, tau_sr=2.0, tau_ref=2.0, scale_ref=1.0)
@@ -108,7 +108,9 @@ def with_hidden(count: int) -> lc.Network:
     return network(
         (
             lc.Population("small", TIME, 4, LEAKY),
-            lc.Population("convolution", TIME, count, soft(count, 0.5, 0.25, 1.0)),
+            lc.Population(
+                "convolution", TIME, count, soft(count, decay_u=0.5, decay_v=0.25, threshold=1.0)
+            ),
             lc.Population("classes", TIME, 2, OUTPUT),
         ),
         (
@@ -124,7 +126,9 @@ def with_classes(count: int) -> lc.Network:
     return network(
         (
             lc.Population("hidden", TIME, 4, LEAKY),
-            lc.Population("classes", TIME, count, soft(count, 0.5, 0.25, 1.0)),
+            lc.Population(
+                "classes", TIME, count, soft(count, decay_u=0.5, decay_v=0.25, threshold=1.0)
+            ),
         ),
         (INTO_HIDDEN, replace(OUT_OF_HIDDEN, weights=np.full((count, 4), 0.2))),
     )

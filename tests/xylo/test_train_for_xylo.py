@@ -39,7 +39,7 @@ SEEDS = range(12)
 
 def description(neuron: XyloParameters, hidden: int = HIDDEN) -> NetworkDescription:
     """Return the description of a network of a hidden layer and outputs."""
-    layout = InputLayout(SensorLayout("channels", CHANNELS, 1, 1), STEPS, 0.01)
+    layout = InputLayout(SensorLayout("channels", CHANNELS, polarities=1, surfaces=1), STEPS, 0.01)
     return NetworkDescription("xylo-snn", layout, CLASSES, hidden=hidden, neuron=neuron)
 
 

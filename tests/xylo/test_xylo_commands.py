@@ -45,9 +45,9 @@ def folder(tmp_path_factory):
     nodes = {
         "input": nir.Input(np.array([16])),
         "into": nir.Linear(r.normal(0.03, 0.12, (24, 16))),
-        "hidden": cuba_lif(24, 4e-3, 8e-3),
+        "hidden": cuba_lif(size=24, tau_syn=4e-3, tau_mem=8e-3),
         "out of": nir.Linear(r.normal(0.03, 0.15, (4, 24))),
-        "classes": cuba_lif(4, 2e-3, 16e-3),
+        "classes": cuba_lif(size=4, tau_syn=2e-3, tau_mem=16e-3),
         "output": nir.Output(np.array([4])),
     }
     names = list(nodes)

@@ -155,7 +155,7 @@ def synthesise_module(
     for path in sources:
         (folder / path.name).write_bytes(path.read_bytes())
     (folder / "macros.v").write_text("")
-    _map(folder, top, [path.name for path in sources], library, True, yosys)
+    _map(folder, top, [path.name for path in sources], library, gated=True, yosys=yosys)
 
 
 def _map(

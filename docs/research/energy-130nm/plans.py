@@ -100,7 +100,9 @@ def checked_by(
         for one in chosen
     ]
     banks = {
-        one.module: description.Macro(one.rows, one.shape.bits, 1.0, 0.0, 0.0, 2)
+        one.module: description.Macro(
+            words=one.rows, bits=one.shape.bits, area=1.0, read_pj=0.0, write_pj=0.0, ports=2
+        )
         for one in chosen
         if isinstance(one, Latches)
     }

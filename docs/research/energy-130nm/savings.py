@@ -134,6 +134,6 @@ def _pj_of_a_tick(built: runs.Built) -> float:
         toggles,
         one_cycle,
         np.zeros((0, 2, 1)),
-        True,
+        tree=True,
     )
     return float(energy.of("clock")[0]) / len(found.flops)

@@ -29,12 +29,32 @@ class Dataset:
 
 DATASETS: Mapping[str, Dataset] = {
     "objects": Dataset(
-        "objects", "Objects", "Ev-Objects.zip", "objects-hybrid.yaml", 15.0, 325, 36
+        "objects",
+        "Objects",
+        archive="Ev-Objects.zip",
+        config="objects-hybrid.yaml",
+        psi=15.0,
+        published_steps=325,
+        published_classes=36,
     ),
     "containers": Dataset(
-        "containers", "Containers", "Ev-Containers.zip", "containers-hybrid.yaml", 10.0, 325, 20
+        "containers",
+        "Containers",
+        archive="Ev-Containers.zip",
+        config="containers-hybrid.yaml",
+        psi=10.0,
+        published_steps=325,
+        published_classes=20,
     ),
-    "slip": Dataset("slip", "Slip (synthetic)", None, "objects-hybrid.yaml", 2.0, 150, 2),
+    "slip": Dataset(
+        "slip",
+        "Slip (synthetic)",
+        archive=None,
+        config="objects-hybrid.yaml",
+        psi=2.0,
+        published_steps=150,
+        published_classes=2,
+    ),
 }
 
 

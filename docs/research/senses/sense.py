@@ -52,7 +52,7 @@ class Sense(Frozen):
     def sensor(self, data: Path) -> SensorLayout | None:
         """Return the layout of the sensor."""
         layout = None if self.layout is None else str(data / self.layout)
-        return asked_layout(self.grid, None, None, layout)
+        return asked_layout(self.grid, polarities=None, channels=None, layout=layout)
 
     def sensor_options(self, data: Path) -> dict[str, object]:
         """Return the training options that describe the sensor."""

@@ -140,7 +140,7 @@ def parts(folder: Path, data: Data, purpose: str, division: int) -> tuple[Record
     read = partial(
         read_recordings,
         folder / data.file,
-        sensor=asked_layout(data.grid, None, None, None),
+        sensor=asked_layout(data.grid, polarities=None, channels=None, layout=None),
         **data.selection,
     )
     if data.has_parts:
@@ -240,7 +240,7 @@ def asked_rows(
         division, seed = (0, number) if data.has_parts else (1 + number, 0)
         yield Row(
             data.name, purpose, division, seed, candidate.network, candidate.chip, hidden,
-            data.epochs, 0, 0, 0.0, 0,
+            data.epochs, learned_from=0, played=0, accuracy=0.0, unequal_spikes=0,
         )  # fmt: skip
 
 

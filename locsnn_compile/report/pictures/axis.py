@@ -51,7 +51,7 @@ def linear_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
     """Return an axis from 0 to half a step between ticks beyond the largest value."""
     largest = max(values, default=0.0)
     if largest <= 0:
-        return Axis(0.0, 1.0, (0.0, 1.0), text)
+        return Axis(low=0.0, high=1.0, ticks=(0.0, 1.0), text=text)
     step = nice_step(largest / _TICKS)
     # Half a step of room, so that a mark at the largest value is not cut by the edge.
     high = largest + 0.5 * step

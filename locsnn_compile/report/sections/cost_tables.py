@@ -161,7 +161,7 @@ def _course(
     plot = Plot(
         title=f"{name} of a step, mean over the recordings, profile {profile}",
         x_label="part of the branch's steps",
-        x=Axis(0.0, 1.0, (0.0, *PARTS), lambda part: f"{100 * part:.0f} %"),
+        x=Axis(low=0.0, high=1.0, ticks=(0.0, *PARTS), text=lambda part: f"{100 * part:.0f} %"),
         y=Axis(0.0, largest, ticks, shown),
         curves=tuple(
             _curve(branch, costs, len(by_step[branch].bins))

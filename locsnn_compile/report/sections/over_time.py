@@ -95,7 +95,12 @@ def _plot(figures: OverTimeFigures) -> Plot:
         title=_title(figures),
         x_label="seconds" if step_seconds else "steps",
         x=Axis(0.0, last_step, ticks, tick_text),
-        y=Axis(0.0, 1.0, (0.25, 0.5, 0.75, 1.0), lambda share: f"{100 * share:.0f} %"),
+        y=Axis(
+            low=0.0,
+            high=1.0,
+            ticks=(0.25, 0.5, 0.75, 1.0),
+            text=lambda share: f"{100 * share:.0f} %",
+        ),
         curves=tuple(
             Curve(words(name), tuple(zip(figures.steps, shares, strict=True)))
             for name, shares in figures.right.items()
