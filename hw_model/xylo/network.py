@@ -75,7 +75,7 @@ class XyloNetwork(Shown):
             _check_range(name, getattr(self, name), xylo.WEIGHT_MIN, xylo.WEIGHT_MAX)
         for name in ("shift_in", "shift_hidden", "shift_out"):
             # The chip stores a shift in 4 bits.
-            _check_range(name, np.array(getattr(self, name)), 0, 15)
+            _check_range(name, np.array(getattr(self, name)), low=0, high=15)
         for name, population in (("hidden", self.hidden), ("outputs", self.outputs)):
             _check_population(name, population)
         if (self.hidden.bias is None) != (self.outputs.bias is None):
@@ -112,9 +112,9 @@ def _check_population(name: str, population: XyloPopulation) -> None:
     size = population.size
     _check_shape(f"{name}.dash_mem", population.dash_mem, (size,))
     _check_shape(f"{name}.dash_syn", population.dash_syn, (size, population.states))
-    _check_range(f"{name}.dash_mem", population.dash_mem, 0, xylo.DASH_MAX)
-    _check_range(f"{name}.dash_syn", population.dash_syn, 0, xylo.DASH_MAX)
-    _check_range(f"{name}.threshold", population.threshold, 1, xylo.STATE_MAX)
+    _check_range(f"{name}.dash_mem", population.dash_mem, low=0, high=xylo.DASH_MAX)
+    _check_range(f"{name}.dash_syn", population.dash_syn, low=0, high=xylo.DASH_MAX)
+    _check_range(f"{name}.threshold", population.threshold, low=1, high=xylo.STATE_MAX)
     if population.bias is not None:
         _check_shape(f"{name}.bias", population.bias, (size,))
         _check_range(f"{name}.bias", population.bias, xylo.STATE_MIN, xylo.STATE_MAX)

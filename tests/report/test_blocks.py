@@ -37,7 +37,7 @@ from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
 
-ENDS = Axis(0.0, 4.0, (0.0, 2.0, 4.0), "{:g}".format)
+ENDS = Axis(low=0.0, high=4.0, ticks=(0.0, 2.0, 4.0), text="{:g}".format)
 """An axis from 0 to 4 with ticks at its ends and its middle."""
 X_AXIS = (
     '<line class="axis" x1="0.00%" x2="0.00%" y1="{y}" y2="{end}"/>'
@@ -210,7 +210,7 @@ CASES = [
             "Error",
             x_label="step",
             x=ENDS,
-            y=Axis(0.0, 1.0, (1.0,), "{:g}".format),
+            y=Axis(low=0.0, high=1.0, ticks=(1.0,), text="{:g}".format),
             curves=(Curve("chip", ((0.0, 0.0), (4.0, 1.0))), Curve("none", ())),
             marked=3.0,
         ),

@@ -74,12 +74,12 @@ def _measure(files: "runs.Library", array: Latches, circuit: gates.Circuit) -> C
         energy = picojoules.measure(
             circuit,
             cells,
-            {},
-            timings,
-            toggles_of_net,
-            np.array([CYCLES * LANES]),
-            np.zeros((0, 2, 1)),
-            True,
+            macros={},
+            timing=timings,
+            toggles=toggles_of_net,
+            cycles=np.array([CYCLES * LANES]),
+            accesses=np.zeros((0, 2, 1)),
+            tree=True,
         )
         pj[name] = float(energy.total[0]) / (CYCLES * LANES)
     leakage = sum(cells[instance.type].leakage_nw for instance in circuit.netlist.instances)

@@ -91,15 +91,15 @@ def pieces_of(array: Latches) -> Iterator[Piece]:
     first_word, bits = 0, array.shape.bits
     for number in array.banks:
         yield Piece(
-            array.shape.name,
-            array.shape.copies,
-            array.module,
-            first_word,
-            1,
-            words_of_bank[number],
-            1,
-            0,
-            bits,
+            memory=array.shape.name,
+            copies=array.shape.copies,
+            macro=array.module,
+            first=first_word,
+            every=1,
+            rows=words_of_bank[number],
+            pack=1,
+            bit=0,
+            bits=bits,
         )
         first_word += words_of_bank[number]
 

@@ -77,11 +77,11 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
             flags,
             words,
             WORDS_PER_FLAGS,
-            1,
-            flag_reads,
-            1e-9,
-            dict.fromkeys(memory.rows, flag_reads),
-            False,
+            copies=1,
+            reads=flag_reads,
+            writes=1e-9,
+            rows=dict.fromkeys(memory.rows, flag_reads),
+            single=False,
         )
     return memories
 
