@@ -1,9 +1,9 @@
-"""Time this version against another one, whose checkout is given: ``against.py CHECKOUT [--page PAGE]``.
+"""Time this version of the engine against another one: ``against.py CHECKOUT [--page PAGE]``.
 
     git worktree add ../before COMMIT && python tests/benchmarks/against.py ../before --page docs/research/benchmarks.md
 
-A process of each version plays the same jobs, turn by turn, on one core. A figure is the least processor time of all
-calls, which is what other work on the machine disturbs least.
+CHECKOUT is a folder with the other version. A process of each version plays the same jobs, turn by turn, on one core. A
+figure is the least processor time of all calls, which is what other work on the machine disturbs least.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ JOBS = {
     "objects-hybrid, a session at once": 12,
     "objects-hybrid, location branch anew for each row": 1,
 }
-"""What is timed, and how often in a turn."""
+"""The jobs, and how many calls of each are timed in a turn."""
 HEAD = """## Against the version before
 
 `git worktree add ../before {commit} && python tests/benchmarks/against.py ../before --page docs/research/benchmarks.md`: a process of each
@@ -47,7 +47,11 @@ connected, each pair with one of three delays.
 
 
 def work() -> None:
-    """Read names of jobs, a line each, and print seconds of a call."""
+    """Read names of jobs, a line each, and print the least seconds of a call for each.
+
+    This runs in a process whose packages are those of one version. The engine must use one thread, and versions ask for the
+    number of cores in different ways.
+    """
     os.cpu_count = lambda: 1
     os.sched_getaffinity = lambda _: {0}
     jobs: dict[str, Callable[[], object]] = {}
@@ -56,16 +60,16 @@ def work() -> None:
         if name not in jobs:
             jobs[name] = job(name)
             jobs[name]()
-        found = []
+        seconds = []
         for _ in range(JOBS[name]):
             start = time.process_time()
             jobs[name]()
-            found.append(time.process_time() - start)
-        print(min(found), flush=True)
+            seconds.append(time.process_time() - start)
+        print(min(seconds), flush=True)
 
 
 def job(name: str) -> Callable[[], object]:
-    """Return a call of this version."""
+    """Return the call of a job, prepared as far as possible. Imports are here, so that they are those of the worker's version."""
     import numpy as np
     from workloads import example_levels, large, published_test_part, small
 
@@ -84,6 +88,7 @@ def job(name: str) -> Callable[[], object]:
     else:
         levels = example_levels("objects")
         program, recordings = levels.program, published_test_part("objects").spikes
+        # The recording with the median number of events comes first; then, for batches, the 31 with the fewest.
         recordings = recordings[
             np.argsort(recordings.sum(axis=(1, 2)))[[len(recordings) // 2, *range(31)]]
         ]
@@ -102,7 +107,7 @@ def job(name: str) -> Callable[[], object]:
 
 
 def drawn_program(sizes: tuple[int, ...], share: float, delays: int):  # type: ignore[no-untyped-def]
-    """Return a program of layers, of whose pairs a share is connected, with so many delays, and recordings for it."""
+    """Return a program of layers in which a share of all pairs is connected, with so many different delays, and a recording."""
     import numpy as np
     from scipy import sparse
 
@@ -110,21 +115,23 @@ def drawn_program(sizes: tuple[int, ...], share: float, delays: int):  # type: i
 
     r = np.random.default_rng(0)
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
-    before = builder.add_input("x", sizes[0])
+    previous = builder.add_input("x", sizes[0])
     for k, (sources, targets) in enumerate(pairwise(sizes)):
-        here = builder.add_compartments(f"h{k}", targets, decay_u=1024, decay_v=128, threshold=1500)
+        layer = builder.add_compartments(
+            f"h{k}", targets, decay_u=1024, decay_v=128, threshold=1500
+        )
         weights = sparse.random(targets, sources, share, random_state=k, format="csr")
         weights.data = 2 * r.integers(1, 128, weights.nnz) * r.choice([-1, 1], weights.nnz)
-        late = sparse.csr_array(
+        delays_of_synapses = sparse.csr_array(
             (r.integers(0, delays, weights.nnz), weights.indices, weights.indptr), weights.shape
         )
         builder.connect(
-            before,
-            here,
+            previous,
+            layer,
             sparse.csr_array(weights.astype(np.int64)),
-            delay=late if delays > 1 else 0,
+            delay=delays_of_synapses if delays > 1 else 0,
         )
-        before = here
+        previous = layer
     return builder.build(), (r.random((1, 100, sizes[0])) < 0.03).astype(np.uint8)
 
 
@@ -149,14 +156,14 @@ def main() -> None:
     ]  # fmt: skip
     rows = []
     for name in JOBS:
-        least = [float("inf"), float("inf")]
+        least_seconds = [float("inf"), float("inf")]
         for _ in range(args.turns):
             for i, worker in enumerate(workers):
                 worker.stdin.write(f"{name}\n")
                 worker.stdin.flush()
-                least[i] = min(least[i], float(worker.stdout.readline()))
-        before, now = (1e6 * seconds for seconds in least)
-        rows.append(f"| {name} | {before:,.0f} | {now:,.0f} | {before / now:.2f} |")
+                least_seconds[i] = min(least_seconds[i], float(worker.stdout.readline()))
+        before_us, now_us = (1e6 * seconds for seconds in least_seconds)
+        rows.append(f"| {name} | {before_us:,.0f} | {now_us:,.0f} | {before_us / now_us:.2f} |")
         print(rows[-1], flush=True)
     for worker in workers:
         worker.stdin.close()

@@ -1,4 +1,4 @@
-"""Scripts beside this one, each run in a process of its own: its memory and its start-up are then its own."""
+"""Run scripts next to this one, each in a process of its own, so that memory and start-up are those of the script alone."""
 
 from __future__ import annotations
 

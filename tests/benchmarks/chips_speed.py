@@ -1,8 +1,8 @@
 """Our engines next to simulators of chips, in one run: xylosim for Xylo, Lava's fixed-point models for Loihi 2.
 
-``chips_speed.py --page PAGE`` writes the table into a page. Each side plays one network of random weights from rest,
-in turns of which the least counts, and returns every spike. That both compute the same is tested in tests/peers, and
-``make peers`` makes the environments. Lava starts a process for each of its own, so its time for a few steps is subtracted.
+``chips_speed.py --page PAGE`` writes the table into a page. Each side plays one network of random weights from rest and
+returns every spike; the fastest turn counts. tests/peers tests that both compute the same, and ``make peers`` makes the
+environments. Lava starts an operating-system process for each part of a network, so its time for a few steps is subtracted.
 """
 
 from __future__ import annotations
@@ -35,8 +35,10 @@ from tests.support.witness_files import write_networks  # noqa: E402
 
 STEPS = 1000
 FEW_STEPS = 10
+"""Steps of the run whose time, nearly all of it the start of processes, is subtracted from Lava's."""
 TURNS = 5
 LAVA_TURNS = 1
+"""Lava takes so long that one turn must do."""
 HEAD = """## Simulators of chips
 
 `python tests/benchmarks/chips_speed.py --page docs/research/benchmarks/side-by-side.md`: one network of random weights for each chip, {steps:,}
@@ -77,7 +79,7 @@ def least_seconds(play: Callable[[], object]) -> float:
 
 
 def timed_by(environment: str, script: str, *arguments: str) -> float:
-    """Return what a script prints in the environment of a peer."""
+    """Run a script of tests/peers in the environment of a peer; return the seconds that it prints last."""
     call = [str(python_of(environment)), str(TESTS / "peers" / script), *arguments]
     printed = subprocess.run(call, check=True, capture_output=True, text=True).stdout
     return float(printed.split()[-1])

@@ -1,10 +1,10 @@
-"""Measure what a user waits for: the commands, warm and on a machine that has nothing compiled, and an earlier version.
+"""Measure how long a user waits for the commands: warm, with nothing compiled yet, and with an earlier version.
 
     python tests/benchmarks/command_speed.py [--against REV] [--page docs/research/benchmarks.md] [--turns 5] [--cold 1]
 
 Each turn runs every command once, with this version and with ``REV`` (a worktree that is made here), one right after the
-other: what is compared ran on the same machine at the same time. Medians of the turns; of seconds on the clock and of
-processor seconds, which other work on the machine changes less.
+other, so what is compared ran on the same machine at about the same time. Figures are medians over the turns, of seconds on
+the clock and of processor seconds, which other work on the machine changes less.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ IMPORTS = "import numpy, numba, scipy.sparse"
 
 @dataclass(frozen=True)
 class Took:
-    """What a process took: seconds on the clock, processor seconds, and the most memory that it held."""
+    """The cost of a process: seconds on the clock, processor seconds, and the most memory that it held."""
 
     seconds: float
     processor: float
@@ -87,7 +87,10 @@ def main() -> int:
 def measure(
     trees: Sequence[Path], folder: Path, turns: int, cold: int, only: str
 ) -> dict[str, list[list[Took]]]:
-    """Return by row, for each tree, what its runs took."""
+    """Return the costs of all runs, by row and tree.
+
+    The cold runs come first: they compile, and write the program that `locsnn run` plays.
+    """
     program, out = folder / "program", folder / "out"
     touches = [str(MODEL), "--events", str(TOUCHES), "--quiet"]
     rows: dict[str, Sequence[str]] = {
@@ -112,47 +115,55 @@ def measure(
             "-o",
             str(out),
         ]
-    first = "`locsnn-compile`, nothing compiled yet"
+    cold_row = "`locsnn-compile`, nothing compiled yet"
     rows = {row: words for row, words in rows.items() if only in row or IMPORTS in row}
-    found: dict[str, list[list[Took]]] = {row: [[] for _ in trees] for row in (*rows, first)}
+    costs: dict[str, list[list[Took]]] = {row: [[] for _ in trees] for row in (*rows, cold_row)}
     caches = [{"NUMBA_CACHE_DIR": str(folder / f"cache-{number}")} for number in range(len(trees))]
     for _ in range(cold):
-        for tree, cache, took in zip(trees, caches, found[first], strict=True):
+        for tree, cache, costs_of_tree in zip(trees, caches, costs[cold_row], strict=True):
             shutil.rmtree(cache["NUMBA_CACHE_DIR"], ignore_errors=True)
             # The earlier version's program stays: later ones read it.
-            took.append(run(tree, [*COMPILE, *touches, "-o", str(program)], cache))
+            costs_of_tree.append(run(tree, [*COMPILE, *touches, "-o", str(program)], cache))
     for _ in range(turns):
         for row, words in rows.items():
-            for tree, cache, took in zip(trees, caches, found[row], strict=True):
-                took.append(run(tree, words, cache))
-    return found
+            for tree, cache, costs_of_tree in zip(trees, caches, costs[row], strict=True):
+                costs_of_tree.append(run(tree, words, cache))
+    return costs
 
 
 def run(tree: Path, words: Sequence[str], environment: Mapping[str, str]) -> Took:
     """Run Python with the packages of a tree."""
-    begin = time.perf_counter()
+    started = time.perf_counter()
     # Bytecode is kept, as an installation keeps it.
-    kept = {
+    bytecode_settings = {
         "PYTHONDONTWRITEBYTECODE": "",
         "PYTHONPYCACHEPREFIX": environment["NUMBA_CACHE_DIR"] + "-bytecode",
     }
-    given = os.environ | {"PYTHONPATH": str(tree)} | kept | dict(environment)
-    process = subprocess.Popen(
-        [sys.executable, *words], env=given, cwd=tree, stdout=subprocess.DEVNULL
+    process_environment = (
+        os.environ | {"PYTHONPATH": str(tree)} | bytecode_settings | dict(environment)
     )
-    _, status, used = os.wait4(process.pid, 0)
+    process = subprocess.Popen(
+        [sys.executable, *words], env=process_environment, cwd=tree, stdout=subprocess.DEVNULL
+    )
+    _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{' '.join(words)} failed in {tree}")
-    return Took(time.perf_counter() - begin, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+    return Took(
+        time.perf_counter() - started, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    )
 
 
 def section(found: dict[str, list[list[Took]]], against: str | None, turns: int, cold: int) -> str:
     """Return the page's section."""
-    needed = median(found[f"`{IMPORTS}`"][0], "seconds")
+    import_seconds = median(found[f"`{IMPORTS}`"][0], "seconds")
     rows = []
     for row, versions in found.items():
         now = versions[0]
-        cells = [row, f"{median(now, 'seconds'):.2f}", f"{median(now, 'seconds') / needed:.1f}"]
+        cells = [
+            row,
+            f"{median(now, 'seconds'):.2f}",
+            f"{median(now, 'seconds') / import_seconds:.1f}",
+        ]
         cells += [f"{median(now, 'processor'):.2f}", f"{median(now, 'mib'):.0f}"]
         for before in versions[1:]:
             cells += [f"{median(before, key):.2f}" for key in ("seconds", "processor")]
@@ -183,6 +194,7 @@ Measured on {machine()["processor"]}; the average load of other work was {load()
 
 
 def median(runs: Sequence[Took], key: str) -> float:
+    """Return the median of a field over runs."""
     return statistics.median(getattr(one, key) for one in runs)
 
 
@@ -193,7 +205,7 @@ def load() -> float:
 
 @contextmanager
 def worktree(commit: str | None) -> Iterator[Path | None]:
-    """Give the code of a commit in a folder of its own, and remove it in the end."""
+    """Give a folder with the code of a commit, removed at the end; None without a commit."""
     if commit is None:
         yield None
         return
@@ -208,6 +220,7 @@ def worktree(commit: str | None) -> Iterator[Path | None]:
 
 
 def git(*words: str) -> str:
+    """Run git in the repository and return what it prints."""
     return subprocess.run(
         ["git", *words], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout.strip()

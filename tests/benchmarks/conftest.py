@@ -31,11 +31,11 @@ def quick(pytestconfig: pytest.Config) -> bool:
 
 @pytest.fixture(scope="session")
 def record(pytestconfig: pytest.Config) -> Record:
-    """Return a function that keeps what was measured under a name, for ``write_page.py``."""
+    """Return a function that writes measured figures to a file of a name, from which ``write_page.py`` makes the pages."""
     folder: Path = pytestconfig.getoption("--results")
     folder.mkdir(parents=True, exist_ok=True)
 
-    def write(name: str, found: Any) -> None:
-        (folder / f"{name}.json").write_text(json.dumps(found, indent=1) + "\n")
+    def write(name: str, figures: Any) -> None:
+        (folder / f"{name}.json").write_text(json.dumps(figures, indent=1) + "\n")
 
     return write

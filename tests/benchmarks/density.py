@@ -1,7 +1,8 @@
 """Work, time and energy against the density of a recording, from empty to dense, in both phases: ``density.py --page PAGE``.
 
-The compiled ``objects-hybrid`` plays recordings whose events are drawn; the densest has one in every bin. Time is the
-least processor time of a batch of 16 in many turns, all densities in turn, on one core; work and energy are counted.
+The compiled ``objects-hybrid`` plays recordings whose events are drawn; the densest has an event of every channel in every
+step. Time is the least processor time of a batch of 16 over many turns, all densities in turn, on one core; work and energy
+follow from counts.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def recordings_of(density: float, steps: int, channels: int) -> NDArray[np.uint8
 def seconds_of(
     program: hw.ChipProgram, recordings: dict[float, NDArray[np.uint8]], turns: int
 ) -> dict[float, float]:
-    """Return the least processor seconds of a recording at each density."""
+    """Return the least processor seconds of a recording at each density. One more turn is played, as the first one compiles."""
     least = dict.fromkeys(recordings, float("inf"))
     for _ in range(turns + 1):
         for density, batch in recordings.items():
@@ -54,18 +55,18 @@ def seconds_of(
 def rows_of(
     program: hw.ChipProgram, density: float, batch: NDArray[np.uint8], seconds: float
 ) -> list[str]:
-    """Return a row for each phase."""
+    """Return a row of the table for each phase; figures of whole recordings are in the first."""
     profile = program.chip.profile(program.chip.default_profile)
     stop = hw.stop_when_proven(program, batch).steps.mean()
     rows = []
     for phase, counts in hw.simulate(program, batch, probe=()).counts_by_phase.items():
-        first = not rows
+        is_first = not rows
         nj = sum(hw.energy_pj(counts, profile).values()) / BATCH / 1e3
         cells = (
-            f"{100 * density:g} %" if first else "", f"{1e6 * seconds:.0f}" if first else "", phase,
+            f"{100 * density:g} %" if is_first else "", f"{1e6 * seconds:.0f}" if is_first else "", phase,
             f"{counts.neuron_updates / BATCH:,.0f}", f"{100 * counts.neuron_updates_active / counts.neuron_updates:.1f} %",
             f"{counts.synaptic_ops / BATCH:,.0f}", f"{counts.skipped_steps / BATCH:.1f}", f"{nj:,.1f}",
-            f"{stop:.1f}" if first else "",
+            f"{stop:.1f}" if is_first else "",
         )  # fmt: skip
         rows.append(f"| {' | '.join(cells)} |")
     return rows

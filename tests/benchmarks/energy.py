@@ -1,8 +1,9 @@
-"""Energy and latency of the example networks on all test recordings, and write the tables.
+"""Write the tables of energy and latency of the example networks on all test recordings.
 
     python tests/benchmarks/energy.py --data FOLDER --page docs/research/results/energy.md
 
-``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. All networks have the same strategy; nothing is chosen here.
+``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. All networks have the same strategy. Each function makes the table of
+one section from the networks' reports (``report.json``).
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def report_of(name: str, data: Path) -> Report:
 
 
 def tables(reports: dict[str, Report]) -> str:
-    """Return everything between the marks."""
+    """Return everything between the markers of the page."""
     parts = [
         "## By branch and profile",
         "Means per recording. The published claim is about the ratio location / time. Figures by `davies2018` are lower bounds.",
@@ -76,26 +77,42 @@ def tables(reports: dict[str, Report]) -> str:
 
 
 def by_branch(reports: dict[str, Report]) -> str:
+    """Return the energy of each branch, by every profile of the chip."""
     rows = []
     for name, report in reports.items():
-        found = report["energy"]
-        profiles = {found["profile"]: found["by_branch_pj"], **found["other_profiles_by_branch_pj"]}
+        energy_entry = report["energy"]
+        profiles = {
+            energy_entry["profile"]: energy_entry["by_branch_pj"],
+            **energy_entry["other_profiles_by_branch_pj"],
+        }
         for profile, branches in profiles.items():
-            a, b = branches["time"], branches["location"]
-            rows.append([name, profile, energy(a), energy(b), ratio(b / a), energy(a + b)])
+            time_pj, location_pj = branches["time"], branches["location"]
+            rows.append(
+                [
+                    name,
+                    profile,
+                    energy(time_pj),
+                    energy(location_pj),
+                    ratio(location_pj / time_pj),
+                    energy(time_pj + location_pj),
+                ]
+            )
     return table(
         ["network", "profile", "time branch", "location branch", "location / time", "whole"], rows
     )
 
 
 def over_recordings(reports: dict[str, Report]) -> str:
+    """Return how the energy differs between recordings and between classes."""
     rows = []
     for name, report in reports.items():
-        found, worst = report["energy"], report["energy"]["worst_recording"]
-        spread = [energy(found["over_samples_pj"][key]) for key in ("min", "p50", "p99", "max")]
-        classes = sorted(found["by_class"], key=lambda row: row["mean_pj"])
+        energy_entry, worst = report["energy"], report["energy"]["worst_recording"]
+        quantiles = [
+            energy(energy_entry["over_samples_pj"][key]) for key in ("min", "p50", "p99", "max")
+        ]
+        classes = sorted(energy_entry["by_class"], key=lambda row: row["mean_pj"])
         ends = [f"{row['class']}: {energy(row['mean_pj'])}" for row in (classes[0], classes[-1])]
-        rows.append([name, *spread, f"{worst['recording']}, class {worst['class']}", *ends])
+        rows.append([name, *quantiles, f"{worst['recording']}, class {worst['class']}", *ends])
     head = [
         "network",
         "least",
@@ -110,6 +127,7 @@ def over_recordings(reports: dict[str, Report]) -> str:
 
 
 def by_operation(reports: dict[str, Report]) -> str:
+    """Return the energy of each kind of operation, by branch."""
     operations = list(next(iter(reports.values()))["energy"]["breakdown_pj"])
     rows = []
     for name, report in reports.items():
@@ -119,34 +137,46 @@ def by_operation(reports: dict[str, Report]) -> str:
 
 
 def on_paper(reports: dict[str, Report]) -> str:
+    """Return additions by the published method."""
     rows = []
     for name, report in reports.items():
-        found = report["operations"]["published_method"]
-        a, b = (found["additions_by_branch"][branch] for branch in ("time", "location"))
-        rows.append([name, count(a), count(b), count(found["transpose_events"]), ratio(b / a)])
+        published = report["operations"]["published_method"]
+        time_additions, location_additions = (
+            published["additions_by_branch"][branch] for branch in ("time", "location")
+        )
+        rows.append(
+            [
+                name,
+                count(time_additions),
+                count(location_additions),
+                count(published["transpose_events"]),
+                ratio(location_additions / time_additions),
+            ]
+        )
     return table(
         ["network", "time branch", "location branch", "events transposed", "location / time"], rows
     )
 
 
 def times(reports: dict[str, Report]) -> str:
+    """Return the modelled time of a recording and its parts."""
     rows = []
     for name, report in reports.items():
-        found, real = report["latency"], report["latency"]["real_time"]
-        parts = found["by_part_ns"]
+        latency, real_time = report["latency"], report["latency"]["real_time"]
+        parts = latency["by_part_ns"]
         work = [
-            share(parts[part] / found["per_sample_ns"])
+            share(parts[part] / latency["per_sample_ns"])
             for part in ("updates", "synapses", "barrier")
         ]
         rows.append(
             [
                 name,
-                time(found["per_sample_ns"]),
-                *(time(found["by_branch_ns"][branch]) for branch in ("time", "location")),
+                time(latency["per_sample_ns"]),
+                *(time(latency["by_branch_ns"][branch]) for branch in ("time", "location")),
                 time(parts["buffer"]),
                 *work,
-                time(found["after_last_row_ns"]["mean"]),
-                f"{count(real['factor'])} times faster",
+                time(latency["after_last_row_ns"]["mean"]),
+                f"{count(real_time['factor'])} times faster",
             ]
         )
     head = [
@@ -163,12 +193,18 @@ def times(reports: dict[str, Report]) -> str:
 
 
 def static(reports: dict[str, Report]) -> str:
+    """Return static energy next to dynamic energy."""
     rows = []
     for name, report in reports.items():
-        found = report["energy"]["static"]
-        own = report["energy"]["per_sample_pj"]
+        static_energy = report["energy"]["static"]
+        dynamic_pj = report["energy"]["per_sample_pj"]
         rows.append(
-            [name, energy(own), energy(found["at_latency_pj"]), energy(found["at_real_time_pj"])]
+            [
+                name,
+                energy(dynamic_pj),
+                energy(static_energy["at_latency_pj"]),
+                energy(static_energy["at_real_time_pj"]),
+            ]
         )
     return table(
         [
@@ -182,15 +218,18 @@ def static(reports: dict[str, Report]) -> str:
 
 
 def conventional(reports: dict[str, Report]) -> str:
+    """Return operations and arithmetic energy of conventional networks with the same input."""
     rows = []
     for name, report in reports.items():
-        for other, found in report["ann_comparison"].items():
+        for ann, comparison in report["ann_comparison"].items():
             cells = [
-                f"{energy(found['energy_pj'][key])} ({ratio(found['energy_ratio'][key])})"
-                for key in found["energy_pj"]
+                f"{energy(comparison['energy_pj'][key])} ({ratio(comparison['energy_ratio'][key])})"
+                for key in comparison["energy_pj"]
             ]
-            operations = [count(found[key]) for key in ("multiplications", "additions")]
-            rows.append([name, words(other), *operations, f"{ratio(found['ratio'])} times", *cells])
+            operations = [count(comparison[key]) for key in ("multiplications", "additions")]
+            rows.append(
+                [name, words(ann), *operations, f"{ratio(comparison['ratio'])} times", *cells]
+            )
     arithmetics = next(iter(next(iter(reports.values()))["ann_comparison"].values()))["energy_pj"]
     head = [
         "network",

@@ -1,9 +1,9 @@
-"""Take the error of the example networks apart on all test recordings, by every strategy, and write the tables.
+"""Write the tables that take the error of the example networks apart, by stage of compiling, strategy and population.
 
     python tests/benchmarks/error_budget.py --data FOLDER --page docs/research/accuracy/where-the-error-comes-from.md
 
-``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. The networks are the float ones that ship, rounded for the train
-recordings as the compiler rounds; nothing is trained or chosen here.
+``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip; all test recordings are played. The networks are the float networks
+that ship, rounded for the train recordings as the compiler rounds; nothing is trained or chosen here.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def section(data: Path, dataset: str) -> str:
     chip, archive = hw.chip("loihi-sim"), data / f"Ev-{dataset.title()}.zip"
     train, recordings = (read_recordings(archive, split=split) for split in ("train", "test"))
     calibration = calibrate(network, train, chip.registers)
-    found = {}
+    results_of_strategy = {}
     for strategy in STRATEGIES:
         levels = lower_as(network, chip, Setting(strategy, WEIGHT_BITS), calibration)
         observed = Observed(levels, recordings.spikes, recordings.labels)
@@ -48,29 +48,38 @@ def section(data: Path, dataset: str) -> str:
         start = time.perf_counter()
         diagnosis = diagnose(observed, match.first_divergence, samples=None)
         print(f"{dataset} {strategy}: {time.perf_counter() - start:.1f} s")
+        # All stages together must give exactly the simulator's spikes, or the stages would not be the whole error.
         assert diagnosis.budget is not None
         assert diagnosis.budget.unexplained == 0
         assert dict(diagnosis.budget.together.by_population) == match.by_population
-        found[strategy] = (levels, match, diagnosis)
-    _, _, first = found["dendrite"]
+        results_of_strategy[strategy] = (levels, match, diagnosis)
+    _, _, dendrite = results_of_strategy["dendrite"]
     parts = [
         f"## {dataset.title()}, {len(recordings)} test recordings",
-        by_strategy({strategy: diagnosis.budget for strategy, (_, _, diagnosis) in found.items()}),
+        by_strategy(
+            {
+                strategy: diagnosis.budget
+                for strategy, (_, _, diagnosis) in results_of_strategy.items()
+            }
+        ),
         "By population, `dendrite`:",
-        by_population(first.budget),
+        by_population(dendrite.budget),
         "Distance of potentials to the threshold next to the error of the chip's arithmetic, `dendrite`, in thresholds:",
-        by_margin(first.margins),
+        by_margin(dendrite.margins),
         *(
             f"- First difference of `{strategy}`: {why(*entry)}"
-            for strategy, entry in found.items()
+            for strategy, entry in results_of_strategy.items()
         ),
     ]
-    tables, causes = parts[: -len(found)], parts[-len(found) :]
+    tables, causes = parts[: -len(results_of_strategy)], parts[-len(results_of_strategy) :]
     return "\n\n".join([*tables, "\n".join(causes)])
 
 
 def by_strategy(budgets: dict) -> str:
-    """Rows: stages alone, all together, the tail; for every strategy spikes equal, and predictions changed."""
+    """Return the table of stages alone, all together, all but one, and the cut of kernels, with a column for each strategy.
+
+    A cell has the share of equal spikes and the number of changed predictions; a dash if the stage changes no number.
+    """
 
     def cells(variants: dict[str, dict[str, Deviation]], key: str) -> list[str]:
         return [
@@ -98,10 +107,12 @@ def by_strategy(budgets: dict) -> str:
 
 
 def entry(found: Deviation) -> str:
+    """Return the cell of a deviation."""
     return f"{share(found.spikes.agreement)}, {found.predictions_changed}"
 
 
 def by_population(budget) -> str:
+    """Return the share of equal spikes in each population, for each stage alone and all together."""
     variants = {stage_words(stage): found for stage, found in budget.alone.items()} | {
         "all together": budget.together
     }
@@ -113,17 +124,18 @@ def by_population(budget) -> str:
 
 
 def by_margin(margins) -> str:
+    """Return how near potentials come to the threshold, next to the error of the chip's arithmetic."""
     head = ["population", "nearest 0.1 %", "nearest 1 %", "nearest 10 %", "median error", "95 % below", "closer than the error", "decided differently", "fullest register", "clips"]  # fmt: skip
     rows = []
-    for name, one in margins.populations.items():
+    for name, margin in margins.populations.items():
         registers = [use for group, use in margins.registers.items() if group.split("/")[0] == name]
         rows.append(
             [
                 name,
-                *(short(one.nearest[p]) for p in (0.001, 0.01, 0.1)),
-                *(short(one.error[p]) for p in (0.5, 0.95)),
-                share(one.within_error),
-                share(one.decided_otherwise),
+                *(short(margin.nearest[p]) for p in (0.001, 0.01, 0.1)),
+                *(short(margin.error[p]) for p in (0.5, 0.95)),
+                share(margin.within_error),
+                share(margin.decided_otherwise),
                 share(max(max(use.share_u, use.share_v) for use in registers)),
                 count(sum(use.clips for use in registers)),
             ]
@@ -137,10 +149,10 @@ def why(levels, match: Match, diagnosis) -> str:
     report = report_figures(levels, match, grounds, Findings(diagnosis))
     first = match.first_divergence
     assert first is not None
-    said = cause(report.match)
-    assert said is not None
+    cause_text = cause(report.match)
+    assert cause_text is not None
     place = f"{first.population}, neuron {first.neuron}, step {first.step} of recording {first.recording}"
-    return f"{place}. {said}"
+    return f"{place}. {cause_text}"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -1,4 +1,7 @@
-"""Build, place, route and play a local network of a size: ``grow.py COMPARTMENTS``. Prints JSON; the memory is its own."""
+"""Build, place, route and play a network of a size, and print seconds and memory as JSON: ``grow.py COMPARTMENTS``.
+
+It runs in a process of its own, so that the peak of memory belongs to this size.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ T = TypeVar("T")
 
 CHIPS = 8
 ARRANGED_UP_TO = 100_000
-"""Compartments; above, cores stay in network order: arranging takes a minute, and changes no result."""
+"""Larger networks, in compartments, keep their cores in network order: arranging takes a minute there, and changes no result."""
 STEPS = 100
 ACTIVITY = 0.02
 
@@ -32,7 +35,10 @@ ACTIVITY = 0.02
 def placed_program(
     size: int, chip: hw.Chip, timed: Callable[[str, Callable[[], Any]], Any]
 ) -> hw.ChipProgram:
-    """Build, place, arrange and route the network of a size; its levels are gone when this returns."""
+    """Build, place, arrange and route the network of a size.
+
+    Graph and placement are local, so their memory is free again when the program plays.
+    """
     graph = timed("build", lambda: local_graph(size, chip))
     placed = timed("place", lambda: place_cores(graph, chip))
     if size <= ARRANGED_UP_TO:
@@ -54,7 +60,9 @@ def measure(size: int) -> dict[str, float]:
 
     program = placed_program(size, chip, timed)
     placing_mib = peak_mib()
-    batch = 2 * max(1, min(32, 100_000 // size))
+    batch = 2 * max(
+        1, min(32, 100_000 // size)
+    )  # enough recordings for small networks to be measured
     recordings = random_input((batch, STEPS, size // LAYERS), ACTIVITY)
     result = timed("first call", lambda: hw.simulate(program, recordings))
     check_relayed(recordings, result)

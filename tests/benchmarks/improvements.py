@@ -1,4 +1,4 @@
-"""Measure what each improvement of rounding buys, on all test recordings, and write the tables.
+"""Write the tables of what each improvement of rounding buys, on all test recordings.
 
     python tests/benchmarks/improvements.py --data FOLDER --page docs/research/accuracy/what-each-improvement-buys.md
 
@@ -44,7 +44,7 @@ CHIP = hw.chip("loihi-sim")
 BITS = 8
 PAIRED = "paired-dendrite"
 KEEP_SR, KEEP_REF = 3706 / 4096, 1507 / 4096
-"""What decays of the chip's grid keep that are nearest to those of the published time constants."""
+"""What a current keeps of itself in a step, for the decays of the chip that are nearest to the published time constants."""
 
 
 def section(data: Path, dataset: str) -> str:
@@ -118,23 +118,37 @@ def steps(network: Network, calibration: Calibration) -> Iterator[tuple[str, Qua
 def fine(
     network: Network, calibration: Calibration, *, strategy: str = "dendrite", split: float = 0.0
 ) -> QuantizedNetwork:
+    """Return the network as the compiler rounds it by default, with a share of its weights split into two synapses."""
     return quantize(network, CHIP, BITS, strategy, replace(FINE, split=split), calibration)
 
 
 def by_hand(network: Network, plain: QuantizedNetwork, signs: str, over: int) -> QuantizedNetwork:
-    """Round with the kernel's own gain; a threshold mantissa T stands for 64 T + ``over``."""
+    """Round each weight to the nearest with the gain of the float kernel, as a simple compiler would.
+
+    ``signs``: one format for both signs (``mixed``) or one for each (``apart``). A threshold mantissa T is taken to be 64 T +
+    ``over`` units: with 1 exactly the first potential at which the chip spikes, because it spikes above 64 T.
+    """
     grid = weight_grid(BITS, "mixed" if signs == "mixed" else "excitatory")
     populations, projections = [], []
-    for q in plain.populations:
-        neuron = q.population.neuron
-        populations.append(replace(q, scale=(64 * q.neuron.threshold + over) / neuron.theta))
-    for given, p in zip(network.projections, plain.projections, strict=True):
-        q = next(q for q in populations if q.population.name == p.target)
-        tau = q.population.neuron.tau_sr
+    for quantized_population in plain.populations:
+        neuron = quantized_population.population.neuron
+        populations.append(
+            replace(
+                quantized_population,
+                scale=(64 * quantized_population.neuron.threshold + over) / neuron.theta,
+            )
+        )
+    for float_projection, p in zip(network.projections, plain.projections, strict=True):
+        quantized_population = next(
+            quantized_population
+            for quantized_population in populations
+            if quantized_population.population.name == p.target
+        )
+        tau = quantized_population.population.neuron.tau_sr
         ideal = (
-            given.weights
+            float_projection.weights
             * (math.exp(1 - 1 / tau) / tau)
-            * q.scale[:, None]
+            * quantized_population.scale[:, None]
             / (64 * 2.0**p.exponent)
         )
         mantissa = (
@@ -153,9 +167,9 @@ def on_the_grid(network: Network) -> Network:
     populations = tuple(
         replace(p, neuron=replace(p.neuron, **neurons)) for p in network.populations
     )
-    found = replace(network, populations=populations)
+    gridded = replace(network, populations=populations)
     assert one_decay(neurons["tau_sr"], "").error < 1e-7
-    return found
+    return gridded
 
 
 def measured(words: str, quantized: QuantizedNetwork, test: Recordings) -> list[str]:
@@ -167,7 +181,7 @@ def measured(words: str, quantized: QuantizedNetwork, test: Recordings) -> list[
     levels = Levels(quantized.network, quantized, compartments, placed, routed, program)
     match = compare(Observed(levels, test.spikes, test.labels))
     assert match.accuracy is not None
-    spent = (
+    pj = (
         sum(hw.energy_pj(total(match.counts), CHIP.profile(CHIP.default_profile)).values())
         / match.samples
     )
@@ -178,10 +192,11 @@ def measured(words: str, quantized: QuantizedNetwork, test: Recordings) -> list[
         *agreements(match.by_population),
     ]
     print(*row, sep=" | ", flush=True)
-    return [*row, energy(spent)]
+    return [*row, energy(pj)]
 
 
 def agreements(matches: dict[str, PopulationMatch]) -> list[str]:
+    """Return the share of equal spikes over all populations, then of each."""
     return [
         share(m.agreement)
         for m in (sum(matches.values(), start=PopulationMatch()), *matches.values())

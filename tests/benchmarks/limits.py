@@ -1,10 +1,12 @@
 """What the machine can do at most: kernels of the same memory traffic as a network's, and of nearly no arithmetic.
 
-*Rows*: every delivered spike adds its row of weights to the row of charges it is due in - in the engine's order
-(recordings, tiles of 64 steps, layers, spikes), in its types, on all threads, the spikes known beforehand. Nothing is
-found, updated or counted. Where a row of charges has many spikes due, eight rows of weights are added in one go; *one
-row at a time* is the plain loop, which loads and stores the charges for each. *Rows and state*: besides, every
-compartment and step reads its charge and clears it, reads and writes u and v, and writes a spike, with shifts in place
+The engine's time is compared with these kernels, as shares of the limit.
+
+*Rows*: every delivered spike adds its row of weights to the row of charges of the step in which it is due, in the engine's
+order (recordings, tiles of 64 steps, layers, spikes), in its types, on all threads. The spikes are known beforehand; nothing
+is computed to find them, updated or counted. If a row of charges has many spikes due, eight rows of weights are added at
+once; *one row at a time* is the plain loop, which loads and stores the charges for each spike. *Rows and state*: besides,
+every compartment and step reads its charge and clears it, reads and writes u and v, and writes a spike, with shifts in place
 of the chip's rounding.
 """
 
@@ -27,12 +29,13 @@ TILE = 64
 THREADS = cores()
 REPEATS = 7
 PLAIN, TOGETHER, WITH_STATE = range(3)
+"""Kinds of kernels, as numbers that compiled code can compare."""
 
 
 class TrafficLimit:
-    """The kernels on a network's own spikes, (batch, steps, n) by layer; each call plays all recordings once.
+    """The kernels on a network's own spikes, (batch, steps, n) by layer.
 
-    What the calls return is seconds a recording.
+    Each call plays all recordings once, divided between the threads, and returns seconds per recording.
     """
 
     def __init__(self, network: LayeredNetwork, spikes: Sequence[NDArray[np.uint8]]) -> None:
@@ -71,10 +74,10 @@ class TrafficLimit:
 
 
 def deliveries(arriving: Sequence[NDArray[np.uint8]]) -> tuple[IntArray, IntArray, IntArray]:
-    """List the spikes that reach each layer, given the spikes (batch, steps, n) of the layer before it.
+    """List the spikes that reach each layer, given the spikes (batch, steps, n) of the layer before it: begin, source, due.
 
-    Part p = (recording, tile, layer) has spikes ``begin[p]`` to the next; spike e adds row ``source[e]`` of the layer's
-    weights to row ``due[e]`` of its charges.
+    A part is a recording, a tile of steps and a layer. Part p has the spikes from ``begin[p]`` to ``begin[p + 1]``; spike e
+    adds row ``source[e]`` of the layer's weights to row ``due[e]`` of its charges, one step after the spike.
     """
     batch, steps, _ = arriving[0].shape
     none = np.empty(0, dtype=np.int64)
@@ -123,8 +126,10 @@ def _compiled(function):  # type: ignore[no-untyped-def]
     return numba.njit(nogil=True, boundscheck=False)(function)
 
 
+# Indices are uint64 in these loops: with signed ones numba adds a test for negative indices.
 @_compiled
 def _add_plain(source, due, first, stop, matrix, charge):  # type: ignore[no-untyped-def]
+    """Add the row of each spike by itself."""
     width = np.uint64(matrix.shape[1])
     weight, into = matrix.reshape(-1), charge.reshape(-1)
     for e in range(first, stop):
@@ -146,6 +151,7 @@ def _rows(source, e, width):  # type: ignore[no-untyped-def]
 
 @_compiled
 def _add_together(source, due, first, stop, matrix, charge):  # type: ignore[no-untyped-def]
+    """Add the rows of eight spikes that are due in the same step at once; the rest one by one."""
     width = np.uint64(matrix.shape[1])
     weight, into = matrix.reshape(-1), charge.reshape(-1)
     e = first
@@ -173,6 +179,7 @@ def _add_together(source, due, first, stop, matrix, charge):  # type: ignore[no-
 
 @_compiled
 def _update(charge, state, fired, rows):  # type: ignore[no-untyped-def]
+    """Step the state of all compartments; the shifts, 2 and 5, and the threshold stand for any decays and threshold."""
     u, v = state[0], state[1]
     for r in range(rows):
         arrived, spikes = charge[r], fired[r]

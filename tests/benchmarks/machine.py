@@ -1,4 +1,4 @@
-"""What the figures were measured on and with; no names of hosts or users."""
+"""Describe the machine and the versions that figures were measured with; without names of hosts or users."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ def machine() -> dict[str, str]:
 
 def cache_kib() -> dict[str, int]:
     """Return the caches that a core sees and their sizes in KiB, nearest first; empty where the system hides them."""
-    found = {}
+    kib_of_cache = {}
     for index in sorted(CACHES.glob("index*")):
         level, kind, size = (
             (index / name).read_text().strip() for name in ("level", "type", "size")
         )
         if kind != "Instruction":
-            found[f"L{level}"] = int(size.removesuffix("K"))
-    return found
+            kib_of_cache[f"L{level}"] = int(size.removesuffix("K"))
+    return kib_of_cache
 
 
 def processor() -> str:
-    """Return what the processor calls itself."""
+    """Return the name of the processor."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()

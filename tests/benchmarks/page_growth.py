@@ -10,14 +10,14 @@ from page_figures import Found, line, made_by, percent, table
 def sizes(records: dict[str, Found]) -> str:
     """Return cost against size."""
     rows = []
-    for m in records["sizes"]["sizes"]:
-        layer = m["layer_synapse_mib"]
+    for measured in records["sizes"]["sizes"]:
+        layer = measured["layer_synapse_mib"]
         rows.append(
             [
-                f"{m['compartments']:,}", f"{m['synapses']:,}", f"{layer:,.2f}", held_by(layer),
-                f"{m['seconds'] * 1e3:,.2f}", f"{m['synaptic_ops'] / 1e6:,.2f}",
-                f"{m['seconds'] / m['synaptic_ops'] * 1e9:.2f}", f"{m['seconds'] / m['neuron_updates'] * 1e9:.1f}",
-                f"{m['first call']:.2f}", f"{m['peak_mib']:,.0f}",
+                f"{measured['compartments']:,}", f"{measured['synapses']:,}", f"{layer:,.2f}", held_by(layer),
+                f"{measured['seconds'] * 1e3:,.2f}", f"{measured['synaptic_ops'] / 1e6:,.2f}",
+                f"{measured['seconds'] / measured['synaptic_ops'] * 1e9:.2f}", f"{measured['seconds'] / measured['neuron_updates'] * 1e9:.1f}",
+                f"{measured['first call']:.2f}", f"{measured['peak_mib']:,.0f}",
             ]
         )  # fmt: skip
     head = [
@@ -34,20 +34,20 @@ def sizes(records: dict[str, Found]) -> str:
 
 
 def held_by(mib: float) -> str:
-    """Return the nearest cache that holds so much."""
+    """Return the name of the nearest cache that holds so many MiB."""
     return next((name for name, kib in cache_kib().items() if mib * 1024 <= kib), "memory")
 
 
 def activity(record: Found) -> str:
-    """Return cost against activity, beside a straight line through all points (least squares of relative errors)."""
+    """Return the table of cost against activity, next to a straight line through all points."""
     start, slope = _line_through(record)
     rows = []
-    for m in record["rates"]:
-        fitted = start + slope * m["synaptic_ops"]
+    for measured in record["rates"]:
+        fitted = start + slope * measured["synaptic_ops"]
         rows.append(
             [
-                percent(m['rate'], 1), f"{m['synaptic_ops'] / 1e6:,.2f}", f"{m['seconds'] * 1e3:.2f}",
-                f"{fitted * 1e3:.2f}", f"{m['synaptic_ops'] / m['seconds'] / 1e9:.2f}",
+                percent(measured['rate'], 1), f"{measured['synaptic_ops'] / 1e6:,.2f}", f"{measured['seconds'] * 1e3:.2f}",
+                f"{fitted * 1e3:.2f}", f"{measured['synaptic_ops'] / measured['seconds'] / 1e9:.2f}",
             ]
         )  # fmt: skip
     head = [

@@ -1,4 +1,4 @@
-"""The page of every tool on every workload, and the headline of it."""
+"""The page of every tool on every workload, and the sentences that sum it up."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from workloads import WORKLOADS
 
 
 def headline(records: dict[str, Found]) -> str:
-    """Say how much faster than the peers that there are goals for."""
+    """Return the sentence on how much faster the engine is than the peers for which there are goals."""
     workloads = [records[f"side_by_side_{name}"] for name in GOALS]
     return f"A recording plays {_faster(workloads, ['nengo-loihi', 'sanafe', 'lava-dl'])}."
 
 
 def tools_in_short(records: dict[str, Found]) -> str:
-    """Say how much faster than every peer, and how near to the limit."""
+    """Return the sentences on how much faster the engine is than every peer, and how near to the limit."""
     workloads = _workloads(records)
     shares = [limit_seconds(record) / own(record)["seconds"] for record in workloads]
     faster = _faster(workloads, ["lava-dl", "sanafe", "nengo-loihi", "brian2-loihi"])
@@ -44,7 +44,7 @@ PEER_NAMES = {
 
 
 def _faster(workloads: list[Found], tools: list[str]) -> str:
-    """Return how many times faster than some tools, those that were there, the workloads play."""
+    """Return how many times faster the workloads play than in some tools; tools that were not installed are left out."""
     parts = []
     for tool in tools:
         rows = [(peer(record, tool), own(record)["seconds"]) for record in workloads]
@@ -64,16 +64,18 @@ def _workloads(records: dict[str, Found]) -> list[Found]:
 
 
 def summary(records: dict[str, Found]) -> str:
-    """Return the ratios that there is a goal for."""
+    """Return the table of ratios for which there are goals."""
     rows = []
     for name, goals in GOALS.items():
         record = records[f"side_by_side_{name}"]
         ours = own(record)["seconds"]
         cells = [name]
         for tool, goal in goals.items():
-            found = peer(record, tool)
+            row_of_peer = peer(record, tool)
             cells.append(
-                f"{ratio(found['seconds'] / ours)} ({goal:,.0f})" if found else "not installed"
+                f"{ratio(row_of_peer['seconds'] / ours)} ({goal:,.0f})"
+                if row_of_peer
+                else "not installed"
             )
         share = limit_seconds(record) / ours
         cells.append(f"{percent(share)} ({percent(LIMIT_GOAL)})")
@@ -84,7 +86,7 @@ def summary(records: dict[str, Found]) -> str:
 
 
 def side_by_side(record: Found) -> str:
-    """Return the table of one workload, and where the limit is."""
+    """Return the table of one workload, and how near to the limit the engine comes."""
     ours = own(record)["seconds"]
     rows = []
     for row in record["rows"]:
@@ -126,7 +128,7 @@ time {times(limits["plain"])} µs), and with the state read and written {times(l
 
 
 def tools(records: dict[str, Found]) -> str:
-    """Return every tool on every workload, with what was measured how."""
+    """Return the tables of all workloads, with the text on how they were measured."""
     workloads = _workloads(records)
     turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
     return f"""{made_by("test_side_by_side.py")} Every tool plays the same networks and input spikes in one run. Each waits in a process of its

@@ -10,12 +10,12 @@ PLACING = ("build", "place", "arrange", "route")
 def placement(records: dict[str, Found]) -> str:
     """Return placing and routing against size, and the hops saved."""
     size_rows = []
-    for m in records["sizes"]["sizes"]:
-        parts = [m.get(part, 0.0) for part in PLACING]
+    for measured in records["sizes"]["sizes"]:
+        parts = [measured.get(part, 0.0) for part in PLACING]
         size_rows.append(
             [
-                f"{m['compartments']:,}", f"{m['synapses']:,}", str(m["cores"]), *(f"{m[part]:.2f}" if part in m else "-" for part in PLACING),
-                f"{sum(parts):.2f}", f"{sum(parts) / m['synapses'] * 1e6:.2f}", f"{m['placing_mib'] / 1024:.2f}",
+                f"{measured['compartments']:,}", f"{measured['synapses']:,}", str(measured["cores"]), *(f"{measured[part]:.2f}" if part in measured else "-" for part in PLACING),
+                f"{sum(parts):.2f}", f"{sum(parts) / measured['synapses'] * 1e6:.2f}", f"{measured['placing_mib'] / 1024:.2f}",
             ]
         )  # fmt: skip
     head = [
@@ -30,10 +30,10 @@ def placement(records: dict[str, Found]) -> str:
     ]
     hop_rows = [
         [
-            m["name"], str(m["cores"]), f"{m['before']:,.0f}", f"{m['after']:,.0f}",
-            percent(1 - m['after'] / m['before']), f"{m['seconds']:.2f}",
+            measured["name"], str(measured["cores"]), f"{measured['before']:,.0f}", f"{measured['after']:,.0f}",
+            percent(1 - measured['after'] / measured['before']), f"{measured['seconds']:.2f}",
         ]
-        for m in records["hops"]["networks"]
+        for measured in records["hops"]["networks"]
     ]  # fmt: skip
     hop_head = [
         "network",
@@ -59,7 +59,7 @@ once, with cores in network order and with arranged cores.
 
 
 def placing_in_short(records: dict[str, Found]) -> str:
-    """Say what a synapse takes, and what arranging saves."""
+    """Return the sentences on the seconds per synapse, and on the hops that arranging saves."""
     sizes = records["sizes"]["sizes"]
     seconds = [sum(m.get(part, 0.0) for part in PLACING) for m in sizes]
     costs = [took / m["synapses"] * 1e6 for took, m in zip(seconds, sizes, strict=True)]

@@ -6,7 +6,7 @@ from page_figures import Found, made_by, percent, ratio, table, times
 
 
 def test_set(records: dict[str, Found]) -> str:
-    """Return the whole test set: time, memory, start-up."""
+    """Return the section on the whole test set: time, memory, start-up."""
     found, start = records["test_set"], records["start_up"]
     rows = [
         [
@@ -57,7 +57,7 @@ Start-up, with the program read from its folder. *Cold* is the first run on a ma
 
 
 def silence(record: Found) -> str:
-    """Return what skipping saves on recordings that begin in silence."""
+    """Return the section on what skipping saves on recordings that begin in silence."""
     rows = [
         [
             f"{name} phase", f"{phase['steps']:,}", f"{phase['skipped_steps']:.1f}",
@@ -79,7 +79,7 @@ without charge, current or voltage in any step, whether the engine could leave t
 
 
 def streaming(record: Found) -> str:
-    """Return predictions after every step, a session beside starting the location branch anew."""
+    """Return the section on a prediction after every step: a session against running the location branch anew."""
     anew, pushed = (("anew_at_once", "anew_step_by_step"), ("pushed_at_once", "pushed_row_by_row"))
     rows = [
         [
@@ -107,7 +107,7 @@ all threads.
 
 
 def recordings_in_short(records: dict[str, Found]) -> str:
-    """Say what the test set takes, and what a session saves."""
+    """Return the sentences on the time of the test set, and on what a session saves."""
     if "test_set" not in records:
         return ""
     found, stream = records["test_set"], records["streaming"]
@@ -121,7 +121,7 @@ def recordings_in_short(records: dict[str, Found]) -> str:
 
 
 def recordings(records: dict[str, Found]) -> str:
-    """Return the sections on published recordings, where they were there."""
+    """Return the sections on published recordings, or a note if the recordings were not there."""
     if "test_set" not in records:
         return "The recordings were not there.\n"
     return f"""## The published test recordings

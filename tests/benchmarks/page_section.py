@@ -1,4 +1,4 @@
-"""Sections of a page that a script of their own writes, between markers."""
+"""Sections of a page that a script writes, between two HTML comments; the rest of the page is written by hand or another script."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def markers(name: str) -> tuple[str, str]:
 
 
 def section_of(page: str, name: str) -> str | None:
-    """Return a section with its markers, or None where the page has none."""
+    """Return a section with its markers, or None if the page does not have it."""
     begin, end = markers(name)
     if begin not in page or end not in page:
         return None
@@ -24,7 +24,7 @@ def section_of(page: str, name: str) -> str | None:
 
 
 def with_section(page: str, name: str, text: str) -> str:
-    """Return the page with the section in the place of the one it has, or at its end."""
+    """Return the page with the section in the place of the old one, or at the end if it has none."""
     begin, end = markers(name)
     new = f"{begin}\n{text.strip()}\n{end}"
     old = section_of(page, name)
@@ -37,7 +37,7 @@ def put_section(path: Path, name: str, text: str) -> None:
 
 
 def write_by_network(about: str | None, name: str, section: Callable[[Path, str], str]) -> None:
-    """Write ``section(data, network)`` of every example network, one below the other, as the command line says."""
+    """Write ``section(data, network)`` of every example network, one below the other, into the page of the command line."""
     parser = argparse.ArgumentParser(
         description=about, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/pareto.py --data FOLDER --page docs/research/accuracy/speed-error-energy.md
 
-``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Settings are chosen on all train recordings; those of the front are
-then measured on the test recordings, once. Points are kept under ``--work``, so the script goes on where it was stopped.
+``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Settings are chosen on all train recordings; the settings on the front
+are then measured on the test recordings, once. Points are kept under ``--work``, so the script goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
 BUDGETS = (("--min-agreement", "0.99"), ("--max-spike-error", "0.1"), ("--max-spike-error", "0.02"))
 GRID = ("--weight-bits", "4", "6", "8", "--split-weights", "0", "1")
-"""Every strategy with these."""
+"""Options of the grid; without ``--strategy``, every strategy is combined with them."""
 Document = dict[str, Any]
 
 
@@ -47,7 +47,11 @@ def main() -> None:
 
 
 def section(data: Path, work: Path, page: Path, dataset: str) -> str:
-    """Return the section of one network, and put its picture beside the page."""
+    """Return the section of one network, and put its picture next to the page.
+
+    The grid is explored once for each bound of :data:`BUDGETS`, which only changes what is recommended, and once without.
+    Points are computed the first time and read after that.
+    """
     archive = f"Ev-{dataset.title()}.zip"
     recordings = [
         option
@@ -56,31 +60,31 @@ def section(data: Path, work: Path, page: Path, dataset: str) -> str:
     ]
     options = [*recordings, *GRID, "-o", str(work)]
     bounded = [(budget, explore(dataset, [*options, *budget])["recommended"]) for budget in BUDGETS]
-    found = explore(dataset, options)
+    explored = explore(dataset, options)
     picture = page.parents[1] / "images" / f"pareto-{dataset}.svg"
     shutil.copyfile(work / "explore.svg", picture)
-    chosen, reported = found["chosen_on"], found["reported_on"]
+    chosen, reported = explored["chosen_on"], explored["reported_on"]
     lines = [
         f"## {dataset.title()}, chosen on {chosen['recordings']} training recordings, "
         f"reported on {reported['recordings']} test recordings",
         "",
         f"![Energy and chip time over spike error, {dataset}](../images/{picture.name})",
         "",
-        *table(found, timings(work)),
+        *table(explored, timings(work)),
         "",
         "Every row again, on the test recordings, with the options of the row:",
         "",
         f"    locsnn-compile examples/models/{dataset}-hybrid.pt --events {archive} --calibration {archive} OPTIONS",
         "",
-        f"- Recommended: `{options_of(found['recommended']['setting'])}`, {found['recommended']['why']}.",
+        f"- Recommended: `{options_of(explored['recommended']['setting'])}`, {explored['recommended']['why']}.",
         *(f"- With `{' '.join(budget)}`: {bound(recommended)}." for budget, recommended in bounded),
-        f"- Off the front, {off_front(found)}.",
+        f"- Off the front, {off_front(explored)}.",
     ]
     return "\n".join(lines)
 
 
 def explore(dataset: str, options: Sequence[str]) -> Document:
-    """Run the command; return explore.json."""
+    """Run ``locsnn explore``; return its explore.json. It ends with EXIT_GATE if no point keeps a bound, which is a result too."""
     code = locsnn(["explore", f"examples/models/{dataset}-hybrid.pt", *options, "--quiet"])
     if code not in (0, EXIT_GATE):
         sys.exit(code)
@@ -113,22 +117,27 @@ def table(found: Document, seconds: dict[tuple[str, ...], dict[str, float]]) -> 
 
 def timings(work: Path) -> dict[tuple[str, ...], dict[str, float]]:
     """Return seconds of a recording by setting and engine."""
-    found: dict[tuple[str, ...], dict[str, float]] = {}
+    seconds_of_setting: dict[tuple[str, ...], dict[str, float]] = {}
     with (work / "timings.csv").open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
-            found.setdefault(key(row), {})[row["engine"]] = float(row["seconds_per_recording"])
-    return found
+            seconds_of_setting.setdefault(key(row), {})[row["engine"]] = float(
+                row["seconds_per_recording"]
+            )
+    return seconds_of_setting
 
 
 def key(setting: dict[str, Any]) -> tuple[str, ...]:
+    """Return the values of all dials (options of the compiler that can be varied), which identify a setting."""
     return tuple(str(setting[dial.name]) for dial in DIALS)
 
 
 def options_of(setting: dict[str, Any]) -> str:
+    """Return the options of the command line for a setting."""
     return " ".join(f"{dial.option} {setting[dial.name]}" for dial in DIALS)
 
 
 def bound(recommended: Document) -> str:
+    """Return the setting that is recommended, and why; only the reason if there is none."""
     setting = recommended["setting"]
     return (
         recommended["why"] if setting is None else f"`{options_of(setting)}`, {recommended['why']}"
@@ -136,6 +145,7 @@ def bound(recommended: Document) -> str:
 
 
 def off_front(found: Document) -> str:
+    """Return the list of settings that are not on the front."""
     names = [f"`{options_of(row['setting'])}`" for row in found["points"] if not row["on_front"]]
     return (
         f"each beaten by another in every figure: {', '.join(names)}"

@@ -1,4 +1,4 @@
-"""How much memory a process has held at most; plain Python, for the peers' environments too."""
+"""The most memory that a process has held. Plain Python, because it also runs in the peers' environments."""
 
 import resource
 from pathlib import Path
@@ -9,7 +9,7 @@ STATUS = Path("/proc/self/status")
 def peak_mib() -> float:
     """Return the peak of this process since its program was started, in MiB.
 
-    ``ru_maxrss``, the fallback, may be that of the process that started it.
+    The fallback, ``ru_maxrss``, may be the peak of the process that started this one.
     """
     if STATUS.exists():
         for line in STATUS.read_text().splitlines():

@@ -1,4 +1,4 @@
-"""A peer that waits in a process of its own until it is its turn."""
+"""A peer simulator in a process of its own, which waits until it is its turn."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ __all__ = ["PeerProcess", "why_missing"]
 
 
 class PeerProcess:
-    """A worker that holds the networks of a job; between turns it waits for a line and takes no time. :meth:`ready` comes first."""
+    """A process of ``peer_worker.py`` that holds the networks of a job. Call :meth:`ready` first.
+
+    Between turns it waits for a line of input, so it takes no processor time from the others.
+    """
 
     def __init__(self, tool: str, job: Path) -> None:
         self._said = tempfile.TemporaryFile("w+")
@@ -33,7 +36,7 @@ class PeerProcess:
         )
 
     def ready(self) -> tuple[str, list[dict[str, NDArray[np.int64]]]]:
-        """Wait until it can play; return its version and the spikes of each network on the first recording."""
+        """Wait until the peer can play; return its version and the spikes of each network on the first recording."""
         answer = self._answer()
         spikes = [
             {name: np.array(rows) for name, rows in network.items()} for network in answer["spikes"]
@@ -41,17 +44,17 @@ class PeerProcess:
         return answer["version"], spikes
 
     def start(self, mode: str) -> None:
-        """Let the peer begin a turn, or tell its peak memory."""
+        """Let the peer begin a turn in a mode; mode ``peak`` asks for its peak memory instead."""
         assert self._process.stdin is not None
         self._process.stdin.write(mode + "\n")
         self._process.stdin.flush()
 
     def finish(self) -> float:
-        """Wait for the turn's end and return its seconds a recording."""
+        """Wait for the end of the turn and return its seconds per recording."""
         return float(self._answer()["seconds"])
 
     def turn(self, mode: str) -> float:
-        """Play one turn and return its seconds a recording."""
+        """Play one turn and return its seconds per recording."""
         self.start(mode)
         return self.finish()
 

@@ -1,8 +1,10 @@
 """Time a peer in its own environment: ``peer_worker.py TOOL JOB``, one line in for one line out.
 
-The job is what ``Workload.write_job`` writes. The worker builds the networks, plays the first recording and answers with
-its spikes. Then each line names a mode and is answered with ``{"seconds": ...}``: seconds a recording of one turn,
-without start-up and build. ``peak`` is answered with the most memory that the process has held, in MiB.
+The job is a file of ``Workload.write_job``. The worker builds the networks, plays the first recording and answers with its
+spikes. Then each line of input names a mode and is answered with ``{"seconds": ...}``: seconds per recording of one turn,
+without start-up and build. The line ``peak`` is answered with the most memory that the process has held, in MiB.
+
+Each tool is a class with the same methods: ``spikes()`` of the first recording, and ``seconds(mode)`` of a turn.
 """
 
 import json
@@ -21,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "peers"))
 
 
 def read_job(path):
-    """Return the networks of a job, with arrays in their places."""
+    """Return the networks of a job, with the arrays of the file put where the drivers expect them."""
     with np.load(path) as arrays:
         jobs = json.loads(str(arrays["jobs"]))
         for n, job in enumerate(jobs):
@@ -98,7 +100,7 @@ class NengoLoihi:
 
 
 class Brian2Loihi:
-    """A brian2 network, set back before each recording; its code is compiled (cython) before the clock starts."""
+    """A brian2 network, reset before each recording; its code is compiled (cython) before the clock starts."""
 
     package = "brian2-loihi"
 
@@ -192,7 +194,7 @@ class LavaDl:
 
 
 class SanaFe:
-    """A chip that is loaded once and fed before the clock starts; its modes are its timing models."""
+    """A chip that is loaded once and given its recording before the clock starts; its modes are its timing models."""
 
     package = "sanafe"
 
@@ -223,7 +225,7 @@ TOOLS = {tool.package: tool for tool in (NengoLoihi, Brian2Loihi, LavaDl, SanaFe
 
 
 def serve(tool, networks, answers):
-    """Answer the lines of standard input."""
+    """Build the networks, then answer the lines of standard input."""
 
     def answer(**values):
         print(json.dumps(values), file=answers, flush=True)

@@ -20,7 +20,7 @@ STYLE = {
 
 
 def draw(records: dict[str, Any], path: Path) -> None:
-    """Draw the three panels as SVG on a transparent ground; the same figures give the same bytes."""
+    """Draw the three panels as SVG on a transparent background; the same figures give the same bytes."""
     mpl.use("svg")
     with mpl.rc_context(STYLE):
         figure, panels = plt.subplots(
@@ -38,7 +38,7 @@ def draw(records: dict[str, Any], path: Path) -> None:
 
 
 def tools(axes: Axes, workloads: list[dict[str, Any]]) -> None:
-    """Time of a recording, a row for each tool, a mark for each network."""
+    """Draw the time of a recording, a row for each tool and a mark for each network."""
     labels = [f"{row['tool']}, {short(row['mode'])}" for row in workloads[0]["rows"]]
     for workload, marker, colour in zip(workloads, "os", (FIRST, SECOND), strict=True):
         seconds = [row["seconds"] for row in workload["rows"]]
@@ -54,12 +54,12 @@ def tools(axes: Axes, workloads: list[dict[str, Any]]) -> None:
 
 
 def short(mode: str) -> str:
-    """Return a mode without what differs from network to network."""
+    """Return a mode without the batch size, which differs from network to network."""
     return "batch" if mode.startswith("batch") else mode
 
 
 def size(axes: Axes, found: list[dict[str, Any]]) -> None:
-    """Time of a recording against compartments, beside a straight line through the first size."""
+    """Draw the time of a recording against compartments, next to a straight line through the first size."""
     compartments = [m["compartments"] for m in found]
     seconds = [m["seconds"] * 1e3 for m in found]
     axes.loglog(compartments, seconds, "o-", color=OURS, markersize=4, label="hw_model")
@@ -76,7 +76,7 @@ def size(axes: Axes, found: list[dict[str, Any]]) -> None:
 
 
 def activity(axes: Axes, kinds: dict[str, list[dict[str, Any]]]) -> None:
-    """Time of a recording against synaptic operations."""
+    """Draw the time of a recording against synaptic operations."""
     for (kind, found), colour in zip(kinds.items(), (FIRST, SECOND), strict=True):
         ops, seconds = [m["synaptic_ops"] for m in found], [m["seconds"] * 1e3 for m in found]
         axes.loglog(ops, seconds, "o-", color=colour, markersize=4, label=kind)

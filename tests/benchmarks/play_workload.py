@@ -1,4 +1,4 @@
-"""Play a workload once, as a user's script would, and print the peak memory: ``play_workload.py NAME``."""
+"""Play a workload once, as a user's script would, and print the peak of memory as JSON: ``play_workload.py NAME``."""
 
 import json
 import sys

@@ -1,7 +1,7 @@
-"""The engine next to what the machine can do at most, a row for each processor: ``processors.py --page docs/research/benchmarks.md``.
+"""The engine against the limit of the machine, a row for each processor: ``processors.py --page docs/research/benchmarks.md``.
 
-A batch of each network and the kernel of :mod:`limits` with rows and state run in turn, on one core and on two, in
-processes that may use no more. Rows of other processors stay in the table.
+A batch of each network and the kernel of :mod:`limits` that also moves state run in turn, in processes that may use one core
+or two. Rows of other processors stay in the table, because each machine can only add its own.
 """
 
 from __future__ import annotations
@@ -43,27 +43,28 @@ def measure(turns: int) -> None:
             network, list(hw.simulate(program, network.recordings).spikes.values())
         )
         limit.rows_and_state()
-        ours, least = [], []
+        engine_seconds, limit_seconds = [], []
         for _ in range(turns):
             start = time.perf_counter()
             hw.simulate(program, network.recordings)
-            ours.append((time.perf_counter() - start) / batch)
-            least.append(limit.rows_and_state())
+            engine_seconds.append((time.perf_counter() - start) / batch)
+            limit_seconds.append(limit.rows_and_state())
         print(
-            1e6 * statistics.median(ours), 100 * statistics.median(least) / statistics.median(ours)
+            1e6 * statistics.median(engine_seconds),
+            100 * statistics.median(limit_seconds) / statistics.median(engine_seconds),
         )
 
 
 def measured_on(cores: int, turns: int) -> list[str]:
-    """Return the cells of a process that may use so many cores."""
-    mine = sorted(os.sched_getaffinity(0))[:cores]
-    done = subprocess.run(
+    """Return the cells of the table that a process measures which may use so many cores."""
+    allowed_cores = sorted(os.sched_getaffinity(0))[:cores]
+    process = subprocess.run(
         [sys.executable, __file__, "--measure", "--turns", str(turns)], capture_output=True, text=True, check=True,
-        preexec_fn=lambda: os.sched_setaffinity(0, mine),
+        preexec_fn=lambda: os.sched_setaffinity(0, allowed_cores),
     )  # fmt: skip
     return [
         "{:,.0f} µs, {:.0f} %".format(*map(float, line.split()))
-        for line in done.stdout.splitlines()
+        for line in process.stdout.splitlines()
     ]
 
 
@@ -85,14 +86,16 @@ def main() -> None:
     row = f"| {name} | {small_1} | {small_2} | {large_1} | {large_2} |"
     print(row)
     if args.page is not None:
-        before = section_of(args.page.read_text(encoding="utf-8"), SECTION) or ""
-        others = [
+        old_section = section_of(args.page.read_text(encoding="utf-8"), SECTION) or ""
+        rows_of_others = [
             line
-            for line in before.splitlines()
+            for line in old_section.splitlines()
             if "µs" in line and not line.startswith(f"| {name} |")
         ]
         put_section(
-            args.page, SECTION, HEAD.format(turns=args.turns) + "\n".join(sorted([*others, row]))
+            args.page,
+            SECTION,
+            HEAD.format(turns=args.turns) + "\n".join(sorted([*rows_of_others, row])),
         )
 
 

@@ -17,11 +17,12 @@ from hw_model.mapping.graph import CompartmentGraph
 from hw_model.program.builder import Node
 
 RELAY = {"weight": 254, "exponent": 5}
+"""The strong synapse, which makes its target spike: the largest even mantissa, times 32."""
 THRESHOLD = 127 << 5
 """Half a relayed spike; ten standard deviations of what the weak synapses leave when half of all compartments fire."""
 LAYERS = 10
 SYNAPSES = 250
-"""Of a compartment of a local network, the relay included."""
+"""Synapses onto a compartment of a local network, the relay included."""
 REACH = 400
 """Sources that the weak synapses of a local network are drawn from: those nearest to a compartment."""
 
@@ -32,7 +33,7 @@ def board(chips: int) -> hw.Chip:
 
 
 def local_graph(size: int, chip: hw.Chip, seed: int = 0) -> CompartmentGraph:
-    """Return ten layers of ``size`` compartments together, each with few sources, all of them near."""
+    """Return ten layers, ``size`` compartments together, in which each compartment has a few sources near to it."""
     r = np.random.default_rng(seed)
     width = size // LAYERS
     fan_in, near = min(SYNAPSES, width) - 1, min(REACH, width)
@@ -40,6 +41,7 @@ def local_graph(size: int, chip: hw.Chip, seed: int = 0) -> CompartmentGraph:
     before = builder.add_input("x", width)
     for layer in range(LAYERS):
         here = _layer(builder, layer, width, before)
+        # For each compartment, fan_in different offsets out of `near`, around its own place in the layer before.
         offsets = np.argsort(r.random((width, near)), axis=1)[:, :fan_in]
         sources = (np.arange(width)[:, None] + offsets - near // 2) % width
         targets = np.repeat(np.arange(width), fan_in)
@@ -75,6 +77,7 @@ def check_relayed(recordings: NDArray[np.uint8], result: hw.SimulationResult) ->
 
 
 def _layer(builder: hw.ProgramBuilder, layer: int, width: int, before: Node) -> Node:
+    """Add a layer whose currents last one step, and its relays: a strong synapse onto each compartment from its counterpart."""
     here = builder.add_compartments(
         f"layer{layer}", width, decay_u=4096, decay_v=128, threshold=THRESHOLD
     )
@@ -84,4 +87,5 @@ def _layer(builder: hw.ProgramBuilder, layer: int, width: int, before: Node) -> 
 
 
 def _weak(r: np.random.Generator, count: int) -> NDArray[np.int64]:
+    """Return small even weights of both signs, 2 to 6."""
     return 2 * r.integers(1, 4, count) * r.choice([-1, 1], count)

@@ -1,4 +1,7 @@
-"""Everything that ``make bench`` does: environments of the peers, the benchmarks, the page. ``--quick`` only tries it."""
+"""Everything that ``make bench`` does: make the peers' environments, run the benchmarks, write the pages.
+
+``--quick`` only tries whether all of it runs.
+"""
 
 from __future__ import annotations
 

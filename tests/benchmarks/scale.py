@@ -5,7 +5,7 @@
 The networks are those of ``relay_networks.py``, on as many chips as they take. Each size runs in a process of its own, in the
 order given. ``--write`` puts its row into ``docs/research/scale.csv``, in the place of an earlier one, and all rows into a section of
 ``docs/research/benchmarks/placing.md``. Seconds are processor seconds of all threads, which other work on the machine changes little;
-``total_wall_s`` went by. The memory of a part is the most that its process had held when it ended.
+``total_wall_s`` is time on the clock. The memory of a part is the most that its process had held when the part ended.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ highest where several of these are there at once, at {each:.0f} bytes per synaps
 STEPS = 100
 ACTIVITY = 0.02
 CHIPS = 8
-"""For each 100,000 compartments, and at least."""
+"""Chips for each 100,000 compartments, rounded up."""
 
 
 class Clock:
-    """Processor seconds of each part, and the peak of memory in MiB when it ended."""
+    """Runs parts of the work; keeps the processor seconds of each, and the peak of memory in MiB when it ended."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -74,18 +74,18 @@ class Clock:
 
     def __call__(self, part: str, run: Callable[[], Any]) -> Any:
         start = time.process_time()
-        found = run()
+        result = run()
         self.seconds[part], self.mib[part] = time.process_time() - start, peak_mib()
         print(
             f"{part}: {self.seconds[part]:.1f} s, {self.mib[part]:.0f} MiB",
             file=sys.stderr,
             flush=True,
         )
-        return found
+        return result
 
 
 def built(size: int, clock: Clock) -> hw.ChipProgram:
-    """Take a network to a program; the levels between are gone when this returns."""
+    """Build a network and turn it into a program. Graph and placement are local, so their memory is free again after this."""
     text = hw.chip("loihi-sim").document
     chip = parse_chip(
         text.replace("chips: 1 ", f"chips: {CHIPS * -(-size // 100_000)} "), where="board"
@@ -156,17 +156,18 @@ def section(rows: Sequence[dict[str, Any]]) -> str:
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     mib = [max(float(row[f"{part}_peak_mib"]) for part in PARTS) for row in rows]
     synapses = [int(row["synapses"]) for row in rows]
-    each = (mib[-1] - mib[0]) * 2**20 / max(1, synapses[-1] - synapses[0])
-    million = mib[-1] / 1024 + (250_000_000 - synapses[-1]) * each / 2**30
-    unmeasured = (
-        f" By that\nfigure a million compartments take {million:.0f} GiB; they have not been run."
-    )
+    bytes_per_synapse = (mib[-1] - mib[0]) * 2**20 / max(1, synapses[-1] - synapses[0])
+    million_gib = mib[-1] / 1024 + (250_000_000 - synapses[-1]) * bytes_per_synapse / 2**30
+    unmeasured = f" By that\nfigure a million compartments take {million_gib:.0f} GiB; they have not been run."
     load = " to ".join(
         dict.fromkeys(
             f"{pick(float(row['load_before']) for row in rows):.0f}" for pick in (min, max)
         )
     )
-    figures = {"each": each, "million": unmeasured if synapses[-1] < 250_000_000 else ""}
+    figures = {
+        "each": bytes_per_synapse,
+        "million": unmeasured if synapses[-1] < 250_000_000 else "",
+    }
     return PAGE_TEXT.format(
         processor=rows[-1]["processor"], load=load, table="\n".join(lines), **figures
     )

@@ -44,7 +44,7 @@ VALIDATION_SEEDS = range(3)
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: what is trained, and options of its own by data set."""
+    """One row of the table: strategy and weight bits, and further options by data set (``own``)."""
 
     name: str
     strategy: str
@@ -52,6 +52,7 @@ class Row:
     own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def options(self, dataset: str) -> dict[str, Any]:
+        """Return the training options of the row for a data set."""
         same = {"target": "loihi-sim", "strategy": self.strategy, "weight_bits": self.weight_bits}
         return same | dict(self.own.get(dataset, {}))
 
@@ -102,7 +103,10 @@ def main() -> None:
 def float_network(
     args: argparse.Namespace, dataset: str, seed: int, *, seen_all: bool
 ) -> Checkpoint:
-    """Return the float network of a seed: refitted on the whole train part, or from before, without the validation part."""
+    """Return the float network of a seed: refitted on the whole train part, or (not ``seen_all``) the one before the refit.
+
+    The latter has not seen the validation part, so settings can be compared there.
+    """
     path = args.work / "float" / f"{dataset}-{seed}{'' if seen_all else '-select'}.pt"
     if not path.exists():
         train_float(args, dataset, seed)
@@ -110,6 +114,7 @@ def float_network(
 
 
 def train_float(args: argparse.Namespace, dataset: str, seed: int) -> None:
+    """Train a float network and write both of its checkpoints; the one before the refit is taken from the state of the run."""
     folder = args.work / "float"
     config = replace(base_config(dataset), seed=seed)
     recordings, test = parts(args.data, dataset)
@@ -152,7 +157,7 @@ def measure(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None
 
     compiled = lc.compile(lc.load(path), target="loihi-sim", events=test, diagnosis=False)
     with torch.no_grad():
-        own = result.network(torch.from_numpy(test.spikes.copy()).double())
+        spikes_in_training = result.network(torch.from_numpy(test.spikes.copy()).double())
     played = hw.simulate(compiled.program, test.spikes)
     report = compiled.report
     figures = {
@@ -162,9 +167,10 @@ def measure(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None
         "float_accuracy": start.training["test_accuracy"],
         "accuracy": report["accuracy"]["chip"],
         "mismatches": sum(
-            int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in own.items()
+            int((played.spikes[name] != spikes.numpy()).sum())
+            for name, spikes in spikes_in_training.items()
         ),
-        "spikes": sum(int(spikes.sum()) for spikes in own.values()),
+        "spikes": sum(int(spikes.sum()) for spikes in spikes_in_training.values()),
         "energy_pj": report["energy"]["per_sample_pj"],
         "synapses": report["resources"]["synapses"],
         "compartments": report["resources"]["compartments"],
@@ -181,7 +187,7 @@ def measure(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None
 
 
 def validate(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None:
-    """Fine-tune a network that has not seen the validation part, and print what that part says of it."""
+    """Fine-tune a network that has not seen the validation part, and print its accuracy and loss there, last ten epochs."""
     start = float_network(args, dataset, seed, seen_all=False)
     recordings, test = parts(args.data, dataset)
     fraction = base_config(dataset).validation_fraction
@@ -202,7 +208,10 @@ def validate(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> Non
 
 
 def compare_epochs(args: argparse.Namespace, repeats: int = 8) -> None:
-    """Print the processor time of one epoch of Objects, the best of some, over that of an epoch in float."""
+    """Print the least processor time of an epoch of Objects on the chip's integers over that of an epoch in float, by strategy.
+
+    A third of the recordings is enough for a ratio.
+    """
     start = read_checkpoint(ROOT / "examples/models/objects-hybrid.pt")
     recordings = parts(args.data, "objects")[0]
     recordings = recordings.subset(np.arange(0, len(recordings), 3))
@@ -220,27 +229,31 @@ def compare_epochs(args: argparse.Namespace, repeats: int = 8) -> None:
 
 
 def fine_tuning(row: Row, dataset: str, seed: int, start: Checkpoint) -> TrainingConfig:
+    """Return the training options of a row: those of the configuration that ships, with the row's own over them."""
     base = read_config(ROOT / f"examples/configs/{dataset}-hybrid-loihi.yaml")
     config = config_from_mapping(FINE_TUNING | base | row.options(dataset) | {"seed": seed})
     return fine_tuning_config(config, start.description)
 
 
 def base_config(dataset: str) -> TrainingConfig:
+    """Return the training options of the float network of a data set."""
     return config_from_mapping(read_config(ROOT / f"examples/configs/{dataset}-hybrid.yaml"))
 
 
 def parts(data: Path, dataset: str) -> tuple[Recordings, Recordings]:
+    """Return the train and the test part of a data set."""
     archive = data / f"Ev-{dataset.title()}.zip"
     return read_recordings(archive, split="train"), read_recordings(archive, split="test")
 
 
 def classes_of(*recordings: Recordings) -> int:
+    """Return the number of classes over some recordings; a part of a data set may lack the last ones."""
     return 1 + max(int(part.labels.max()) for part in recordings if part.labels is not None)
 
 
 def page(work: Path) -> str:
-    """Return the section's table from the figures that are there."""
-    found = [
+    """Return the table of the section, from the files of figures that are there."""
+    all_figures = [
         json.loads(path.read_text(encoding="utf-8"))
         for path in sorted((work / "tuned").glob("*.json"))
     ]
@@ -250,22 +263,28 @@ def page(work: Path) -> str:
     )
     lines = [*head]
     for dataset in DATASETS:
-        floats = {f["seed"]: f["float_accuracy"] for f in found if f["dataset"] == dataset}
+        floats = {f["seed"]: f["float_accuracy"] for f in all_figures if f["dataset"] == dataset}
         if floats:
             lines.append(
                 f"| {dataset.title()} | float | 32 | {spread(list(floats.values()))} | | | | | | |"
             )
-        whole = [
-            f["energy_pj"] for f in found if (f["dataset"], f["row"]) == (dataset, "dendrite-8")
+        dendrite_energies_pj = [
+            f["energy_pj"]
+            for f in all_figures
+            if (f["dataset"], f["row"]) == (dataset, "dendrite-8")
         ]
         for row in ROWS:
-            mine = [f for f in found if (f["dataset"], f["row"]) == (dataset, row.name)]
-            if mine:
-                lines.append(line(dataset, row, mine, whole))
+            row_figures = [
+                f for f in all_figures if (f["dataset"], f["row"]) == (dataset, row.name)
+            ]
+            if row_figures:
+                lines.append(line(dataset, row, row_figures, dendrite_energies_pj))
     return "\n".join(lines)
 
 
 def line(dataset: str, row: Row, mine: list[dict[str, Any]], whole: list[float]) -> str:
+    """Return a line of the table: ``mine``, the figures of its seeds; ``whole``, energies of 8-bit `dendrite` to compare with."""
+
     def mean(key: str) -> float:
         return statistics.mean(f[key] for f in mine)
 
@@ -281,6 +300,7 @@ def line(dataset: str, row: Row, mine: list[dict[str, Any]], whole: list[float])
 
 
 def spread(values: list[float]) -> str:
+    """Return the mean and the sample standard deviation."""
     deviation = f" ± {statistics.stdev(values):.3f}" if len(values) > 1 else ""
     return f"{statistics.mean(values):.3f}{deviation}"
 

@@ -1,6 +1,6 @@
 """Seconds against size, against activity, and against the working set, recorded for the curves of the speed study.
 
-Asserted is only that every spike is relayed; whether a curve is a line is judged on the page.
+The tests assert only that every spike is relayed from layer to layer; readers of the page judge the curves.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ pytestmark = pytest.mark.bench
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 200_000)
 RATES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 0.5)
 TABLES_KIB = tuple(4**k for k in range(2, 10))
+"""From 16 KiB, within the nearest cache, to 256 MiB, beyond all of them."""
 DENSE = {"width": 1024, "layers": 4}
 LOCAL_SIZE = 10_000
 STEPS = 100
 BATCH = 4
 
 
-def test_cost_against_size(record, quick):
+def test_seconds_and_memory_are_recorded_against_size(record, quick):
     found = [child.run("grow.py", size) for size in (SIZES[:3] if quick else SIZES)]
     record("sizes", {"sizes": found, "machine": machine()})
 
 
 @pytest.mark.parametrize("kind", ["dense", "local"])
-def test_cost_against_activity(kind, record, quick):
+def test_every_spike_is_relayed_at_every_activity(kind, record, quick):
     if kind == "dense":
         program, lines = dense_program(**DENSE), DENSE["width"]
     else:
@@ -59,7 +60,7 @@ def test_cost_against_activity(kind, record, quick):
     record(f"activity_{kind}", {"kind": kind, "rates": found, "machine": machine()})
 
 
-def test_rows_out_of_tables(record, quick):
+def test_speed_of_adding_rows_is_recorded_against_the_size_of_their_table(record, quick):
     tables = working_sets(TABLES_KIB[::3] if quick else TABLES_KIB)
     record(
         "tables",

@@ -1,4 +1,4 @@
-"""Hops that arranging cores saves, on networks of three kinds."""
+"""Hops (links of the mesh that spikes cross) that arranging cores saves, recorded for networks of three kinds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.bench
 
 
 def random_graph(size: int, chip: hw.Chip, *, fan_in: int, seed: int = 0) -> CompartmentGraph:
-    """A sparse recurrent population: every compartment hears ``fan_in`` others, wherever they are."""
+    """Return a sparse recurrent population: every compartment has synapses from ``fan_in`` others, wherever they are."""
     r = np.random.default_rng(seed)
     builder = hw.ProgramBuilder(chip, name="random sparse")
     x = builder.add_input("x", size)
@@ -32,13 +32,14 @@ def random_graph(size: int, chip: hw.Chip, *, fan_in: int, seed: int = 0) -> Com
         (np.full(size * fan_in, 2), (targets, r.integers(0, size, size * fan_in))), (size, size)
     )
     weights.sum_duplicates()
-    weights.data[:] = 2
+    weights.data[:] = 2  # a pair that was drawn twice has one synapse
     builder.connect(n, n, weights)
     return builder.graph()
 
 
-def test_hops_saved(record):
+def test_hops_before_and_after_arranging_are_recorded(record):
     chip = board(1)
+    # Cores of 16 compartments spread the small example over enough cores to be arranged.
     few = replace(chip, limits=replace(chip.limits, compartments_per_core=16))
     graphs = {
         "objects-hybrid, cores of 16 compartments": (example_levels("objects").compartments, few),

@@ -1,4 +1,4 @@
-"""The measuring itself: the limit's kernels do the work they stand for, and figures are printed as they are."""
+"""The measuring itself: the kernels of the limit add every row of weights, and pages print the figures that were measured."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def test_kernels_add_every_row_where_it_is_due(add, rate):
     [(2.0, 3.0, (2.0, 3.0)), (-0.5, 1.0, None)],
     ids=["a line", "a start below 0 is held at 0"],
 )
-def test_line_through_points(start, slope, found):
+def test_a_line_is_fitted_and_does_not_start_below_0(start, slope, found):
     x = np.array([1.0, 10.0, 100.0])
     fitted = line(x, start + slope * x)
     assert fitted == pytest.approx(found) if found else fitted[0] == 0.0
 
 
-def test_figures_as_text():
+def test_times_and_shares_are_printed_with_about_three_digits():
     assert (times(70.43e-6), times(0.0123456), percent(0.305), percent(0.3091, 1)) == (
         "70.4",
         "12,346",
@@ -61,7 +61,7 @@ def test_paragraphs_are_filled_and_tables_stay():
 
 
 def workload(nengo: float, sanafe: float, limit: float) -> Found:
-    """Return a workload of which a recording takes our engine a second; times of peers in seconds."""
+    """Return the record of a workload whose recordings take our engine a second; ``nengo`` and ``sanafe``: seconds of peers."""
     peers = {"nengo-loihi": nengo, "sanafe": sanafe}
     rows = [{"tool": tool, "seconds": seconds} for tool, seconds in peers.items()]
     return {
@@ -71,6 +71,7 @@ def workload(nengo: float, sanafe: float, limit: float) -> Found:
 
 
 def test_a_page_begins_with_its_least_and_largest_figures() -> None:
+    # 1 ms without any operation, and 2 ns for each.
     rates = [{"synaptic_ops": ops, "seconds": 1e-3 + ops * 2e-9} for ops in (1e5, 1e6)]
     sizes = [
         {"compartments": 1000, "synapses": 2e6, "synaptic_ops": 1e6, "seconds": 3e-4, "build": 1.0},

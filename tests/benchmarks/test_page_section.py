@@ -1,4 +1,4 @@
-"""Sections of a page that scripts of their own write."""
+"""Sections of a page that a script writes between markers: the rest of the page stays as it is."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SECTION = "<!-- speed: begin -->\nfast\n<!-- speed: end -->"
         ),
     ],
 )
-def test_a_section_is_put_where_it_was(page: str, found: str) -> None:
+def test_a_section_replaces_the_old_one_or_comes_last(page: str, found: str) -> None:
     assert with_section(page, "speed", "fast\n") == found
     assert with_section(found, "speed", "fast") == found
     assert section_of(found, "speed") == SECTION

@@ -1,4 +1,7 @@
-"""Every tool on the same networks and recordings, turn by turn, so that noise of the machine hits all alike."""
+"""Every tool on the same networks and recordings, turn by turn, so that other work on the machine disturbs all alike.
+
+Our spikes must equal those of a plain numpy loop; those of other tools are only counted where they differ.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +31,11 @@ MODES: Mapping[str, tuple[str, ...]] = {
     "lava-dl": ("batch of 32", "one recording"),
     "sanafe": ("detailed", "simple"),
 }
-"""Of each peer; the first is the one that ratios are stated for."""
+"""The modes of each peer; ratios on the pages are for the first."""
 ONE_THREAD = {"nengo-loihi", "brian2-loihi", "sanafe"}
-"""These use one core: two processes at once show what they make of two."""
+"""Tools that use one core. For them two processes also play at once, for a fair comparison with tools that use both cores."""
 ROUNDS = {"small": 15, "large": 7, "objects": 7, "containers": 5}
+"""Turns of every tool; fewer for workloads on which the slowest takes seconds."""
 QUICK_ROUNDS = 2
 
 Turn = Callable[[], float]
@@ -39,7 +43,7 @@ Turn = Callable[[], float]
 
 @dataclass
 class Row:
-    """A tool in a mode: seconds a recording, turn by turn."""
+    """A tool in a mode: seconds per recording, turn by turn."""
 
     tool: str
     mode: str
@@ -50,7 +54,7 @@ class Row:
     seconds: list[float] = field(default_factory=list)
 
     def result(self) -> dict[str, Any]:
-        """Return what the page needs."""
+        """Return the row as ``page_peers.py`` reads it: the median, and the middle half of all turns."""
         low, _, high = statistics.quantiles(self.seconds, n=4)
         return {
             "tool": self.tool, "mode": self.mode, "version": self.version, "spikes_differ": self.spikes_differ,
@@ -60,7 +64,9 @@ class Row:
 
 
 @pytest.mark.parametrize("name", WORKLOADS)
-def test_time_per_recording(name, benchmark, record, quick, tmp_path):
+def test_spikes_equal_the_plain_loop_and_times_of_all_tools_are_recorded(
+    name, benchmark, record, quick, tmp_path
+):
     if name in ("objects", "containers") and not RECORDINGS.is_dir():
         pytest.skip("the published recordings are not beside the repository")
     workload = WORKLOADS[name]()
@@ -92,6 +98,7 @@ def test_time_per_recording(name, benchmark, record, quick, tmp_path):
             for kind in ("plain", "rows", "rows_and_state")
         ]
 
+        # The benchmark calls this before each of our turns, so that all tools take turns.
         def others() -> None:
             for row in [*rows, *kernels]:
                 row.seconds.append(row.turn())
@@ -99,7 +106,7 @@ def test_time_per_recording(name, benchmark, record, quick, tmp_path):
         rounds = QUICK_ROUNDS if quick else ROUNDS[name]
         benchmark.pedantic(ours, setup=others, rounds=rounds, warmup_rounds=1)
         for row in [*rows, *kernels]:
-            del row.seconds[0]  # its warm-up
+            del row.seconds[0]  # the warm-up of the row
         for row in rows:
             if row.tool in MODES and row.mode == MODES[row.tool][0]:
                 row.peak_mib = row.turn.peer.peak_mib()  # type: ignore[attr-defined]
@@ -129,7 +136,7 @@ def play_batch(program: hw.ChipProgram, network: Any) -> hw.SimulationResult:
 
 
 def own_rows(name: str, workload: Workload, programs: list[hw.ChipProgram]) -> Iterator[Row]:
-    """Our engine on one recording at a time, the example itself where the workload stands for one, and the plain loop."""
+    """Yield rows for our engine on one recording at a time, the plain loop, and the example for which the workload stands."""
 
     def one() -> float:
         parts = zip(programs, workload.networks, strict=True)
@@ -166,7 +173,7 @@ class PeerTurn:
 
 
 def peer_rows(stack: ExitStack, workload: Workload, wanted: list[Any], folder: Path) -> list[Row]:
-    """Start the peers that have an environment, all at once, and wait until all are ready."""
+    """Start the peers that have an environment, all at once, and wait until all are ready; return their rows."""
     job = folder / "job.npz"
     workload.write_job(job)
     tools = [tool for tool in MODES if why_missing(tool) is None]
@@ -188,7 +195,7 @@ def peer_rows(stack: ExitStack, workload: Workload, wanted: list[Any], folder: P
 
 
 def both(peers: list[PeerProcess], mode: str) -> float:
-    """Let processes play at the same time; return seconds a recording."""
+    """Let processes play at the same time; return seconds per recording, by the slower one."""
     for peer in peers:
         peer.start(mode)
     return max([peer.finish() for peer in peers]) / len(peers)

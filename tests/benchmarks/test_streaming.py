@@ -1,4 +1,7 @@
-"""A prediction after every step: a session beside running the location branch anew for every step."""
+"""A prediction after every step: a session against running the location branch anew for every step.
+
+Both must give the same scores, all at once and row by row; their times are recorded.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ TURNS = 16
 QUICK_TURNS = 3
 
 
-def test_predictions_of_every_step(record, quick):
+def test_a_session_scores_every_step_as_running_the_location_branch_anew(record, quick):
     levels = example_levels("objects")
     program, time_branch, location_branch = (
         levels.program,
@@ -73,7 +76,7 @@ def test_predictions_of_every_step(record, quick):
 def timed(
     seconds: list[float], run: Callable[..., NDArray[np.float64]], *arguments: object
 ) -> NDArray[np.float64]:
-    """Call, and note the processor seconds that it took."""
+    """Call a function, append the processor seconds that it took to ``seconds``, and return its result."""
     start = time.process_time()
     result = run(*arguments)
     seconds.append(time.process_time() - start)

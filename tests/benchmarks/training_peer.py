@@ -1,9 +1,10 @@
 """Time an epoch of the hybrid in a peer's own environment: ``training_peer.py TOOL RECORDINGS.npz``.
 
-Each line in is a batch size and is answered with ``{"seconds": ...}``, the processor time of one epoch. Both branches
-are two fully connected layers of the tool's own neurons with a synaptic current, ``alpha`` decay for both states, its own
-reset in the place of the refractory kernel, and its own surrogate; sums of weights are one product for all steps, and the
-loss is the cross-entropy of scaled spike counts, with AdamW: what ``locsnn train`` does without dropping events.
+Each line of input is a batch size and is answered with ``{"seconds": ...}``, the processor time of one epoch. Each of both
+branches has two fully connected layers of the tool's own neurons with a synaptic current. Current and membrane have the same
+decay, and the tool's own reset stands in the place of the refractory kernel; so does its own surrogate gradient. Sums of
+weights are one matrix product for all steps, and the loss is the cross-entropy of scaled spike counts, with AdamW: this is
+what ``locsnn train`` does without dropping events.
 """
 
 import json
@@ -91,7 +92,7 @@ def main():
             loss.backward()
             optimizer.step()
 
-    epoch(8, 8)
+    epoch(8, 8)  # a first batch, which is not timed: torch prepares itself
     print(json.dumps({"version": version(tool)}), flush=True)
     for line in sys.stdin:
         before = time.process_time()

@@ -54,12 +54,14 @@ class Peer:
         self.version: str = self._answer()["version"]
 
     def epoch(self, batch: int) -> float:
+        """Return the processor seconds of an epoch with batches of a size."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{batch}\n")
         self._process.stdin.flush()
         return float(self._answer()["seconds"])
 
     def close(self) -> None:
+        """End the process."""
         self._process.kill()
         self._process.wait()
 
@@ -100,7 +102,7 @@ def measure(
     recordings: Recordings, peers: dict[str, Peer], turns: int
 ) -> dict[tuple[str, int], list[float]]:
     """Return the seconds of every turn, by tool and batch size."""
-    own_epoch(recordings.subset(range(16)), 16)
+    own_epoch(recordings.subset(range(16)), 16)  # numba compiles
     seconds: dict[tuple[str, int], list[float]] = {}
     for _ in range(turns):
         for batch in BATCHES:
@@ -111,7 +113,10 @@ def measure(
 
 
 def own_epoch(recordings: Recordings, batch: int) -> float:
-    """Return the processor seconds of an epoch of ``train``: what more epochs take longer than one, divided by how many more."""
+    """Return the processor seconds of an epoch of ``train``, from the difference between runs of one and of nine epochs.
+
+    So preparing recordings and compiling do not count, as they do not in the peers.
+    """
     config = TrainingConfig(
         batch_size=batch, event_dropout=0.0, channel_dropout=0.0, validation_fraction=0.0
     )

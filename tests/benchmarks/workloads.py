@@ -21,17 +21,17 @@ ROOT = Path(__file__).parents[2]
 RECORDINGS = ROOT.parent / "shared/data/neutouch"
 """Ev-Objects.zip and Ev-Containers.zip; see the README for where they come from."""
 PEER_RECORDINGS = 32
-"""Recordings that a peer is given: a batch for those that have batches."""
+"""Recordings that a peer gets: one batch for tools that play batches."""
 
 IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class LayeredNetwork:
-    """Layers in a row, one compartment a neuron, with the chip's reset.
+    """Layers in a row, one compartment per neuron, with the chip's reset.
 
-    ``weights``: of each layer, even mantissas (n, n of the layer before); ``thresholds``: a mantissa a layer; decays are
-    effective and hold for all; ``recordings`` (batch, steps, lines) of 0 and 1.
+    ``weights``: for each layer, even mantissas (n, n of the layer before). ``thresholds``: a mantissa per layer. The decays, in
+    4096ths, are those of all neurons. ``recordings``: (batch, steps, lines) of 0 and 1.
     """
 
     weights: tuple[IntArray, ...]
@@ -59,7 +59,7 @@ class LayeredNetwork:
         return builder.build()
 
     def job(self) -> dict[str, Any]:
-        """Return the network as the drivers in ``tests/peers`` read it, ``recordings`` in place of ``spikes``."""
+        """Return the network as the drivers in ``tests/peers`` read it, but with ``recordings`` instead of ``spikes``."""
         names = layer_names(self)
         populations = [
             {
@@ -85,14 +85,14 @@ class LayeredNetwork:
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """Networks that are played one after the other; a recording is played to all of them."""
+    """One or more networks that play the same recordings one after the other; their times are added up."""
 
     name: str
     text: str
     networks: tuple[LayeredNetwork, ...]
 
     def write_job(self, path: Path) -> None:
-        """Write what ``peer_worker.py`` reads: arrays in an archive, the rest as JSON in it; JSON alone is slow."""
+        """Write the file that ``peer_worker.py`` reads: arrays, and the rest as JSON; arrays as JSON would be slow to read."""
         jobs = [network.job() for network in self.networks]
         arrays = {}
         for n, job in enumerate(jobs):
@@ -110,7 +110,7 @@ def layer_names(network: LayeredNetwork) -> list[str]:
 def random_network(
     sizes: tuple[int, ...], *, steps: int, rate: float, threshold: int, batch: int, seed: int = 0
 ) -> LayeredNetwork:
-    """Draw even 8-bit weights, -254 to 254, and input that spikes with a probability a step."""
+    """Draw even 8-bit weights, -254 to 254, and inputs that spike with probability ``rate`` per step."""
     r = np.random.default_rng(seed)
     shapes = zip(sizes[1:], sizes, strict=False)
     return LayeredNetwork(
@@ -129,7 +129,7 @@ def small() -> Workload:
 
 
 def large() -> Workload:
-    """Return a network whose synapses leave a core's own cache."""
+    """Return a network whose synapses do not fit the caches that a core has for itself."""
     network = random_network((1024, 1024, 1024, 10), steps=200, rate=0.02, threshold=4000, batch=64)
     return Workload("large", "1024-1024-1024-10, 200 steps, 2 % input", (network,))
 
@@ -137,9 +137,9 @@ def large() -> Workload:
 def hybrid_equivalent(example: str) -> Workload:
     """Return the two branches of an example as CUBA-LIF networks on its test recordings.
 
-    No peer has joined compartments, so each neuron's alpha dendrite stands alone and resets: layers, decays, steps and
-    recordings are the example's, weights its mantissas on the grid that all peers have, at a scale at which nothing
-    clips; spikes are others. The location branch plays the transposed recordings.
+    No peer has joined compartments, so the compartment with a neuron's alpha kernel stands alone and resets. Layers, decays,
+    steps and recordings are the example's. Its weights are rounded to the grid that all peers have, at a scale at which nothing
+    clips. So spikes are not the example's. The location branch plays the transposed recordings.
     """
     levels = example_levels(example)
     recordings = published_test_part(example).spikes
@@ -150,6 +150,7 @@ def hybrid_equivalent(example: str) -> Workload:
 
 
 def _branch(levels: Levels, axis: str, recordings: NDArray[np.uint8]) -> LayeredNetwork:
+    """Return a branch of a hybrid as layers of single compartments; a neuron's kernel is in the group ``NAME/dendrite``."""
     graph = levels.compartments
     groups = {group.name: group for group in graph.groups}
     view = next(view for view in levels.network.views if view.axis == axis)
@@ -173,7 +174,7 @@ def _branch(levels: Levels, axis: str, recordings: NDArray[np.uint8]) -> Layered
 
 
 def example_levels(example: str) -> Levels:
-    """Return an example that ships, compiled."""
+    """Return a hybrid that ships, compiled at 8 bits, with all levels of the compiler."""
     return lower(
         load(ROOT / f"examples/models/{example}-hybrid.pt"), hw.chip("loihi-sim"), weight_bits=8
     )

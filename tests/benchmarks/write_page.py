@@ -1,6 +1,6 @@
-"""Write what the benchmarks measured as pages and a picture: ``write_page.py RESULTS PAGE PICTURE``.
+"""Write the pages and the picture of the benchmarks: ``write_page.py RESULTS PAGE PICTURE``.
 
-``PAGE`` has the headline; the pages with all rows lie in a folder next to it that has its name.
+``RESULTS`` is the folder of records. ``PAGE`` gets the headline; the pages with all rows lie in a folder of its name next to it.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from page_section import section_of
 
 COMMAND_SPEED = "command-speed"
 KEPT = (COMMAND_SPEED, "against", "processors", "density", "scale", "chips")
-"""The sections that the scripts of these names write into the pages; they stay."""
+"""Sections that other scripts write into these pages (``scale``: scale.py, ...); they are kept when pages are written anew."""
 
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
 
 
 def read(results: Path) -> dict[str, Found]:
-    """Return all records by name; they must be of one machine."""
+    """Return all records by name. They must come from one machine, or their ratios would mean nothing."""
     records = {path.stem: json.loads(path.read_text()) for path in sorted(results.glob("*.json"))}
     records.pop("pytest-benchmark", None)
     machines = [record.pop("machine") for record in records.values()]
@@ -38,7 +38,7 @@ def read(results: Path) -> dict[str, Found]:
 
 
 def pages(records: dict[str, Found], picture: str) -> dict[str, str]:
-    """Return the text of every page by its name; the headline's is ``""``."""
+    """Return the text of every page by its name; the name of the headline's page is ``""``."""
     machine = records["machine"]
     versions = ", ".join(
         f"{name} {machine[name]}" for name in ("Python", "numba", "numpy", "scipy")
@@ -74,7 +74,7 @@ weights alone, then also for the state of all compartments ([side by side](bench
 
 
 def _page(title: str, conclusion: str, sections: str) -> str:
-    """Return a page next to the headline's, which says what machine it was."""
+    """Return a page with its conclusion first; the headline's page describes the machine."""
     machine = "Measured on the machine that [Benchmarks](../benchmarks.md) names."
     return f"# {title}\n\n{conclusion} {machine}\n\n{sections}"
 
@@ -113,9 +113,11 @@ def main() -> None:
     args.page.with_suffix("").mkdir(exist_ok=True)
     for name, text in pages(records, picture).items():
         path = args.page.with_suffix("") / f"{name}.md" if name else args.page
-        before = path.read_text() if path.exists() else ""
-        kept = [section for part in KEPT if (section := section_of(before, part)) is not None]
-        path.write_text("\n".join([wrapped(text), *(f"{section}\n" for section in kept)]))
+        old_text = path.read_text() if path.exists() else ""
+        kept_sections = [
+            section for part in KEPT if (section := section_of(old_text, part)) is not None
+        ]
+        path.write_text("\n".join([wrapped(text), *(f"{section}\n" for section in kept_sections)]))
 
 
 if __name__ == "__main__":
