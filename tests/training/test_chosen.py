@@ -39,7 +39,8 @@ def groups(samples: int = 36, *, channels: int = 40, steps: int = 60, seed: int 
     third = channels // 3
     for sample, label in enumerate(labels):
         rates[sample, :, label * third : (label + 1) * third] = 0.08
-    return Recordings((rng.random(rates.shape) < rates).astype(np.uint8), labels, None, "a")
+    spikes = (rng.random(rates.shape) < rates).astype(np.uint8)
+    return Recordings(spikes, labels, step_seconds=None, source="a")
 
 
 def save(path: Path, recordings: Recordings) -> str:
@@ -133,7 +134,7 @@ def test_uneven_classes_get_weights_by_which_they_count_alike() -> None:
     labels = np.repeat([0, 1, 2], [20, 10, 5])
     spikes = np.ones((35, 60, 40), dtype=np.uint8)
     values = {"channels": 40, "model": "hybrid"}
-    chosen = choose(values, Recordings(spikes, labels, None, "a"))
+    chosen = choose(values, Recordings(spikes, labels, step_seconds=None, source="a"))
     assert chosen.config.class_weights == "balanced"
     assert "  class_weights balanced: classes have 5 to 20 recordings" in chosen.lines
 
@@ -163,7 +164,8 @@ def test_windows_fit_any_recording(channels: int, steps: int) -> None:
 def test_with_a_class_without_recordings_weights_are_learned_by_descent() -> None:
     recordings = groups()
     labels = np.where(recordings.labels == 1, 3, recordings.labels)
-    config = choose({"channels": 40}, Recordings(recordings.spikes, labels, None, "a")).config
+    without_class_1 = Recordings(recordings.spikes, labels, step_seconds=None, source="a")
+    config = choose({"channels": 40}, without_class_1).config
     assert (config.model, config.optimizer) == ("window-snn", "sgd")
 
 

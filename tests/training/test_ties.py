@@ -24,13 +24,13 @@ LABELS = np.tile([0, 1, 2], 8)
 
 
 def recordings() -> Recordings:
-    """Recordings with events on the first channels (class 0), on the last channels (1), or without events (2)."""
+    """Return recordings with events on the first channels (class 0), on the last channels (1), or without events (2)."""
     rng = np.random.default_rng(3)
     spikes = np.zeros((len(LABELS), STEPS, CHANNELS), dtype=np.uint8)
     for row, label in enumerate(LABELS):
         if label < 2:
             spikes[row, :, 3 * label : 3 * label + 3] = rng.random((STEPS, 3)) < 0.5
-    return Recordings(spikes, LABELS, None, "three classes", class_names=NAMES)
+    return Recordings(spikes, LABELS, step_seconds=None, source="three classes", class_names=NAMES)
 
 
 OPTIONS = {
@@ -47,14 +47,14 @@ OPTIONS = {
 
 
 def trained(**further_options: object) -> lc.Checkpoint:
-    """A network trained, and measured, on these recordings."""
+    """Return a network trained, and measured, on these recordings."""
     options = OPTIONS | further_options
     return lc.train(recordings(), options, test=recordings(), carried=len(LABELS))
 
 
 @pytest.fixture(scope="module")
 def with_ties() -> lc.Checkpoint:
-    """A network whose ties predict the class of silence."""
+    """Return a network whose ties predict the class of silence."""
     return trained(tie="nothing")
 
 
