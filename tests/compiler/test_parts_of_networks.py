@@ -22,6 +22,7 @@ from locsnn_compile.network.projections import (
     held_matrix,
     matrix,
 )
+from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.pipeline import lower
 from locsnn_compile.verification.observation import neuron_steps
 from tests.support.networks import hybrid, single
@@ -172,3 +173,13 @@ def test_weights_of_both_signs_become_one_list_or_two(signs, expected):
     levels = lower(network, CHIP, weight_bits=8)
     lists = [(s.sign_mode, s.mantissa.tolist()) for s in levels.compartments.synapses]
     assert lists == expected
+
+
+def test_a_score_of_potentials_has_the_largest_scale_of_its_population():
+    """Both neurons get one threshold mantissa, so that a potential of 1 is twice as much where the threshold is half."""
+    network = single(Cuba.of(2, decay_v=0.5, threshold=[1.0, 2.0]), np.ones((2, 3)))
+    readout = replace(network.readout, potentials_from=0)
+    quantized = quantize(replace(network, readout=readout), CHIP)
+    scale = quantized.populations[0].scale
+    assert scale[0] == 2 * scale[1]
+    assert quantized.score_scale == scale[0]

@@ -113,18 +113,19 @@ def test_expected_spikes_weigh_the_traffic():
     assert core_traffic(placed, np.zeros(9)).sum() == 0
 
 
-def chain_of_16(order):
-    """Return 16 cores on 4 x 4 tiles, each of which sends to the next one in this order."""
-    size = 16
+def chain(order, columns):
+    """Return cores on a square of tiles, each of which sends to the next one in this order."""
+    size = len(order)
     graph = random_graph(0, size, 0)
-    chain = replace(
+    links = replace(
         graph.synapses[1],
         source_index=read_only(order[:-1]),
         target_index=read_only(order[1:]),
         mantissa=read_only(np.full(size - 1, 2)),
         delay=read_only(np.zeros(size - 1)),
     )
-    return place_cores(replace(graph, synapses=(graph.synapses[0], chain)), small_chip(16, 4))
+    chained = replace(graph, synapses=(graph.synapses[0], links))
+    return place_cores(chained, small_chip(size, columns))
 
 
 def test_a_line_of_cores_lies_in_neighbouring_tiles():
@@ -133,7 +134,7 @@ def test_a_line_of_cores_lies_in_neighbouring_tiles():
     In network order on 4 x 4 tiles, 3 packets per row take one hop, and those from the end of a row to the start of the
     next take 4: 3 columns back and 1 row down.
     """
-    placed = chain_of_16(np.arange(16))
+    placed = chain(np.arange(16), columns=4)
     hops_in_network_order = 4 * 3 + 3 * 4
     assert hops(placed) == hops_in_network_order
     assert hops(arrange_cores(placed)) == 15
@@ -141,7 +142,10 @@ def test_a_line_of_cores_lies_in_neighbouring_tiles():
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["as found", "negated"])
 def test_a_scattered_chain_goes_down_a_column_and_up_the_next(monkeypatch, sign):
-    """Every fifth core follows on core 0, which lies at the start whatever the sign of an eigenvector is."""
+    """Every fifth core follows on core 0, which lies at the start whatever the sign of an eigenvector is.
+
+    Exchanging cores in pairs finds no such way over 6 x 6 tiles by itself.
+    """
     eigh = np.linalg.eigh
 
     def signed_eigh(matrix):
@@ -149,10 +153,11 @@ def test_a_scattered_chain_goes_down_a_column_and_up_the_next(monkeypatch, sign)
         return result._replace(eigenvectors=sign * result.eigenvectors)
 
     monkeypatch.setattr(np.linalg, "eigh", signed_eigh)
-    order = 5 * np.arange(16) % 16
-    slots = np.array(arrange_cores(chain_of_16(order)).slots)
-    columns = [[0, 4, 8, 12], [13, 9, 5, 1], [2, 6, 10, 14], [15, 11, 7, 3]]
-    assert slots[order].reshape(4, 4).tolist() == columns
+    order = 5 * np.arange(36) % 36
+    slots = np.array(arrange_cores(chain(order, columns=6)).slots)
+    tiles = np.arange(36).reshape(6, 6)
+    columns = [tiles[:, column][:: 1 if column % 2 == 0 else -1] for column in range(6)]
+    assert slots[order].tolist() == np.concatenate(columns).tolist()
 
 
 @pytest.mark.parametrize("seed", range(3))
