@@ -265,3 +265,16 @@ def test_a_long_text_in_place_of_a_number_is_cut_after_40_characters(tmp_path):
 def test_a_file_without_recordings_gets_eight_made_up_ones(tmp_path):
     recordings = loaded(tmp_path, layer([[2]])).recordings
     assert (recordings.spikes.shape, recordings.origin) == ((8, 100, 1), "made up")
+
+
+def test_only_the_first_layer_on_the_host_takes_numbers(tmp_path):
+    """Its weights are charges in float, 64 counts per unit; the second layer takes spikes, and is in integers."""
+    layers = [layer([[2, 4]]), layer([[6]]), layer([[8]])]
+    write_net(tmp_path / "model.net", layers)
+    network = lc.load(tmp_path / "model.net", host_layers=2)
+    host = network.host.network
+    assert [type(p.neuron).__name__ for p in host.populations] == ["HostCuba", "ChipCuba"]
+    first, second = host.projections
+    assert np.asarray(first.weights).tolist() == [[2 * 64.0, 4 * 64.0]]
+    assert np.asarray(second.mantissa).tolist() == [[6]]
+    assert [p.name for p in network.populations] == ["layer2"]
