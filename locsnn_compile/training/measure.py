@@ -37,9 +37,10 @@ _BATCH = 32
 """How many recordings are evaluated at a time, which bounds the memory; chosen by hand."""
 _MOST_DIGITS = 8
 """Most digits of a class in the option ``class_order``: more than any network has, and ``int`` takes them quickly."""
-_LOCATIONS_OF_LATENCY = 2
-"""The kernel of a spike response neuron is 0 at lag 0: a spike acts from the next location on. So after two layers, an
-output spikes two locations after an event."""
+_LAYERS = 2
+_LAYERS_WITH_GRAPH = 4
+"""Layers of a branch; with a graph, the graph convolution is the first. A spike acts from the next location on, as on
+the chip, so an output spikes as many locations after an event as its branch has layers."""
 
 
 class Loss:
@@ -374,15 +375,18 @@ def _scores_by_spikes_alone(structure: Architecture) -> bool:
 def _walk_remarks(channels: int, config: TrainingConfig) -> list[str]:
     """Return a sentence if a location branch ends before its outputs can spike.
 
-    Only spike response neurons act a location later; leaky neurons spike at the location of an event, and windows end
-    in potentials, which are read after the last location.
+    This cannot happen in ``window-snn``: its outputs are read as potentials, and its walk is followed by steps without
+    events, in which the last events still reach them.
     """
     structure = ARCHITECTURES[config.model]
-    walks = "location" in structure.branches and structure.neurons == "srm"
-    if not walks or channels > _LOCATIONS_OF_LATENCY:
+    spikes_over_locations = (
+        "location" in structure.branches and structure.window_branch != "location"
+    )
+    layers = _LAYERS_WITH_GRAPH if structure.graph else _LAYERS
+    if not spikes_over_locations or channels > layers:
         return []
     what = f"The location branch walks over {counted(channels, 'channel')}"
-    why = f"its outputs spike {_LOCATIONS_OF_LATENCY} channels after an event at the earliest"
+    why = f"its outputs spike {layers} channels after an event at the earliest"
     return [f"{what} and says nothing: {why}. Give --model tactile-snn, or window-snn."]
 
 

@@ -7,6 +7,7 @@ recording then predicts no class.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout, neutouch
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.graph_and_windows import GraphParameters
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import carried_rows
@@ -236,23 +238,34 @@ def test_an_accuracy_that_guesses_could_reach_is_remarked(right: int, is_remarke
     assert bool(chance_remarks(right / 10, np.arange(10) % 2, "of these")) == is_remarked
 
 
-@pytest.mark.parametrize(("channels", "spikes"), [(2, False), (3, True)])
-def test_a_walk_that_ends_before_outputs_can_spike_is_remarked(channels: int, spikes: bool) -> None:
-    """The network itself must agree: even with huge weights, its outputs are silent after two locations."""
-    walk = {"location_order": "loop", "location_taxels": tuple(range(1, channels + 1))}
+@pytest.mark.parametrize(
+    ("name", "layers"),
+    [("location-tactile-snn", 2), ("location-tactile-snn-lif", 2), ("hybrid-graph", 4)],
+)
+@pytest.mark.parametrize("further_channels", [0, 1])
+def test_a_walk_that_ends_before_outputs_can_spike_is_remarked(
+    name: str, layers: int, further_channels: int
+) -> None:
+    """The network itself must agree: even with huge weights, a spike takes a location per layer."""
+    channels = layers + further_channels
     layout = InputLayout(SensorLayout("few", channels), steps=24, step_seconds=None)
-    described = NetworkDescription("location-tactile-snn", layout, classes=2, hidden=4, **walk)  # type: ignore[arg-type]
+    options: dict[str, Any] = {
+        "location_order": "loop",
+        "location_taxels": tuple(range(1, channels + 1)),
+    }
+    if name == "hybrid-graph":
+        options["graph"] = GraphParameters("tree", ((1, 2), (2, 3)))
+    described = NetworkDescription(name, layout, classes=2, hidden=4, **options)
     network = build_network(described, seed=0)
     for weight in network.parameters():
         weight.data.fill_(1000.0)
-    events = np.ones((1, 24, channels), dtype=np.float32)
-    assert bool(network.counts(torch.from_numpy(events)).any()) == spikes
-    spikes_of_all = np.ones((4, 24, channels))
-    recordings = Recordings(spikes_of_all, np.arange(4) % 2, step_seconds=None, source="a")
-    # The model of a configuration is, by default, a hybrid with the same location branch.
-    remarks_on_data = data_remarks(recordings, 2, TrainingConfig(channels=channels))
+    activity = network(torch.ones((1, 24, channels)))
+    spikes = bool(network.scores(activity)["location"].any())
+    assert spikes == (further_channels > 0)
+    recordings = Recordings(np.ones((4, 24, channels)), np.arange(4) % 2, None, "a")
+    remarks_on_data = data_remarks(recordings, 2, TrainingConfig(model=name, channels=channels))
     remark = (
-        "The location branch walks over 2 channels and says nothing: its outputs spike 2 channels "
+        f"The location branch walks over {layers} channels and says nothing: its outputs spike {layers} channels "
         "after an event at the earliest. Give --model tactile-snn, or window-snn."
     )
     assert remarks_on_data == ([] if spikes else [remark])
