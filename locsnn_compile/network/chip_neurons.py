@@ -34,6 +34,7 @@ class ChipNeuron(Neuron, Frozen, eq=False):
     decay_v: IntArray
     threshold: IntArray
 
+    # Nothing is left to round: parameters and incoming weights are the chip's integers.
     on_grid = True
 
     @property

@@ -21,9 +21,12 @@ class XyloNeuron(Shown, Neuron):
     threshold: IntArray
     most_spikes: int
 
+    # Nothing is left to round: parameters and incoming weights are the chip's integers.
     on_grid = True
+    # Words of the error for chips that do not have such neurons.
     needs = "neurons of a Xylo, whose decays are shifts and which spike several times in a step"
     way_out = "Compile it for the Xylo that it was trained on."
+    # What the registers of a Xylo hold: see PARAMETERS in ``hw_model.arithmetic.xylo``.
     musts: ClassVar[Musts] = {
         "dash_syn": between(0, 15),
         "dash_mem": between(0, 15),
@@ -32,5 +35,5 @@ class XyloNeuron(Shown, Neuron):
 
     @property
     def spikes_at(self) -> IntArray:
-        """``threshold``."""
+        """``threshold``, which v must reach, in counts of its register."""
         return self.threshold
