@@ -70,6 +70,8 @@ from locsnn_compile.network.projections import (
 
 KERNELS = ("full", "cut")
 """The values of the option ``--kernels``."""
+_TWO_FINGERTIPS = 2 * TAXELS * POLARITIES
+"""Channels of the recordings that the networks with location neurons of Kang et al. 2022 were trained on."""
 
 
 @dataclass(eq=False)
@@ -126,18 +128,15 @@ def load_slayer(
     steps = slayer_config.steps or DEFAULT_STEPS
     if "location" in chains:
         steps = chains["location"][0].weights.shape[1]
-    channels = chosen.channels
-    if "time" in chains:
-        channels = chains["time"][0].weights.shape[1]
+    channels = _channels(chosen, chains)
     parts = Parts()
     for axis, chain in chains.items():
         walk = None
         if axis == "location":
-            walk, channels = _walk(slayer_config.order or DEFAULT_ORDER, channels, where)
+            walk = _walk(slayer_config.order or DEFAULT_ORDER, channels, where)
         lines = chain[0].weights.shape[1]
         parts.views.append(InputView(VIEW_NAMES[axis], axis, lines=lines, walk=walk))
         _add_chain(parts, axis, chain, slayer_config, where)
-    assert channels is not None  # from the time chain, or else from the walk
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
         raise InputError(
@@ -159,6 +158,15 @@ def load_slayer(
         step_seconds=slayer_config.ts / 1000,  # Ts is in milliseconds
         facts=facts,
     )
+
+
+def _channels(chosen: Chosen, chains: Mapping[Axis, list[_Layer]]) -> int:
+    """Return the number of channels of the recordings: those of two fingertips, if nothing in the files tells it."""
+    if "time" in chains:
+        return int(chains["time"][0].weights.shape[1])
+    if chosen.channels is not None:
+        return chosen.channels
+    return _TWO_FINGERTIPS
 
 
 def _check_chain(chain: list[_Layer], where: str) -> None:
@@ -206,21 +214,17 @@ def _assumed(
     yield f"The Ts of the YAML, {config.ts:g}, was read as milliseconds, which SLAYER does not say (--step-seconds)."
 
 
-def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
-    """Return the walk over the channels, and their number: two fingertips if ``channels`` is None.
-
-    Two are what the networks with location neurons of Kang et al. 2022 were trained on.
-    """
-    count = channels or 2 * TAXELS * POLARITIES
-    fingertips = touch_fingertips(count)
+def _walk(order: str, channels: int, where: str) -> Any:
+    """Return the walk over the channels: the channel of each step of the location branch, in a location order."""
+    fingertips = touch_fingertips(channels)
     if fingertips is None:
         if order != "loop":
             what = f"order {order[:40]!r} is only for fingertips"
-            raise InputError(where, what, measured=counted(count, "channel"), fix="Use loop.")
-        return np.arange(count), count
+            raise InputError(where, what, measured=counted(channels, "channel"), fix="Use loop.")
+        return np.arange(channels)
     # An order numbers the taxels of one fingertip. The walk follows it on each fingertip in turn.
     _, taxels = location_order(order, neutouch(1))
-    return channel_walk(taxels, neutouch(fingertips)), count
+    return channel_walk(taxels, neutouch(fingertips))
 
 
 def _with_kernels(
