@@ -1,4 +1,7 @@
-"""Five splits of all recordings: what is trained and tested on in each round, and the table of what is there."""
+"""Five splits of all recordings (``five_splits.py``): what each round trains and tests on, and the table of rounds.
+
+Training is replaced by a class that keeps what it is given; recordings carry their numbers in their spikes.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +38,7 @@ def numbered(numbers: range, recordings_of_class: int, source: str) -> Recording
 
 
 def numbers_of(recordings: Recordings) -> list[int]:
+    """Return the numbers of recordings, from their spikes (see :func:`numbered`)."""
     return (recordings.spikes[:, 0] @ (1 << np.arange(CHANNELS))).tolist()
 
 
@@ -49,7 +53,7 @@ def both_parts(*_: object) -> tuple[Recordings, Recordings]:
 
 
 class Rounds:
-    """Stands for the training, and keeps what it was given."""
+    """Stands for ``train_network``, and keeps what it was given in each round."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -72,6 +76,7 @@ class Rounds:
 
 @pytest.fixture
 def rounds(monkeypatch: pytest.MonkeyPatch) -> Rounds:
+    """Replace recordings, training and checkpoints of the program; return what keeps the rounds."""
     import five_splits
 
     rounds = Rounds()
@@ -87,6 +92,7 @@ def rounds(monkeypatch: pytest.MonkeyPatch) -> Rounds:
 
 
 def run(folder: Path, *further: str) -> list[list[str]]:
+    """Run the program on Containers for some rows, by default the hybrid; return the table that it writes."""
     import five_splits
 
     table = folder / "splits.csv"

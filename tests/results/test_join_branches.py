@@ -1,4 +1,8 @@
-"""A hybrid and windows, trained apart: the joined network adds their log-probabilities, and its file says how it came about."""
+"""A hybrid and networks of windows, trained apart and joined by ``join_branches.py``.
+
+The joined network must add their log-probabilities, keep a hybrid's integers if it was trained on them, and its file must have
+the training entries of all parts.
+"""
 
 from __future__ import annotations
 
@@ -22,35 +26,36 @@ STUDY = Path(__file__).parents[2] / "docs/research/results"
 
 
 @pytest.mark.parametrize("scales", [(1.0,), (1.0, 5.0)], ids=["one network of windows", "two"])
-def test_the_sum_is_that_of_log_probabilities(
+def test_scores_of_the_joined_network_are_the_sum_of_log_probabilities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scales: tuple[float, ...]
 ) -> None:
     monkeypatch.syspath_prepend(str(STUDY))
     from join_branches import main
 
-    made = synthetic_touches(12, steps=40, classes=3, seed=2)
+    recordings = synthetic_touches(12, steps=40, classes=3, seed=2)
     logits, files = [], []
     options = {"epochs": 3, "validation_fraction": 0.0, "refit": False, "initial_scale": 20.0}
     for model, scale in [("hybrid", 0.1), *(("window-snn", scale) for scale in scales)]:
         config = config_from_mapping({"model": model, "count_scale": scale} | options)
-        result = train(made, config, name=model)
-        entry = training_entry(result, config, made, None)
+        result = train(recordings, config, name=model)
+        training = training_entry(result, config, recordings, None)
         files.append(str(tmp_path / f"{model}-{scale}.pt"))
-        Checkpoint(result.network.description, result.network.weights(), training=entry).save(
+        Checkpoint(result.network.description, result.network.weights(), training=training).save(
             Path(files[-1])
         )
-        logits.append(scale * class_scores(result.network, made.spikes))
+        logits.append(scale * class_scores(result.network, recordings.spikes))
     main([*files, "-o", str(tmp_path / "both.pt")])
-    found = read_checkpoint(tmp_path / "both.pt")
-    assert (found.description.name, found.description.architecture) == ("both", "hybrid-window")
-    assert (found.training["hybrid_epochs"], found.training["windows_optimizer"]) == (3, "sgd")
-    assert found.training.get("windows_2_count_scale") == (5.0 if len(scales) > 1 else None)
-    network = build_network(found.description)
-    network.load_weights(found.weights)
+    joined = read_checkpoint(tmp_path / "both.pt")
+    assert (joined.description.name, joined.description.architecture) == ("both", "hybrid-window")
+    assert (joined.training["hybrid_epochs"], joined.training["windows_optimizer"]) == (3, "sgd")
+    assert joined.training.get("windows_2_count_scale") == (5.0 if len(scales) > 1 else None)
+    network = build_network(joined.description)
+    network.load_weights(joined.weights)
     hybrid, *windows = logits
     assert np.allclose(
-        0.1 * class_scores(network, made.spikes), hybrid + np.mean(windows, axis=0), atol=1e-4
+        0.1 * class_scores(network, recordings.spikes), hybrid + np.mean(windows, axis=0), atol=1e-4
     )
+    # Silent parts would add up to anything.
     assert all(float(np.abs(part).max()) > 0 for part in logits)
 
 
@@ -60,42 +65,40 @@ def test_a_hybrid_on_the_chips_integers_keeps_them(
     monkeypatch.syspath_prepend(str(STUDY))
     from join_branches import main
 
-    made = synthetic_touches(12, steps=40, classes=3, seed=2)
+    recordings = synthetic_touches(12, steps=40, classes=3, seed=2)
     parts = {}
     for model in ("hybrid", "window-snn"):
         options = {"target": "loihi-sim", "strategy": "reset"} if model == "hybrid" else {}
         config = config_from_mapping(
             {"model": model, "epochs": 3, "validation_fraction": 0.0, "refit": False} | options
         )
-        result = train(made, config, name=model)
+        result = train(recordings, config, name=model)
         parts[model] = tmp_path / f"{model}.pt"
-        export_checkpoint(parts[model], result, config, made, None, carried=0)
+        export_checkpoint(parts[model], result, config, recordings, None, carried=0)
     main([*map(str, parts.values()), "-o", str(tmp_path / "both.pt")])
-    hybrid, windows, found = map(read_checkpoint, (*parts.values(), tmp_path / "both.pt"))
+    hybrid, windows, joined = map(read_checkpoint, (*parts.values(), tmp_path / "both.pt"))
     assert hybrid.chip is not None
-    assert found.chip is not None
-    assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "reset")
+    assert joined.chip is not None
+    assert (joined.chip.target, joined.chip.strategy) == ("loihi-sim", "reset")
     for name, mantissas in hybrid.weights.items():
-        assert np.array_equal(found.weights[name], mantissas)
-        assert found.chip.populations[name].scale == hybrid.chip.populations[name].scale
-    wanted, unit = (
-        10.0 * windows.weights["location_output"],
-        found.chip.populations["window_output"].unit,
-    )
-    assert (
-        np.abs(found.float_weights["window_output"] - wanted).max()
-        <= 0.501 * unit
-        < np.abs(wanted).max() / 50
-    )
+        assert np.array_equal(joined.weights[name], mantissas)
+        assert joined.chip.populations[name].scale == hybrid.chip.populations[name].scale
+    # A potential of the windows counts 1.0 (their `count_scale`) and a spike of the hybrid 0.1, so weights are ten times as large.
+    expected = 10.0 * windows.weights["location_output"]
+    unit = joined.chip.populations["window_output"].unit
+    rounding_error = np.abs(joined.float_weights["window_output"] - expected).max()
+    # Half a unit, and a little for float32; the unit itself is small against the largest weight.
+    assert rounding_error <= 0.501 * unit
+    assert 0.501 * unit < np.abs(expected).max() / 50
 
     # What the compiler plays is what torch computes: nothing is rounded a second time.
-    compiled = lc.compile(found, events=made)
+    compiled = lc.compile(joined, events=recordings)
     match = compiled.report["match"]
     assert (match["spike_agreement"], match["prediction_agreement"]) == (1.0, 1.0)
     assert match["score_error"] < 1e-9
-    network = build_network(found.description, chip=found.chip)
-    network.load_weights(found.float_weights)
+    network = build_network(joined.description, chip=joined.chip)
+    network.load_weights(joined.float_weights)
     assert np.array_equal(
-        hw.simulate(compiled.program, made.spikes).prediction,
-        class_scores(network, made.spikes).argmax(axis=1),
+        hw.simulate(compiled.program, recordings.spikes).prediction,
+        class_scores(network, recordings.spikes).argmax(axis=1),
     )

@@ -1,8 +1,8 @@
 """The weight decays of the published configurations follow from the loss of the released code.
 
 To RMSprop only the ratio of gradient and weight decay counts. The released code sums its loss over a batch and over the
-steps of all outputs, ours is the mean over a batch of half the squared error of counts. So its weight decay divided by the
-ratio of the gradients is ours.
+steps of all outputs, ours is the mean over a batch of half the squared error of counts. So our weight decay is the released one
+divided by the ratio of the gradients, which is worked out here from the released formula.
 """
 
 from pathlib import Path
@@ -16,9 +16,12 @@ CONFIGS = Path(__file__).parents[2] / "examples/configs"
 BATCH = 8
 RELEASED_DECAY = 0.5
 LOCATIONS = 78
+"""Channels of one fingertip."""
 KERNEL_TAPS = 77
+"""Steps at which the released code cuts the response kernel off."""
 LAGS = np.arange(KERNEL_TAPS)
 KERNEL = LAGS / 10 * np.exp(1 - LAGS / 10)
+"""The response kernel with tau_sr 10."""
 
 
 def released_gradients(outputs: int) -> np.ndarray:
@@ -49,6 +52,7 @@ def test_published_weight_decay_of_the_hybrid_is_that_of_the_released_loss(
 
 
 def test_two_fingertips_have_the_weight_decays_of_the_docs() -> None:
+    # The figures of docs/research/results.md; two fingertips have 325 steps and 156 locations.
     gradients = released_gradients(325 + 156)
     assert gradients[:325] == pytest.approx(0.45, abs=0.001)
     assert 0.5 / gradients[0] == pytest.approx(1.11, abs=0.005)

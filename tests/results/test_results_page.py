@@ -1,4 +1,8 @@
-"""The results page: what it computes from figures, what it says of those that are missing, and commands that parse."""
+"""The results page: what it computes from figures of runs, what it says of missing ones, and that its commands parse.
+
+Figures of runs are made up, so that means, deviations and ratios can be checked by hand; the page that ships must follow from its
+tables and templates.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +24,13 @@ STUDY = Path(__file__).parents[2] / "docs/research/results"
 
 
 @pytest.fixture(autouse=True)
-def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def study_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let tests import the programs that lie next to their page."""
     monkeypatch.syspath_prepend(str(STUDY))
 
 
 def figures(**own: Any) -> dict[str, Any]:
+    """Return the figures of a made-up run of the hybrid on two recordings of Containers; ``own`` replaces some."""
     return {
         "epochs": 10, "chosen_epoch": 8, "validation_accuracy": 0.5, "test_accuracy": 0.75, "test_recordings": 4,
         "steps": 325, "fingertips": 1, "classes": 20, "chip_accuracy": 0.5, "reference_accuracy": 0.75,
@@ -38,6 +44,7 @@ def figures(**own: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def work(tmp_path: Path) -> Path:
+    """Return a folder with the figures of two seeds of the hybrid on Containers, and none of any other network."""
     for seed, accuracy in ((0, 0.75), (1, 0.25)):
         text = json.dumps(figures(test_accuracy=accuracy))
         (tmp_path / f"containers-hybrid-{seed}.json").write_text(text)
@@ -51,7 +58,7 @@ def test_ratios_of_the_printed_operations_are_those_of_the_other_column() -> Non
     assert (PRINTED_RATIOS[1], PRINTED_RATIOS[2]) == (corrected_ratios()[0], corrected_ratios()[2])
 
 
-def test_table_of_the_artificial_networks() -> None:
+def test_published_operations_of_artificial_networks_are_ours_rounded() -> None:
     from operation_tables import ann_table
     from tables import markdown
 
@@ -61,7 +68,7 @@ def test_table_of_the_artificial_networks() -> None:
     ]
 
 
-def test_rows_that_are_there_and_rows_that_are_not(work: Path) -> None:
+def test_a_row_has_mean_and_deviation_of_the_seeds_that_are_there(work: Path) -> None:
     from results_page import accuracy, read
     from tables import markdown
 
@@ -76,14 +83,14 @@ def test_operations_by_branch_with_the_transposition(work: Path) -> None:
     from operation_tables import operations, ratios
     from results_page import read
 
-    found = read(work)
-    assert operations(found)[1] == [
+    runs = read(work)
+    assert operations(runs)[1] == [
         ["Hybrid, lambda 1, loop, Containers: SNN_TSRM", "200", "200", "300", "300"],
         ["Hybrid, lambda 1, loop, Containers: SNN_LSRM", "100", "100", "150", "150"],
         ["Hybrid, lambda 1, loop, Containers: events transposed", "20", "20", "30", "30"],
         ["Hybrid, lambda 1, loop, Containers: together", "320", "320", "480", "480"],
     ]
-    assert ratios(found)[1][1] == [
+    assert ratios(runs)[1][1] == [
         "Hybrid, lambda 1, loop, Containers, against CNN-3D", "4,070,400", "12720.0", "8480.0", "8480.0",
     ]  # fmt: skip
 
@@ -98,7 +105,7 @@ def test_multiplications_and_additions_stand_apart(work: Path) -> None:
     assert hybrid == ["Hybrid, lambda 1, loop, Containers", "0", "320", "62 %", "31 %", "6 %"]
 
 
-def test_ratios_of_what_the_chip_does(work: Path) -> None:
+def test_ratios_to_the_synaptic_operations_of_the_chip_say_of_how_many_seeds(work: Path) -> None:
     from operation_tables import chip_ratios
     from results_page import read
 
@@ -125,14 +132,14 @@ def test_few_seeds_fill_only_the_operations_that_were_not_counted(work: Path) ->
         work / "results/chip-ratios.csv", (head, [[*rows[0][:3], "7", NOT_RUN, "9.9", NOT_RUN]])
     )
     (work / "containers-hybrid-1.json").unlink()
-    found = write_tables(read(work), work / "results")
-    assert found["chip-ratios"][1][0][3:] == [
+    tables_of_one_seed = write_tables(read(work), work / "results")
+    assert tables_of_one_seed["chip-ratios"][1][0][3:] == [
         "7",
         "300 (1 of 5 seeds)",
         "9.9",
         "13568.0 (1 of 5 seeds)",
     ]
-    assert found["accuracy"] == tables["accuracy"]
+    assert tables_of_one_seed["accuracy"] == tables["accuracy"]
 
 
 def test_confusions_name_the_pairs(work: Path) -> None:
@@ -181,8 +188,8 @@ def test_missing_seeds_say_how_many_are_there_and_how_long_one_takes() -> None:
     from results_page import missing
     from tables import NOT_RUN
 
-    some = ["TactileSGNet", "", "0.5 (1 of 5 seeds)", "", "", "0.5 ± 0.1", "", "", NOT_RUN, ""]
-    assert missing(([], [some])).splitlines() == [
+    row = ["TactileSGNet", "", "0.5 (1 of 5 seeds)", "", "", "0.5 ± 0.1", "", "", NOT_RUN, ""]
+    assert missing(([], [row])).splitlines() == [
         "- Objects: TactileSGNet (1 of 5 seeds, 18 min per seed).",
         "- Slip (synthetic): TactileSGNet (1 min per seed).",
     ]
@@ -191,10 +198,10 @@ def test_missing_seeds_say_how_many_are_there_and_how_long_one_takes() -> None:
 def test_every_part_of_the_page_is_filled(work: Path) -> None:
     from results_page import pages, read, write_tables
 
-    for found in (read(work), {}):
+    for runs in (read(work), {}):
         assert not [
             text
-            for text in pages(write_tables(found, work / "results"), None).values()
+            for text in pages(write_tables(runs, work / "results"), None).values()
             if "{{" in text
         ]
 
@@ -206,9 +213,9 @@ def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> No
     docs = STUDY.parent
     shutil.copytree(docs / "results", tmp_path / "results")
     splits = read_table(docs / "results/splits.csv")
-    found = pages(write_tables({}, tmp_path / "results"), splits)
-    assert found["results"] == (docs / "results.md").read_text(encoding="utf-8")
-    assert found["operations"] == (docs / "results/operations.md").read_text(encoding="utf-8")
+    texts = pages(write_tables({}, tmp_path / "results"), splits)
+    assert texts["results"] == (docs / "results.md").read_text(encoding="utf-8")
+    assert texts["operations"] == (docs / "results/operations.md").read_text(encoding="utf-8")
 
 
 def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
@@ -219,9 +226,9 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
     assert {path.stem for path in (work / "results").iterdir()} == {*TABLES}
     written = (work / "results/confusions.csv").read_text(encoding="utf-8")
     assert written.splitlines()[1] == '"Hybrid, lambda 1, loop, Containers",2,2 taken for 1: 2'
-    kept = STUDY
+    # Tables of other programs, and of runs that no program repeats (what-was-tried.md).
     tried = {"tried-hybrid", "tried-training", "tried-windows"}
-    assert {path.stem for path in kept.glob("*.csv")} == {
+    assert {path.stem for path in STUDY.glob("*.csv")} == {
         *TABLES,
         *chip_studies.TABLES,
         *tried,
@@ -239,16 +246,16 @@ def test_rows_without_figures_keep_what_stands_in_the_file(work: Path) -> None:
     folder = work / "results"
     tables = write_tables(read(work), folder)
     (head, rows), before_chip = tables["accuracy"], tables["chip"]
-    places = {row[0]: k for k, row in enumerate(rows)}
+    number_of_label = {row[0]: k for k, row in enumerate(rows)}
     measured = ["0.9", "0.700 ± 0.100", "0.600 (1 of 5 seeds)"]
-    rows[places["Hybrid, lambda 1, loop"]][4:7] = measured
-    rows[places["Tactile-SNN"]][5:7] = measured[1:]
+    rows[number_of_label["Hybrid, lambda 1, loop"]][4:7] = measured
+    rows[number_of_label["Tactile-SNN"]][5:7] = measured[1:]
     write_table(folder / "accuracy.csv", (head, rows))
-    found = dict((row[0], row) for row in write_tables(read(work), folder)["accuracy"][1])
+    row_of_label = dict((row[0], row) for row in write_tables(read(work), folder)["accuracy"][1])
     # Five seeds stay against two, in every column, and what was measured elsewhere stays.
-    assert found["Hybrid, lambda 1, loop"][4:7] == ["0.86", *measured[1:]]
-    assert found["Tactile-SNN"][5:7] == measured[1:]
-    assert found["CNN-3D"][5:7] == [NOT_RUN, NOT_RUN]
+    assert row_of_label["Hybrid, lambda 1, loop"][4:7] == ["0.86", *measured[1:]]
+    assert row_of_label["Tactile-SNN"][5:7] == measured[1:]
+    assert row_of_label["CNN-3D"][5:7] == [NOT_RUN, NOT_RUN]
     chip = write_tables({}, folder)["chip"]
     assert chip == before_chip
 
@@ -320,7 +327,7 @@ def test_slip_is_synthetic_and_small() -> None:
     assert (train_part.source, train_part.step_seconds) == ("synthetic touches", 0.001)
 
 
-def test_the_recipe_of_a_data_set_is_taken() -> None:
+def test_slip_is_trained_with_the_configuration_of_objects() -> None:
     from result_rows import DATASETS, ROWS
 
     row = next(row for row in ROWS if row.name == "window-snn")
@@ -334,10 +341,10 @@ def test_slip_recordings_are_written_where_the_commands_look(tmp_path: Path) -> 
     from result_rows import DATASETS
 
     subprocess.run([sys.executable, STUDY / "slip_recordings.py"], cwd=tmp_path, check=True)
-    for name, wanted in zip(
+    for name, expected in zip(
         ("slip.npz", "slip-test.npz"), parts(tmp_path, DATASETS["slip"]), strict=True
     ):
-        found = read_recordings(tmp_path / name)
-        assert np.array_equal(found.spikes, wanted.spikes)
-        assert np.array_equal(found.labels, wanted.labels)
-        assert found.step_seconds == wanted.step_seconds
+        written = read_recordings(tmp_path / name)
+        assert np.array_equal(written.spikes, expected.spikes)
+        assert np.array_equal(written.labels, expected.labels)
+        assert written.step_seconds == expected.step_seconds

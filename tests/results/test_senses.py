@@ -57,7 +57,7 @@ TASK = Task(
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Sixty recordings: channel and step of the only event of a recording say its number."""
+    """Return a folder with a set of sixty recordings; channel and step of the only event of each give its number."""
     folder = tmp_path_factory.mktemp("sets")
     spikes = np.zeros((RECORDINGS, CHANNELS, STEPS), dtype=np.uint8)
     for number in range(RECORDINGS):

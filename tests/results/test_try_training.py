@@ -1,4 +1,7 @@
-"""The comparison of ways of training: folds that share nothing, ways that load, scores that are made once."""
+"""The comparison of ways of training (``try_training.py``): no network is measured on recordings that it learned from.
+
+Networks are small and recordings made up. Training is wrapped, so that tests see which recordings each network learned from.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,8 @@ STUDY = Path(__file__).parents[2] / "docs/research/results"
 
 
 @pytest.fixture(autouse=True)
-def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def study_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let tests import the programs that lie next to their page."""
     monkeypatch.syspath_prepend(str(STUDY))
 
 
@@ -25,17 +29,19 @@ def test_every_recording_is_held_out_once_and_classes_are_spread(per_class: int)
     from ways import FOLDS, folds
 
     labels = np.repeat(np.arange(5), per_class)
-    found = folds(labels, 3)
-    counts = np.array([np.bincount(found[labels == label], minlength=FOLDS) for label in range(5)])
+    fold_of_recording = folds(labels, 3)
+    counts = np.array(
+        [np.bincount(fold_of_recording[labels == label], minlength=FOLDS) for label in range(5)]
+    )
     assert counts.sum() == len(labels)
     assert counts.min() == 3
     assert counts.max() <= 4
-    assert not np.array_equal(found, folds(labels, 4))
-    assert np.array_equal(found, folds(labels, 3))
+    assert not np.array_equal(fold_of_recording, folds(labels, 4))
+    assert np.array_equal(fold_of_recording, folds(labels, 3))
 
 
 @pytest.mark.parametrize("dataset", ["containers", "objects"])
-def test_ways_are_ones_that_train(dataset: str) -> None:
+def test_every_way_has_options_that_can_be_trained_and_names_ways_that_exist(dataset: str) -> None:
     from ways import Coarse, Committee, Distilled, Setting, settings_of
 
     known = settings_of(STUDY / "tried_settings.yaml")
@@ -58,7 +64,10 @@ Learned = list[list[int]]
 def compare(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[str], tuple[list[list[str]], Learned]]:
-    """Return what compares the ways of a YAML text on synthetic recordings: rows of the table, and what each network learned from."""
+    """Return a function that compares the ways of a YAML text on 24 synthetic recordings.
+
+    It returns the rows of the table, and for each network that was trained the numbers of the recordings that it learned from.
+    """
     import try_training
     import ways
 
@@ -95,6 +104,7 @@ def test_only_the_train_part_is_read_and_scores_are_made_once(
     text = "a: {label: one, options: {epochs: 2}}\nb: {label: both, members: {a: 2.0}}\nc: {label: none, members: {d: 1.0}}\n"
     compare(text)
     rows, learned = compare(text)
+    # Four networks, one per fold, although the comparison ran twice; each learned from 18 of 24 recordings.
     assert [len(each) for each in learned] == [18] * 4
     assert rows[0] == [
         "training", "parts", "accuracy", "standard error", "three quarters", "half", "quarter",
@@ -120,6 +130,7 @@ def test_rows_of_other_ways_stay(compare: Any) -> None:
 def test_a_setting_begins_with_the_network_of_another_that_learned_from_the_same_folds(
     compare: Any, tmp_path: Path
 ) -> None:
+    # "b" hardly learns, so it must score as "a", with which it begins.
     still = "options: {epochs: 1, learning_rate: 1.0e-9, weight_decay: 0.0}"
     rows, learned = compare(
         f"a: {{label: one, options: {{epochs: 9}}}}\nb: {{label: two, begin: a, {still}}}\n"
@@ -130,7 +141,7 @@ def test_a_setting_begins_with_the_network_of_another_that_learned_from_the_same
     assert learned[4::2] == learned[5::2] == learned[:4]
     first, second = (np.load(tmp_path / f"containers-{name}-0.npy") for name in "ab")
     assert np.allclose(first, second, atol=1e-6)
-    assert np.abs(first).max() > 0.1
+    assert np.abs(first).max() > 0.1  # or both would be equal because they learned nothing
 
 
 def test_teachers_know_neither_what_they_score_nor_what_is_held_out(
@@ -143,37 +154,39 @@ def test_teachers_know_neither_what_they_score_nor_what_is_held_out(
     labels = synthetic_touches(24, steps=24, classes=3, seed=1).labels
     fold = folds(labels, 0)
     # First the four networks of "a", then six teachers, each before the first student that hears it, and four students.
-    after = [sorted(set(fold[rows])) for rows in learned[4:]]
-    students = [known for known in after if len(known) == 3]
-    teachers = [known for known in after if len(known) == 2]
+    folds_learned = [sorted(set(fold[rows])) for rows in learned[4:]]
+    students = [known for known in folds_learned if len(known) == 3]
+    teachers = [known for known in folds_learned if len(known) == 2]
     assert students == [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]
     assert sorted(teachers) == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
     for first, second in teachers:
-        said = np.load(tmp_path / f"containers-a-0-of-{first}-{second}.npy")
-        assert np.array_equal(np.isnan(said).all(axis=1), np.isin(fold, [first, second]))
-        assert np.array_equal(np.isnan(said).any(axis=1), np.isin(fold, [first, second]))
+        scores = np.load(tmp_path / f"containers-a-0-of-{first}-{second}.npy")
+        assert np.array_equal(np.isnan(scores).all(axis=1), np.isin(fold, [first, second]))
+        assert np.array_equal(np.isnan(scores).any(axis=1), np.isin(fold, [first, second]))
 
 
 def test_a_student_of_teachers_alone_follows_them(compare: Any, tmp_path: Path) -> None:
-    """With the whole weight on teachers that say the wrong class, the student is wrong: labels are not heard."""
+    """If only teachers count and they predict the wrong class, the student is wrong: it does not learn from labels."""
     import distilling
     from ways import Distilled, Division, settings_of
 
     made = synthetic_touches(24, steps=24, classes=3, seed=1)
     (tmp_path / "own.yaml").write_text("a: {label: one, options: {epochs: 40}}\n")
-    of = Division("containers", made, 0, tmp_path, tmp_path, settings_of(tmp_path / "own.yaml"))
-    rows = np.flatnonzero(of.fold != 0)
-    wrong = (of.labels + 1) % 3
+    division = Division(
+        "containers", made, 0, tmp_path, tmp_path, settings_of(tmp_path / "own.yaml")
+    )
+    rows = np.flatnonzero(division.fold != 0)
+    wrong = (division.labels + 1) % 3
     for pair in ("1-2", "1-3", "2-3"):
         np.save(tmp_path / f"containers-a-0-of-{pair}.npy", 20.0 * np.eye(3)[wrong])
-    found = {
-        weight: distilling.distilled(Distilled("", ("a",), "a", weight), of, rows)(
+    predicted = {
+        weight: distilling.distilled(Distilled("", ("a",), "a", weight), division, rows)(
             made.spikes[rows]
         ).argmax(axis=1)
         for weight in (0.0, 1.0)
     }
-    assert (found[0.0] == of.labels[rows]).mean() > 0.9
-    assert (found[1.0] == wrong[rows]).mean() > 0.9
+    assert (predicted[0.0] == division.labels[rows]).mean() > 0.9
+    assert (predicted[1.0] == wrong[rows]).mean() > 0.9
 
 
 def test_a_learning_curve_measures_on_the_fold_that_is_held_out(
@@ -232,24 +245,25 @@ def test_copies_move_and_lose_what_leaves(by: int, wanted: list[int]) -> None:
 
 
 def test_the_chip_plays_the_weights_that_were_trained(tmp_path: Path) -> None:
-    """Trained at two bits, the program says what the network in training did; rounded later, something else."""
+    """The program of a network trained at two bits scores as the network in training; rounded after training, it does not."""
     from coarse import coarse
     from ways import Coarse, Division, Setting
 
     from locsnn_compile.training.measure import class_scores
 
-    made = synthetic_touches(24, steps=24, classes=3, seed=1)
+    recordings = synthetic_touches(24, steps=24, classes=3, seed=1)
     on_chip = {"target": "loihi-sim", "weight_bits": 2, "weight_room": 0.5}
     known = {
         "a": Setting("one", {"epochs": 20}),
         "on chip": Setting("one", {"epochs": 20} | on_chip),
     }
-    of, rows = Division("containers", made, 0, tmp_path, tmp_path, known), np.arange(18)
-    _, network = known["on chip"].trained(of, rows)
-    wanted = class_scores(network, made.spikes)
+    division, rows = Division("containers", recordings, 0, tmp_path, tmp_path, known), np.arange(18)
+    _, network = known["on chip"].trained(division, rows)
+    expected = class_scores(network, recordings.spikes)
     trained, later = (
-        coarse(Coarse("", "a", 2, held, 0.5), of, rows)(made.spikes) for held in (True, False)
+        coarse(Coarse("", "a", 2, held, 0.5), division, rows)(recordings.spikes)
+        for held in (True, False)
     )
-    same, other = (np.corrcoef(found.ravel(), wanted.ravel())[0, 1] for found in (trained, later))
+    same, other = (np.corrcoef(found.ravel(), expected.ravel())[0, 1] for found in (trained, later))
     assert same > 0.999999
     assert other < 0.9995
