@@ -234,7 +234,7 @@ KEEPS_ALL = DECAYS.low
 """The decay that loses nothing."""
 FORGETS = DECAYS.high
 """The decay that keeps nothing."""
-MANTISSAS = Domain(-256, 255)
+MANTISSAS = Domain(low=-256, high=255)
 """Mantissas of weights over all synapse formats."""
 EXPONENTS = Domain(WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1])
 

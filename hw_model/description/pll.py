@@ -34,14 +34,14 @@ class Range(Frozen):
 
 # Timing of the sysCLOCK PLL in the data sheets of ECP5 (FPGA-DS-02012) and iCE40 UltraPlus
 # (FPGA-DS-02008).
-ECP5_DETECTOR = Range(10, 400)
-ECP5_OSCILLATOR = Range(400, 800)
-ECP5_OUTPUT = Range(4, 400)
+ECP5_DETECTOR = Range(low=10, high=400)
+ECP5_OSCILLATOR = Range(low=400, high=800)
+ECP5_OUTPUT = Range(low=4, high=400)
 ECP5_DIVIDERS = range(1, 129)
 """Values of CLKI_DIV, of CLKOP_DIV, which feeds back (CLKFB_DIV is 1), and of CLKOS_DIV, the output."""
-ICE40_DETECTOR = Range(10, 133)
-ICE40_OSCILLATOR = Range(533, 1066)
-ICE40_OUTPUT = Range(16, 275)
+ICE40_DETECTOR = Range(low=10, high=133)
+ICE40_OSCILLATOR = Range(low=533, high=1066)
+ICE40_OUTPUT = Range(low=16, high=275)
 ICE40_DIVR = range(16)
 ICE40_DIVF = range(128)
 ICE40_DIVQ = range(1, 7)

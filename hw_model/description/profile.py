@@ -105,7 +105,7 @@ UNPRICED = Profile(
     basis="cycle-exact model of the RTL core at the placed clock",
     energy_pj={},
     time_ns={},
-    barrier_ns=Barrier(0.0, 0.0),
+    barrier_ns=Barrier(one_tile=0.0, all_tiles=0.0),
     not_included=(),
 )
 """The profile of an open core without one: its clock cycles are counted, and nothing is priced."""

@@ -52,7 +52,9 @@ def _play_silence() -> None:
     program = program_of_one_chunk()
     phase = program.phases[0]
     events = list_events("x", np.zeros((1, 1, 1), dtype=np.uint8))
-    run_phase(program, phase.name, play(program, phase, {"x": events}, None, Player()), {})
+    run_phase(
+        program, phase.name, play(program, phase, {"x": events}, steps=None, player=Player()), {}
+    )
 
 
 if __name__ == "__main__":

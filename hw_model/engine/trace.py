@@ -48,7 +48,7 @@ class Window(Frozen, eq=False):
         return np.zeros((batch, self.stop - self.start, len(self.columns)), dtype=np.int64)
 
 
-NOTHING = Window(np.empty(0, dtype=np.int64), 0, 0)
+NOTHING = Window(np.empty(0, dtype=np.int64), start=0, stop=0)
 """A window that records nothing."""
 
 

@@ -137,7 +137,7 @@ def _number_rules(core: Core, registers: Registers) -> list[Rule]:
         Rule("weights", _within(core.axons.mantissa, *loihi.MANTISSAS)),
         Rule("decays", _are_integers_within(decays, *loihi.DECAYS)),
         Rule("refractory periods", _are_integers_within(refractory, *domains["refractory"])),
-        Rule("joints", _are_integers_within(joined, 0, 1)),
+        Rule("joints", _are_integers_within(joined, low=0, high=1)),
         Rule("formats", formats),
     ]
 

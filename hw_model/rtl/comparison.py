@@ -40,7 +40,16 @@ def compare(
     - ``sizes``: the sizes of the core, if the chip is not an open core, which has sizes of its own
     """
     expected = simulate(program, spikes, probe=KINDS)
-    on_core, answers = play_on_core(program, spikes, None, KINDS, simulator, texts, sizes, patience)
+    on_core, answers = play_on_core(
+        program,
+        spikes,
+        steps=None,
+        probe=KINDS,
+        simulator=simulator,
+        texts=texts,
+        sizes=sizes,
+        patience=patience,
+    )
     core_figures = dict(zip(ANSWER, answers.T, strict=True))
     # Pairs of arrays to compare: (of the simulator, of the core).
     pairs: list[tuple[Any, Any]] = []
@@ -58,7 +67,9 @@ def compare(
     streams, _ = read_streams(program, spikes)
     # (batch, steps, channels) of all inputs, side by side.
     recordings = np.concatenate(list(streams.values()), axis=2)
-    core = CoreProgram(program, recordings.shape[1], None, program.chip.open_core or sizes)
+    core = CoreProgram(
+        program, recordings.shape[1], steps=None, sizes=program.chip.open_core or sizes
+    )
     predicted = predicted_cycles(core, recordings, expected.spikes)
     cycles = core_figures["cycles"].tolist()
     return {

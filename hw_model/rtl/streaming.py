@@ -37,11 +37,11 @@ def stream(
     # The sizes of a simulated board. Boards have neither steps nor shared places, as only a chip
     # does.
     plain = replace(program.chip.open_core or SIMULATED, step=0, places=0)
-    sizes = CoreProgram(program, rows, None, plain).simulated(SIMULATED)
+    sizes = CoreProgram(program, rows, steps=None, sizes=plain).simulated(SIMULATED)
     with closing(open_port(port, baud, sizes)) as line:
         try:
             board = Board(line)
-            core = CoreProgram(program, rows, None, board.sizes)
+            core = CoreProgram(program, rows, steps=None, sizes=board.sizes)
             board.load(core)
             board.report(report)
             answers = [board.play(core, recording) for recording in recordings]

@@ -99,7 +99,7 @@ def play_program(
     potential: dict[str, IntArray] = {}
     counts: list[dict[str, SpinnakerCounts]] = [{} for _ in range(batch)]
     for phase in program.network.phases:
-        played = play(program, phase, events, None, Player())
+        played = play(program, phase, events, steps=None, player=Player())
         play_rows = player_of(program.network, phase, engine)
         runs = [_run(play_rows, played, recording) for recording in range(batch)]
         for name, columns in program.network.columns_of(phase.name).items():
@@ -116,7 +116,7 @@ def play_recording(program: SpinnakerProgram, recording: AnyArray) -> dict[str, 
     events = _events(program, np.asarray(recording)[None])
     runs = {}
     for phase in program.network.phases:
-        played = play(program, phase, events, None, Player())
+        played = play(program, phase, events, steps=None, player=Player())
         runs[phase.name] = _run(player_of(program.network, phase, "fast"), played, recording=0)
     return runs
 

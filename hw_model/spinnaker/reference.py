@@ -94,7 +94,7 @@ def checked_rows(
         fix = "Give a row of 0 and 1 for each step."
         raise InputError("input spikes", "they do not fit the lines", measured=measured, fix=fix)
     if lateness is None:
-        return PhaseRows(rows.astype(np.uint8), None)
+        return PhaseRows(rows.astype(np.uint8), lateness=None)
     late_steps = np.asarray(lateness)
     shape = (len(rows), lines + network.neurons_of(phase))
     in_range = (late_steps >= 0) & (late_steps <= spinnaker.LATENESS_MAX)

@@ -88,7 +88,7 @@ class FastXylo:
     def __init__(self, network: XyloNetwork) -> None:
         self._network = network
         self._hidden = _neurons(network.hidden, network.aliases)
-        self._outputs = _neurons(network.outputs, None)
+        self._outputs = _neurons(network.outputs, aliases=None)
         self._charges = Charges(
             from_inputs=_charges(network.weights_in, network.shift_in),
             among_hidden=_charges(network.weights_hidden, network.shift_hidden),

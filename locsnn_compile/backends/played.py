@@ -127,7 +127,7 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
     runs = {}
     lines = {}
     for phase in program.phases:
-        phase_input = play(program, phase, events, None, Player())
+        phase_input = play(program, phase, events, steps=None, player=Player())
         run = range(int(phase_input.start[0]), int(phase_input.stop[0]))
         runs[phase.name] = run
         lines[phase.name] = phase_input.lines(0)[run.start : run.stop]

@@ -99,7 +99,9 @@ def _signals(
         steps = np.array(played.runs[phase.name], dtype=np.int64)
         # One value more than steps: the phase ends in the step after its last.
         running = np.append(np.ones_like(steps), 0)
-        yield _Signal((phase_name,), "running", "wire", 1, start, running, before="0")
+        yield _Signal(
+            (phase_name,), "running", "wire", width=1, start=start, values=running, before="0"
+        )
         yield _Signal((phase_name,), "step", "integer", _STEP_BITS, start, steps)
         for group, i in compartments:
             if group not in played.program.columns_of(phase.name):
@@ -110,7 +112,7 @@ def _signals(
                 yield _Signal(scopes, register, "reg", width, start, values)
             if group in played.result.spikes:
                 spikes = played.recorded(phase.name, "spikes", group)[:, i].astype(np.int64)
-                yield _Signal(scopes, "spike", "wire", 1, start, spikes)
+                yield _Signal(scopes, "spike", "wire", width=1, start=start, values=spikes)
         start += len(steps)
 
 

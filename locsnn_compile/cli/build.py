@@ -234,7 +234,7 @@ def check_and_calibration_recordings(
     division_options = given_options(args, ("--split", "--fold"))
     if args.events is None:
         _refuse_reading_options(args, division_options)
-        return recordings_for(network, None), _calibration(args, network)
+        return recordings_for(network, events=None), _calibration(args, network)
     if network.host is not None:
         return _values_through_host(args, network), _calibration(args, network)
     reading = {"model": network.expected, **reading_options(args)}

@@ -133,7 +133,7 @@ def _explore(
     )
     store = Store(folder / "points", Point)
     with progress_bar("exploring", show=not args.quiet) as progress:
-        widest_bits = weight_bits_of(chip, None)
+        widest_bits = weight_bits_of(chip, bits=None)
         grid = settings(network, values_to_try, widest_bits)
         points = sweep(study, grid, store, spread, progress)
         bounds = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)

@@ -249,7 +249,7 @@ def _client(distributed: Any, address: str) -> Any:
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
     """Give a ``distributed.Client`` of a scheduler that has at least one worker; all must run this code."""
-    distributed = needed("distributed", "dask", "--scheduler")
+    distributed = needed(package="distributed", extra="dask", where="--scheduler")
     # When a scheduler is lost, Dask logs dozens of lines; here it is one of the errors below.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)

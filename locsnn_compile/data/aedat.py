@@ -32,12 +32,12 @@ from locsnn_compile.data.file_headers import FileHeader, split_header
 from locsnn_compile.errors import InputError
 
 _SIZES = {
-    "dvs128": SensorSize(128, 128),
-    "davis128": SensorSize(128, 128),
-    "davis208": SensorSize(208, 192),
-    "davis240": SensorSize(240, 180),
-    "davis346": SensorSize(346, 260),
-    "davis640": SensorSize(640, 480),
+    "dvs128": SensorSize(width=128, height=128),
+    "davis128": SensorSize(width=128, height=128),
+    "davis208": SensorSize(width=208, height=192),
+    "davis240": SensorSize(width=240, height=180),
+    "davis346": SensorSize(width=346, height=260),
+    "davis640": SensorSize(width=640, height=480),
 }
 """Cameras by how their names begin, in lower case. Sizes: iniVation's page on AEDAT 3.1."""
 _AEDAT2_FIRST_LINES = (b"#!AER-DAT2.0",)

@@ -114,7 +114,7 @@ def level_spikes(signals: FloatArray, threshold: float) -> Encoded:
         # By one threshold per step at most, because there is one spike per step at most.
         level += threshold * (has_risen.astype(np.float64) - has_fallen)
         decoded[:, step] = level
-    return Encoded(spikes, signals, decoded, Channels(signal_count, 1, 2))
+    return Encoded(spikes, signals, decoded, Channels(signal_count, rows=1, polarities=2))
 
 
 def _shares(values: FloatArray) -> FloatArray:

@@ -162,7 +162,9 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     polarity = fields[2] >> 7
     if suffix == ".bs1":
         neuron = fields[0] << 8 | fields[1]
-        return EventStream(times, neuron, None, polarity, place=where, step_rule=SLAYER_RULE)
+        return EventStream(
+            times, neuron, y=None, polarity=polarity, place=where, step_rule=SLAYER_RULE
+        )
     x, y = fields[0], fields[1]
     if suffix == ".bs2":
         return EventStream(times, x, y, polarity, place=where, step_rule=SLAYER_RULE)

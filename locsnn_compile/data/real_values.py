@@ -97,7 +97,7 @@ def read_real_values(path: Path | str) -> RealValues:
     values = _numbers(entries[names[0]], where)
     seconds = entries.get("step_seconds")
     step_seconds = None if seconds is None else float(seconds.reshape(-1)[0])
-    unlabelled = RealValues(values, None, step_seconds, path.name)
+    unlabelled = RealValues(values, labels=None, step_seconds=step_seconds, source=path.name)
     return _labelled(unlabelled, entries.get("labels", labels_beside(path, len(values))))
 
 

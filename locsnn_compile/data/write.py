@@ -86,7 +86,7 @@ def write_recordings(
 def npz_bytes(recordings: Recordings) -> bytes:
     """Return the content of a ``.npz`` file of recordings, which holds everything."""
     recordings = by_pixel(recordings)
-    entries = _entries(recordings, "npz", f"recordings {recordings.source!r}", None)
+    entries = _entries(recordings, "npz", f"recordings {recordings.source!r}", sensor=None)
     return pack_arrays(entries, compressed=False)
 
 

@@ -114,7 +114,7 @@ def _made_up(network: Network) -> Recordings:
     carried = network.recordings
     if carried is not None and carried.origin == "made up":
         return carried
-    return recordings_for(replace(network, recordings=None), None)
+    return recordings_for(replace(network, recordings=None), events=None)
 
 
 def as_read(recordings: Recordings) -> Chosen:

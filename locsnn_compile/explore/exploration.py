@@ -75,11 +75,11 @@ def recommend(
     front = _front_with_figures(points)
     if not budget.given:
         why = "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
-        return Recommendation(None, why)
+        return Recommendation(taken=None, why=why)
     within_budget = [(point, figures) for point, figures in front if figures.keeps(budget)]
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not within_budget:
-        return Recommendation(None, f"no setting keeps {bounds}; {_nearest_words(front)}")
+        return Recommendation(taken=None, why=f"no setting keeps {bounds}; {_nearest_words(front)}")
     point, figures = _cheapest(within_budget, SPIKE_WORTH if by_default else 0.0)
     cost = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
     if by_default:

@@ -153,7 +153,7 @@ def auto_bounds(
     That strategy, with the widest weights, is measured here if it is not among the points.
     """
     figures_of = {point.setting: point.figures for point in points}
-    widest_bits = weight_bits_of(study.chip, None)
+    widest_bits = weight_bits_of(study.chip, bits=None)
     for setting in usual_settings(study.network, widest_bits):
         if setting in figures_of:
             figures = figures_of[setting]

@@ -265,10 +265,10 @@ class NetworkDescription(Frozen):
             require_rising(
                 name,
                 delays,
-                0,
-                MAX_DELAY,
-                "whole numbers of steps",
-                "Give, for example, 0 20 40 60.",
+                least=0,
+                most=MAX_DELAY,
+                what="whole numbers of steps",
+                fix="Give, for example, 0 20 40 60.",
             )
             # Neurons that count in windows receive from all steps at once, and a Xylo has no delays.
             dense = (

@@ -84,10 +84,10 @@ class WindowParameters(Checked):
         require_rising(
             "windows 'levels'",
             self.levels,
-            1,
-            self.steps,
-            "numbers of events",
-            "Give, for example, 1 2.",
+            least=1,
+            most=self.steps,
+            what="numbers of events",
+            fix="Give, for example, 1 2.",
         )
 
     def starts(self, steps: int) -> IntArray:

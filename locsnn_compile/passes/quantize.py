@@ -82,7 +82,7 @@ def quantize_by(
             if population.name not in network.readout.from_step:
                 _check_voltage(population, neuron, chip)
             populations.append(
-                QuantizedPopulation(population, neuron, np.ones(population.size), None)
+                QuantizedPopulation(population, neuron, np.ones(population.size), measure_fit=None)
             )
             rounded = [[p] for p in incoming if isinstance(p, ChipProjection)]
         else:

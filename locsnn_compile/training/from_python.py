@@ -197,7 +197,7 @@ def train(  # noqa: PLR0913 - public: each is an option of its own
         values = read_config(config) if isinstance(config, str | Path) else config or {}
         config = config_from_mapping(values)
     if isinstance(recordings, str | Path):
-        train_part, test_of_file = read_parts(recordings, config, None)
+        train_part, test_of_file = read_parts(recordings, config, start=None)
         test = test or test_of_file
     else:
         train_part = _adapted_to_options(

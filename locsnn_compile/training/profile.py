@@ -45,9 +45,9 @@ def _panel(title: str, curves: tuple[Curve, ...]) -> Panel:
 
 def tensorboard_log(folder: Path) -> Progress:
     """Return a function that writes every epoch's figures into a folder; ``InputError`` without TensorBoard."""
-    writer = needed("torch.utils.tensorboard", "tensorboard", "--tensorboard").SummaryWriter(
-        str(folder)
-    )
+    writer = needed(
+        package="torch.utils.tensorboard", extra="tensorboard", where="--tensorboard"
+    ).SummaryWriter(str(folder))
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         for name in ("learning_rate", "loss", "validation_loss", "validation_accuracy"):

@@ -145,7 +145,7 @@ def by_margin(margins) -> str:
 
 def why(levels, match: Match, diagnosis) -> str:
     """Return the place and the cause of the first divergence, as the report words them."""
-    grounds = Grounds(None, "given", ())
+    grounds = Grounds(step_seconds=None, events_origin="given", assumptions=())
     report = report_figures(levels, match, grounds, Findings(diagnosis))
     first = match.first_divergence
     assert first is not None

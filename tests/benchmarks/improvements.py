@@ -63,7 +63,7 @@ def section(data: Path, dataset: str) -> str:
         "energy",
     ]
     rows = [measured(words, quantized, test) for words, quantized in steps(network, calibration)]
-    synthetic = calibrate(network, recordings_for(network, None), CHIP.registers)
+    synthetic = calibrate(network, recordings_for(network, events=None), CHIP.registers)
     other = [
         measured("default, for 16 synthetic touches", fine(network, synthetic), test),
         *(

@@ -178,7 +178,7 @@ def test_the_commands_of_the_results_hold_no_unused_options(monkeypatch):
     """Configurations are shared between networks, and options lie over them."""
     monkeypatch.chdir(ROOT)
     for command in commands_of_the_results():
-        training_config(main_parser().parse_args(command), None)
+        training_config(main_parser().parse_args(command), start=None)
 
 
 def test_what_matters_to_a_model():

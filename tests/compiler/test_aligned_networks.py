@@ -103,7 +103,7 @@ def test_a_touch_means_the_same_whenever_it_comes():
     assert np.array_equal(hw.simulate(program, later).scores, scores)
     assert np.array_equal(evaluate(network, touch).scores, evaluate(network, later).scores)
     # Without the alignment the later touch gives other scores.
-    unaligned = lower(aligned(network, None, None), CHIP, weight_bits=8).program
+    unaligned = lower(aligned(network, time=None, location=None), CHIP, weight_bits=8).program
     assert not np.array_equal(hw.simulate(unaligned, later).scores, scores)
 
 
@@ -147,7 +147,7 @@ def test_steps_before_the_touch_cost_nothing():
         return result.counts_by_phase["time"], latency.total_ns
 
     late_counts, late_ns = costs_of(network)
-    all_counts, all_ns = costs_of(aligned(network, None, None))
+    all_counts, all_ns = costs_of(aligned(network, time=None, location=None))
     assert late_counts.neuron_updates * 4 == all_counts.neuron_updates
     assert late_counts.synaptic_ops == all_counts.synaptic_ops
     assert late_counts.spikes == all_counts.spikes
@@ -155,7 +155,7 @@ def test_steps_before_the_touch_cost_nothing():
 
 
 def test_levels_say_where_a_recording_starts():
-    network = aligned(hybrid(), 1, 3)
+    network = aligned(hybrid(), time=1, location=3)
     levels = lower(network, CHIP, weight_bits=8)
     assert (
         "input touch: 4 lines over 12 time steps, from the first step with 1 or more events on\n"
@@ -194,7 +194,9 @@ def biased_in_another_phase():
 def two_starts():
     """Return a hybrid with two inputs of the time axis that start at different numbers of events."""
     network = aligned(hybrid())
-    return replace(network, views=(*network.views, InputView("other", "time", 4, align_events=2)))
+    return replace(
+        network, views=(*network.views, InputView("other", "time", lines=4, align_events=2))
+    )
 
 
 @pytest.mark.parametrize(

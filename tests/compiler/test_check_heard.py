@@ -38,7 +38,7 @@ NEURONS = [
 
 def check(neuron, weight, mantissa=0):
     """Check a neuron with one weight that was rounded to ``mantissa``."""
-    population = Population("n", "time", 1, neuron)
+    population = Population("n", "time", size=1, neuron=neuron)
     weights = np.array([[0.0, weight]])
     rounded = ChipProjection("x", "n", np.array([[0, mantissa]]), exponent=0, weight_bits=8)
     task = Task(

@@ -133,13 +133,49 @@ def losses(spike_error, cost, score_error=0.0):
     [
         # As measured with the example network objects-hybrid: losing 1 % more of the spikes saves 0.06 % of the cycles,
         # or 2.5 % of the energy.
-        pytest.param(losses(0.0083, 2_459_142), losses(0.0182, 2_457_662), 5, "exact", id="cycles"),
-        pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 5, "exact", id="energy"),
+        pytest.param(
+            losses(spike_error=0.0083, cost=2_459_142),
+            losses(spike_error=0.0182, cost=2_457_662),
+            5,
+            "exact",
+            id="cycles",
+        ),
+        pytest.param(
+            losses(spike_error=0.0083, cost=11.017),
+            losses(spike_error=0.0182, cost=10.743),
+            5,
+            "exact",
+            id="energy",
+        ),
         # 5 % more of the spikes have to save 25 %.
-        pytest.param(losses(0.05, 100), losses(0.10, 79), 5, "cheap", id="saves a fifth"),
-        pytest.param(losses(0.05, 100), losses(0.10, 81), 5, "exact", id="saves less"),
-        pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 1, "cheap", id="worth less"),
-        pytest.param(losses(0.0083, 11.017), losses(0.0182, 10.743), 0, "cheap", id="cost alone"),
+        pytest.param(
+            losses(spike_error=0.05, cost=100),
+            losses(spike_error=0.10, cost=79),
+            5,
+            "cheap",
+            id="saves a fifth",
+        ),
+        pytest.param(
+            losses(spike_error=0.05, cost=100),
+            losses(spike_error=0.10, cost=81),
+            5,
+            "exact",
+            id="saves less",
+        ),
+        pytest.param(
+            losses(spike_error=0.0083, cost=11.017),
+            losses(spike_error=0.0182, cost=10.743),
+            1,
+            "cheap",
+            id="worth less",
+        ),
+        pytest.param(
+            losses(spike_error=0.0083, cost=11.017),
+            losses(spike_error=0.0182, cost=10.743),
+            0,
+            "cheap",
+            id="cost alone",
+        ),
         pytest.param(
             losses(spike_error=None, cost=100, score_error=0.01),
             losses(spike_error=None, cost=99, score_error=0.04),
@@ -147,7 +183,13 @@ def losses(spike_error, cost, score_error=0.0):
             "exact",
             id="scores",
         ),
-        pytest.param(losses(0.1, 0), losses(0.1, 0), 5, "exact", id="no cost, no difference"),
+        pytest.param(
+            losses(spike_error=0.1, cost=0),
+            losses(spike_error=0.1, cost=0),
+            5,
+            "exact",
+            id="no cost, no difference",
+        ),
     ],
 )
 def test_errors_are_weighed_against_the_cost(exact, cheap, spike_worth, taken):

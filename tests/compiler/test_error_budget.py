@@ -230,7 +230,7 @@ def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
     levels = lower(network, CHIP, weight_bits=2)
     played = recordings(network, samples=4)
     match = compare(Observed(levels, played))
-    budget = diagnose(Observed(levels, played), None).budget
+    budget = diagnose(Observed(levels, played), first=None).budget
     assert budget.together.spikes.mismatches == budget.alone["weights"].spikes.mismatches == 0
     assert match.scores.relative_error > 0.1
     assert budget.together.scores == match.scores

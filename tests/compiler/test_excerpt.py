@@ -69,7 +69,7 @@ def test_the_potential_is_that_of_the_neuron_that_differs_first(levels, played):
 
 
 def test_without_a_difference_the_readout_is_shown(network, levels, played):
-    excerpt = take_excerpt(Observed(levels, played), None)
+    excerpt = take_excerpt(Observed(levels, played), first=None)
     read_out = network.readout.populations[0]
     spikes = evaluate(network, played[:1]).spikes[read_out][0]
     assert excerpt.recording == 0
@@ -119,8 +119,8 @@ def test_neurons_that_differ_are_shown_before_those_that_spike_most(levels, monk
     spikes[0, 1] = 1
     spikes[:3, 3] = 1
     population = levels.network.populations[0]
-    assert module.rows_shown(population, spikes, spikes, None).numbers.tolist() == [1, 3]
+    assert module.rows_shown(population, spikes, spikes, first=None).numbers.tolist() == [1, 3]
     # Neuron 0 spikes on the chip only, and displaces neuron 1, which spikes once on both sides.
     chip_spikes = spikes.copy()
     chip_spikes[4, 0] = 1
-    assert module.rows_shown(population, spikes, chip_spikes, None).numbers.tolist() == [0, 3]
+    assert module.rows_shown(population, spikes, chip_spikes, first=None).numbers.tolist() == [0, 3]

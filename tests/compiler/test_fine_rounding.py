@@ -101,18 +101,18 @@ def test_synapses_of_a_weight_are_on_the_grid_and_add_up(seed, bits, largest, co
 
 def test_a_weight_takes_the_finest_grade_that_holds_it():
     """With 8 bits a grade holds 255 steps; a weight must leave room for one, so 254, 508 and 1016 are the limits."""
-    grades = Grades.holding(1000.0, 8)
+    grades = Grades.holding(largest=1000.0, weight_bits=8)
     assert grades == Grades(8, (0, 1, 2))
     magnitudes = np.array([0.0, 254.0, 254.5, 508.0, 509.0, 1000.0])
     assert grades.grade(magnitudes).tolist() == [0, 0, 1, 1, 2, 2]
     assert [grades.exponent(k) for k in grades.numbers] == [0, 1, 2]
-    assert Grades.holding(1000.0, 8, count=1) == Grades(8, (2,))
-    assert Grades.holding(1e9, 8) == Grades(8, (4, 5, 6, 7))
+    assert Grades.holding(largest=1000.0, weight_bits=8, count=1) == Grades(8, (2,))
+    assert Grades.holding(largest=1e9, weight_bits=8) == Grades(8, (4, 5, 6, 7))
     assert coarsest(8) == 7
 
 
 def test_split_weights_of_few_bits_are_as_fine_as_one_of_twice_the_bits():
-    grades = Grades.holding(1000.0, 4, count=3, split=True)
+    grades = Grades.holding(largest=1000.0, weight_bits=4, count=3, split=True)
     assert grades == Grades(4, (1, 2, 3, 5, 6, 7))
     assert grades.second_grade(np.array([7, 6, 5, 3, 1])).tolist() == [3, 2, 1, 1, 1]
 

@@ -100,7 +100,7 @@ def test_integer_weights_of_too_many_exponents_are_refused():
     weights = np.array([[100, -100, 0, 0, 0, 0]])
     network = replace(
         single(NEURON, np.zeros((1, 6)), steps=90),
-        populations=(Population("n", "time", 1, neuron),),
+        populations=(Population("n", "time", size=1, neuron=neuron),),
         projections=tuple(
             ChipProjection("touch", "n", weights, exponent, weight_bits=8)
             for exponent in range(-8, 1)

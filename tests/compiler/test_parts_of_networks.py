@@ -168,7 +168,7 @@ def test_weights_of_both_signs_become_one_list_or_two(signs, expected):
     network = single(LEAKY, np.ones((2, 2)))
     mantissa = matrix(np.array([[20, 40], [-30, 0]]), np.int64)
     projection = ChipProjection("touch", "n", mantissa, exponent=0, weight_bits=8, signs=signs)
-    population = Population("n", "time", 2, INTEGERS)
+    population = Population("n", "time", size=2, neuron=INTEGERS)
     network = replace(network, populations=(population,), projections=(projection,))
     levels = lower(network, CHIP, weight_bits=8)
     lists = [(s.sign_mode, s.mantissa.tolist()) for s in levels.compartments.synapses]

@@ -101,7 +101,9 @@ def test_slightly_wrong_weights_show_in_scores_even_if_no_class_and_no_spike_dif
     assert right.scores.relative_error < 0.01
     assert wrong.scores.relative_error == pytest.approx(0.111, abs=0.001)
 
-    report = report_figures(levels, wrong, Grounds(0.02, "given", ()))
+    report = report_figures(
+        levels, wrong, Grounds(step_seconds=0.02, events_origin="given", assumptions=())
+    )
     assert report.match.score_error == wrong.scores.relative_error
     spread = wrong.scores.mean_spread
     assert report.match.class_scores.mean_spread == spread

@@ -204,7 +204,7 @@ def test_charges_with_which_a_dendrite_gives_a_response():
 
 
 def test_shares_of_two_dendrites_add_up():
-    first, second = shares(np.array([5, -7, 8]), 2, 1)
+    first, second = shares(np.array([5, -7, 8]), dendrites=2, step=1)
     assert first.tolist() == [2, -3, 4]
     assert second.tolist() == [3, -4, 4]
 

@@ -67,7 +67,7 @@ def test_a_view_plays_what_a_loop_over_events_does(
 
 def test_a_time_view_is_the_recording():
     recording = np.ones((1, 3, 2), dtype=np.uint8)
-    view = InputView("v", "time", 2)
+    view = InputView("v", "time", lines=2)
     assert view.play(recording) is recording
     assert view.positions is None
     assert view.first_lines is None
@@ -117,7 +117,7 @@ def test_an_integer_network_is_exact_in_the_match_the_played_lines_and_the_excer
     lines = play_recording(levels.program, played[0]).lines
     for view in network.views:
         assert np.array_equal(lines[view.axis], reference.spikes[view.name][0])
-    excerpt = take_excerpt(Observed(levels, played), None)
+    excerpt = take_excerpt(Observed(levels, played), first=None)
     assert excerpt.all_steps["location"] == network.steps_of("location")
     for drawn in excerpt.inputs:
         steps = excerpt.steps[drawn.axis]

@@ -61,7 +61,7 @@ def pulled(down, up):
 
 def test_a_potential_that_was_clipped_stays_low_in_wide_registers():
     program = integrator()
-    recording = pulled(6, 5)
+    recording = pulled(down=6, up=5)
     # Six pulls down leave the register, so that the voltage is clipped, and five up lift it above the threshold, four do
     # not. Without the clip, five would not either.
     threshold = 64 * 1000
@@ -91,7 +91,7 @@ def test_a_potential_that_leaves_the_first_wide_voltages_needs_the_widest_regist
 def test_a_lowest_voltage_of_the_program_stays_in_wide_registers():
     # The first pull down is larger, so the voltage is clipped from then on.
     floor = 1 - (1 << 20)
-    wide = play_wide(integrator(vmin=floor), pulled(6, 1))
+    wide = play_wide(integrator(vmin=floor), pulled(down=6, up=1))
     assert wide is not None
     potential = wide.potential["neuron"][0, :, 0].tolist()
     assert potential == [0, *[floor] * 6, floor + UP]
@@ -116,7 +116,7 @@ def test_a_program_that_overflows_even_in_wide_registers_is_not_played(monkeypat
     """Registers are left as they are here, in place of wide ones that are not wide enough: the clips remain."""
     monkeypatch.setattr(wide_registers, "with_wide_registers", lambda program: program)
     monkeypatch.setattr(wide_registers, "with_wide_voltages", lambda program: program)
-    assert play_wide(integrator(), pulled(6, 5)) is None
+    assert play_wide(integrator(), pulled(down=6, up=5)) is None
 
 
 def inhibited():

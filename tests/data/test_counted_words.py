@@ -30,8 +30,8 @@ def refused(call, *arguments):
 @pytest.mark.parametrize(
     ("make_text", "expected"),
     [
-        (lambda: counted(1, "axis", "axes"), "1 axis"),
-        (lambda: counted(0, "axis", "axes"), "0 axes"),
+        (lambda: counted(number=1, one="axis", many="axes"), "1 axis"),
+        (lambda: counted(number=0, one="axis", many="axes"), "0 axes"),
         (lambda: counted(2, "core"), "2 cores"),
         (
             lambda: refused(to_step_major, np.zeros(5), "file 'a.npy'"),

@@ -258,7 +258,7 @@ def test_merged_polarities_are_one_channel_of_each_pixel() -> None:
 
 def test_unknown_channels_are_not_merged() -> None:
     with pytest.raises(InputError) as caught:
-        merged(numbered(None, 8))
+        merged(numbered(channels=None, count=8))
     assert str(caught.value) == (
         "recordings 'r': it is not known which channels are the polarities of a pixel, so none can be merged. "
         "Give --grid WxH, or --channels N, with --polarities 2."

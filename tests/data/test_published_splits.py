@@ -284,7 +284,7 @@ def test_parts_of_a_published_split_are_trained_and_tested_on_by_name(tmp_path: 
     for part, order in orders.items():
         path = tmp_path / "set" / f"{part}.npz"
         write_set(path, SETS[part], labels=LABELS[part], class_names=order)
-    train, test = read_parts(tmp_path / "set", TrainingConfig(channels=6), None)
+    train, test = read_parts(tmp_path / "set", TrainingConfig(channels=6), start=None)
     assert test is not None
     assert train.class_names == test.class_names == ("cup", "ball", "egg")
     assert test.labels is not None

@@ -46,8 +46,14 @@ def test_phases_follow_each_other():
     assert paths["time.running"] == [(0, "1"), (5, "0")]
     assert paths["location.running"] == [(0, "0"), (5, "1"), (9, "0")]
     assert paths["location.b.n0.u"][0] == (0, "x")
-    assert values_by_step(paths["location.b.n0.u"], 5, 4) == played.result.u["b"][:, 0].tolist()
-    assert values_by_step(paths["time.a.n0.v"], 0, 5) == played.result.v["a"][:, 0].tolist()
+    assert (
+        values_by_step(paths["location.b.n0.u"], start=5, steps=4)
+        == played.result.u["b"][:, 0].tolist()
+    )
+    assert (
+        values_by_step(paths["time.a.n0.v"], start=0, steps=5)
+        == played.result.v["a"][:, 0].tolist()
+    )
 
 
 def test_steps_before_the_first_touch_do_not_run():
@@ -58,13 +64,14 @@ def test_steps_before_the_first_touch_do_not_run():
     paths, end = read_vcd(vcd_file(played, ())["waves.vcd"])
     assert end == 5 + 4
     assert paths["time.running"] == [(0, "1"), (5, "0")]
-    assert values_by_step(paths["time.step"], 0, 5) == [3, 4, 5, 6, 7]
+    assert values_by_step(paths["time.step"], start=0, steps=5) == [3, 4, 5, 6, 7]
     assert (
-        values_by_step(paths["time.a.n0.potential"], 0, 5)
+        values_by_step(paths["time.a.n0.potential"], start=0, steps=5)
         == played.result.potential["a"][3:8, 0].tolist()
     )
     assert (
-        values_by_step(paths["time.a.n0.spike"], 0, 5) == played.result.spikes["a"][3:8, 0].tolist()
+        values_by_step(paths["time.a.n0.spike"], start=0, steps=5)
+        == played.result.spikes["a"][3:8, 0].tolist()
     )
     # No step of the rest has two events, so only the location phase runs.
     late = play_recording(played.program, recording[4:])

@@ -120,8 +120,8 @@ def test_a_cheaper_setting_whose_potentials_are_off_beats_none_and_is_not_recomm
     assert on_front([one.figures for one in points]) == [True, True]
     assert recommend(points, default_budget(exact), by_default=True).taken is points[0]
     assert recommend(points, ErrorBudget(max_score_error=0.001)) == Recommendation(
-        None,
-        "no setting keeps --max-score-error 0.001; the least error of class scores is 0.20 % of their spread, with 0 % of "
+        taken=None,
+        why="no setting keeps --max-score-error 0.001; the least error of class scores is 0.20 % of their spread, with 0 % of "
         "the predictions changed, by dendrite, 8-bit",
     )
     assert recommend(points, ErrorBudget(max_score_error=0.5)).taken is coarse

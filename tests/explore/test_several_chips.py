@@ -315,7 +315,7 @@ def tried_chip(target, command, chip_figures=None, refused=None):
 DOCUMENT = ChipsDocument(
     schema="locsnn-explore-chips/1",
     code="1",
-    model=ExploredModel("small", None),
+    model=ExploredModel("small", sha256=None),
     compared_on=ExploredEvents("few.npz", part=None, recordings=5, available=5),
     reported_on=None,
     bounds=None,

@@ -115,7 +115,7 @@ def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
 @pytest.mark.slow
 def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points, tmp_path):
     progress, killed = killed_after(2, lambda: [multiprocessing.active_children()[0].pid])
-    with spread_over(None, 2) as processes:
+    with spread_over(address=None, processes=2) as processes:
         assert sweep(study, grid, Store(tmp_path, Point), processes, progress) == points
     assert len(killed) == 1
 
@@ -137,7 +137,7 @@ def test_dask_workers_killed_in_the_middle_take_nothing_along(
 
 def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
     monkeypatch.setattr(spread, "one_pool", lambda *arguments: iter(()))
-    with pytest.raises(InputError) as caught, spread_over(None, 2) as processes:
+    with pytest.raises(InputError) as caught, spread_over(address=None, processes=2) as processes:
         list(processes(partial(measure, study), grid[:1]))
     assert str(caught.value) == (
         "--workers 2: its processes die (3 times in a row, 1 setting left). "

@@ -79,7 +79,7 @@ def slayer(weights, *rest, **more) -> Callable[[Path], tuple[Path, ...]]:
 def neurons(node, *behind):
     """Return a function that writes a graph: 10 inputs, weights onto 12 neurons of this node, and nodes behind them."""
     nodes_behind = [(f"after{i}", other) for i, other in enumerate(behind)]
-    weights = linear(np.random.default_rng(1), 12, 10)
+    weights = linear(np.random.default_rng(1), outs=12, ins=10)
     return graph(chain((10,), ("fc", weights), ("n", node), *nodes_behind))
 
 
@@ -192,7 +192,7 @@ POOL = {
     "weight": np.full((1, 1, 2, 2), 200.0),
     "neuron": neuron(),
 }
-DENSE = dense(RNG, 6, 10)
+DENSE = dense(RNG, outs=6, ins=10)
 WEIGHTS = {"fc1": RNG.normal(1, 2, (8, 12)), "fc2": RNG.normal(1, 2, (4, 8))}
 INTEGERS = {name: 20 * weight for name, weight in WEIGHTS.items()}
 HYBRID = {
@@ -231,13 +231,13 @@ NIR_CELLS = [
     works(
         "NIR",
         "LI at the end: class by potential",
-        neurons(lif(RNG, 12), linear(RNG, 12, 12), LI),
+        neurons(lif(RNG, 12), linear(RNG, outs=12, ins=12), LI),
         dt=DT,
     ),
     works(
         "NIR",
         "CubaLI at the end: class by potential",
-        neurons(lif(RNG, 12), linear(RNG, 12, 12), CUBA_LI),
+        neurons(lif(RNG, 12), linear(RNG, outs=12, ins=12), CUBA_LI),
         dt=DT,
     ),
     works(
@@ -294,7 +294,7 @@ NIR_CELLS = [
     refused(
         "NIR",
         "LI before other nodes",
-        neurons(LI, linear(RNG, 5, 12), lif(RNG, 5)),
+        neurons(LI, linear(RNG, outs=5, ins=12), lif(RNG, 5)),
         ", node 'after0': it takes the potential of 'n', and the chip sends spikes only. End "
         "the graph at that node, or make it a LIF.",
         dt=DT,
@@ -302,7 +302,7 @@ NIR_CELLS = [
     refused(
         "NIR",
         "an Output of weights",
-        neurons(lif(RNG, 12), linear(RNG, 5, 12)),
+        neurons(lif(RNG, 12), linear(RNG, outs=5, ins=12)),
         ", node 'after0': it outputs the values of Linear, but the chip outputs spikes. End "
         "the graph in a LIF, or in an LI whose potential is read.",
         dt=DT,
@@ -364,7 +364,7 @@ NET_CELLS = [
     works(
         "lava-dl",
         "LOIHI neurons of old files",
-        net(dense(RNG, 6, 10, neuron=neuron(kind="LOIHI", wgtExp=0))),
+        net(dense(RNG, outs=6, ins=10, neuron=neuron(kind="LOIHI", wgtExp=0))),
     ),
     works(
         "lava-dl",
@@ -402,13 +402,13 @@ NET_CELLS = [
     works(
         "lava-dl",
         "numbers straight into weights",
-        net(dense(RNG, 10, 10), dense(RNG, 4, 10)),
+        net(dense(RNG, outs=10, ins=10), dense(RNG, outs=4, ins=10)),
         host_layers=1,
     ),
     works(
         "lava-dl",
         "conv, flatten",
-        net(IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 6, 36)),
+        net(IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, outs=6, ins=36)),
     ),
     works(
         "lava-dl",
@@ -424,14 +424,14 @@ NET_CELLS = [
             POOL | {"weight": np.full((2, 2), 200.0)},
         ),
     ),
-    works("lava-dl", "bias", net(dense(RNG, 6, 10, bias=RNG.integers(-9, 30, 6)))),
+    works("lava-dl", "bias", net(dense(RNG, outs=6, ins=10, bias=RNG.integers(-9, 30, 6)))),
     works(
         "lava-dl",
         "delays: one, of neurons, of inputs",
         net(
-            dense(RNG, 6, 10, delay=np.arange(6.0)),
-            dense(RNG, 4, 6, delay=np.arange(6.0)),
-            dense(RNG, 3, 4, delay=2.0),
+            dense(RNG, outs=6, ins=10, delay=np.arange(6.0)),
+            dense(RNG, outs=4, ins=6, delay=np.arange(6.0)),
+            dense(RNG, outs=3, ins=4, delay=2.0),
         ),
     ),
     works(
@@ -440,38 +440,40 @@ NET_CELLS = [
         net(
             dense(
                 RNG,
-                6,
-                10,
+                outs=6,
+                ins=10,
                 neuron=neuron(np.arange(6) * 500, np.arange(6) * 50, np.arange(6) * 50 + 200),
             )
         ),
     ),
     works(
-        "lava-dl", "odd weights", net(dense(RNG, 6, 10, weight=RNG.integers(-255, 256, (6, 10))))
+        "lava-dl",
+        "odd weights",
+        net(dense(RNG, outs=6, ins=10, weight=RNG.integers(-255, 256, (6, 10)))),
     ),
     works(
         "lava-dl",
         "a last layer without neurons: class by potential",
-        net(DENSE, {k: v for k, v in dense(RNG, 4, 6).items() if k != "neuron"}),
+        net(DENSE, {k: v for k, v in dense(RNG, outs=4, ins=6).items() if k != "neuron"}),
     ),
     loses(
         "lava-dl",
         "a last layer that never spikes: class by potential",
-        net(DENSE, dense(RNG, 4, 6, neuron=neuron(threshold=2**18 - 1))),
+        net(DENSE, dense(RNG, outs=4, ins=6, neuron=neuron(threshold=2**18 - 1))),
         "its threshold of 2^18 - 1 becomes 2^17 - 1, which potentials hardly reach",
         lambda n: set(n.populations[-1].neuron.threshold.tolist()) == {2**17 - 1},
     ),
     loses(
         "lava-dl",
         "delays beyond 62, or of fractions",
-        net(dense(RNG, 6, 10, delay=70.5)),
+        net(dense(RNG, outs=6, ins=10, delay=70.5)),
         "they are 62 at most, and whole, as in netx",
         lambda n: n.projections[0].delay == 62,
     ),
     refused(
         "lava-dl",
         "graded spikes",
-        net(dense(RNG, 6, 10, neuron=neuron(gradedSpike=True))),
+        net(dense(RNG, outs=6, ins=10, neuron=neuron(gradedSpike=True))),
         ", layer 0: its spikes are graded. Train with graded_spike=False.",
     ),
     refused(
@@ -492,13 +494,13 @@ NET_CELLS = [
     refused(
         "lava-dl",
         "other neurons",
-        net(dense(RNG, 6, 10, neuron=neuron(kind="SDNN"))),
+        net(dense(RNG, outs=6, ins=10, neuron=neuron(kind="SDNN"))),
         ", layer 0: 'SDNN' neurons do not fit into one compartment of the chip. Use CUBA neurons.",
     ),
     refused(
         "lava-dl",
         "weights out of 8 bits",
-        net(dense(RNG, 6, 10, weight=np.full((6, 10), 300.0))),
+        net(dense(RNG, outs=6, ins=10, weight=np.full((6, 10), 300.0))),
         ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, "
         "or -255..255). Export it again, with quantised weights.",
     ),

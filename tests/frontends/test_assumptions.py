@@ -38,16 +38,18 @@ def saved(graph, tmp_path):
     return tmp_path / "graph.nir"
 
 
-THRESHOLDS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.Threshold(np.ones(2))))
+THRESHOLDS = chain((3,), ("w", linear(RNG, outs=2, ins=3)), ("out", nir.Threshold(np.ones(2))))
 INTEGRATORS = chain(
-    (3,), ("w", linear(RNG, 2, 3)), ("out", nir.IF(np.ones(2), np.ones(2), v_reset=np.zeros(2)))
+    (3,),
+    ("w", linear(RNG, outs=2, ins=3)),
+    ("out", nir.IF(np.ones(2), np.ones(2), v_reset=np.zeros(2))),
 )
 IDLE = nir.NIRGraph(
-    THRESHOLDS.nodes | {"more": linear(RNG, 5, 2)},
+    THRESHOLDS.nodes | {"more": linear(RNG, outs=5, ins=2)},
     [*THRESHOLDS.edges, ("out", "more")],
     type_check=False,
 )
-LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
+LEAKY = chain((3,), ("w", linear(RNG, outs=2, ins=3)), ("out", lif(RNG, 2)))
 
 
 @pytest.mark.parametrize(

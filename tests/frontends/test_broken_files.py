@@ -19,7 +19,7 @@ RNG = np.random.default_rng(1)
 def graph_file(folder, change=None):
     """Write a graph of 10 inputs and 12 LIF neurons, apply ``change`` to its HDF5 file, and return its path."""
     path = folder / "model.nir"
-    nir.write(path, chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12))))
+    nir.write(path, chain((10,), ("fc", linear(RNG, outs=12, ins=10)), ("lif", lif(RNG, 12))))
     if change:
         with h5py.File(path, "a") as file:
             change(file)
@@ -273,7 +273,7 @@ def test_an_option_that_cannot_be_met_is_one_line(options, message, tmp_path):
 def test_truncated_and_mutated_files_never_end_in_another_error(suffix, tmp_path):
     path = tmp_path / f"model.{suffix}"
     nir.write(path, graphs()["nested"][0]) if suffix == "nir" else write_net(
-        path, [dense(RNG, 5, 4)]
+        path, [dense(RNG, outs=5, ins=4)]
     )
     whole_file = path.read_bytes()
     rng = np.random.default_rng(0)

@@ -37,7 +37,7 @@ def slayer(folder: Path, channels: int) -> list[str]:
 
 def lava_dl(folder: Path) -> list[str]:
     """Write a lava-dl network, and return the arguments that name it."""
-    layers = [{"type": "input", "shape": [5]}, dense(RNG, 4, 5), dense(RNG, 3, 4)]
+    layers = [{"type": "input", "shape": [5]}, dense(RNG, outs=4, ins=5), dense(RNG, outs=3, ins=4)]
     write_net(folder / "model.net", layers)
     return [str(folder / "model.net")]
 
@@ -45,7 +45,7 @@ def lava_dl(folder: Path) -> list[str]:
 def graph(folder: Path) -> list[str]:
     """Write a NIR graph, and return the arguments that name it."""
     neuron = nir.IF(r=np.ones(3), v_threshold=np.ones(3), v_reset=np.zeros(3))
-    nir.write(folder / "model.nir", chain((5,), ("fc", linear(RNG, 3, 5)), ("if", neuron)))
+    nir.write(folder / "model.nir", chain((5,), ("fc", linear(RNG, outs=3, ins=5)), ("if", neuron)))
     return [str(folder / "model.nir")]
 
 

@@ -188,7 +188,9 @@ def test_levels_show_the_floor(tmp_path):
 def net_of_one_layer(folder: Path) -> Path:
     """Write a lava-dl network of one layer, and return its path."""
     path = folder / "model.net"
-    write_net(path, [{"type": "input", "shape": [2]}, dense(np.random.default_rng(1), 2, 2)])
+    write_net(
+        path, [{"type": "input", "shape": [2]}, dense(np.random.default_rng(1), outs=2, ins=2)]
+    )
     return path
 
 

@@ -51,7 +51,7 @@ def graph_file(folder, *nodes_behind):
     rng = np.random.default_rng(3)
     nodes = []
     for number in (1, 2, 3):
-        nodes += [(f"fc{number}", affine(rng, 6, 6)), (f"lif{number}", lif(rng, 6))]
+        nodes += [(f"fc{number}", affine(rng, outs=6, ins=6)), (f"lif{number}", lif(rng, 6))]
     nir.write(folder / "net.nir", chain((6,), *nodes, *nodes_behind))
     return folder / "net.nir"
 
@@ -190,7 +190,7 @@ def test_an_input_that_passes_the_host_is_refused(tmp_path):
     rng = np.random.default_rng(3)
     nodes = {"input": nir.Input(np.array([6])), "output": nir.Output(np.array([6]))}
     for number in (1, 2):
-        nodes |= {f"fc{number}": affine(rng, 6, 6), f"lif{number}": lif(rng, 6)}
+        nodes |= {f"fc{number}": affine(rng, outs=6, ins=6), f"lif{number}": lif(rng, 6)}
     edges = [("input", "fc1"), ("fc1", "lif1"), ("lif1", "fc2"), ("input", "fc2")]
     edges += [("fc2", "lif2"), ("lif2", "output")]
     nir.write(tmp_path / "net.nir", nir.NIRGraph(nodes, edges, type_check=False))

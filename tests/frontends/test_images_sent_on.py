@@ -37,8 +37,8 @@ def net_over_images(folder: Path, shape: tuple[int, ...] = IMAGE) -> Path:
         "weight": even(RNG, 3, 2, 3, 3, low=-20, high=40),
         "neuron": neuron(threshold=60),
     }
-    layers_behind = [{"type": "flatten", "shape": np.array([36])}, dense(RNG, 4, 36)]
-    layers = [convolution, *layers_behind] if shape == IMAGE else [dense(RNG, 4, 24)]
+    layers_behind = [{"type": "flatten", "shape": np.array([36])}, dense(RNG, outs=4, ins=36)]
+    layers = [convolution, *layers_behind] if shape == IMAGE else [dense(RNG, outs=4, ins=24)]
     write_net(folder / "model.net", [{"type": "input", "shape": np.array(shape)}, *layers])
     return folder / "model.net"
 

@@ -89,7 +89,7 @@ SQUEEZED = {
         (4, 3, 3),
     ),
     "pool": ([IMAGE, POOL], (2, 2)),
-    "dense of one neuron": ([dense(RNG, 1, 10)], (10,)),
+    "dense of one neuron": ([dense(RNG, outs=1, ins=10)], (10,)),
 }
 
 
@@ -118,39 +118,39 @@ def test_pooling_pads_an_image_that_is_not_a_whole_number_of_windows(tmp_path):
 
 REFUSED = [
     pytest.param(
-        [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True))],
+        [dense(RNG, outs=3, ins=4, neuron=neuron(gradedSpike=True))],
         ", layer 0: its spikes are graded. Train with graded_spike=False.",
         id="a graded spike",
     ),
     pytest.param(
-        [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))],
+        [dense(RNG, outs=3, ins=4, neuron=neuron(kind="SDNN"))],
         ", layer 0: 'SDNN' neurons do not fit into one compartment of the chip. Use CUBA neurons.",
         id="a neuron of another kind",
     ),
     pytest.param(
-        [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))],
+        [dense(RNG, outs=3, ins=4, weight=np.full((3, 4), 300.0))],
         ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, "
         "or -255..255). Export it again, with quantised weights.",
         id="a weight out of range",
     ),
     pytest.param(
-        [dense(RNG, 3, 4, weight=np.full((3, 4), 0.5))],
+        [dense(RNG, outs=3, ins=4, weight=np.full((3, 4), 0.5))],
         ", layer 0: 'weight' is not made of integers (0.5). Export it again.",
         id="a fraction for a weight",
     ),
     pytest.param(
-        [dense(RNG, 3, 4, weight=even(RNG, 4, 3))],
+        [dense(RNG, outs=3, ins=4, weight=even(RNG, 4, 3))],
         ", layer 0: its weight has the wrong shape ((4, 3) for 3 neurons and an input of "
         "None). Export it again.",
         id="weights the other way around",
     ),
     pytest.param(
-        [dense(RNG, 3, 4) | {"type": "dense_rec", "weight_rec": even(RNG, 9)}],
+        [dense(RNG, outs=3, ins=4) | {"type": "dense_rec", "weight_rec": even(RNG, 9)}],
         ", layer 0: weight_rec has the wrong size ((9,) for 3). Export it again.",
         id="recurrent weights in a row",
     ),
     pytest.param(
-        [{"type": "input", "shape": np.array([5])}, dense(RNG, 3, 4)],
+        [{"type": "input", "shape": np.array([5])}, dense(RNG, outs=3, ins=4)],
         ", layer 1: its weight has the wrong shape ((3, 4) for 3 neurons and an input of "
         "(5,)). Export it again.",
         id="another input size",
@@ -162,7 +162,7 @@ REFUSED = [
         id="convT",
     ),
     pytest.param(
-        [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}],
+        [dense(RNG, outs=3, ins=4), {"type": "average", "shape": np.array([3])}],
         ", layer 1: 'average' is a type of layer that the chip cannot run. Count the spikes "
         "of the layer before it.",
         id="average",
@@ -173,7 +173,7 @@ REFUSED = [
         id="a layer of no kind",
     ),
     pytest.param(
-        [dense(RNG, 3, 4, neuron=neuron(i_decay=5000))],
+        [dense(RNG, outs=3, ins=4, neuron=neuron(i_decay=5000))],
         ", layer 0: iDecay is not a decay (5000..5000 against 0..4096). Correct it.",
         id="a decay out of range",
     ),

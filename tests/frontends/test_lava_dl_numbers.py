@@ -86,8 +86,8 @@ def test_zeros_and_ones_through_the_host_are_the_whole_network_on_events(on_host
     biases = RNG.integers(-9, 30, 12)
     layers = [
         INPUT | {"weight": np.array([50.0])},
-        dense(RNG, 12, 10, bias=biases),
-        dense(RNG, 5, 12, bias=biases[:5]),
+        dense(RNG, outs=12, ins=10, bias=biases),
+        dense(RNG, outs=5, ins=12, bias=biases[:5]),
     ]
     write_net(tmp_path / "model.net", layers)
     events = (RNG.random((3, 40, 10)) < 0.4).astype(np.uint8)
@@ -193,7 +193,7 @@ def refusal(layers, folder, host_layers):
 
 
 def test_a_bias_of_the_input_layer_needs_numbers(tmp_path):
-    layers = [INPUT | {"bias": np.array([10.0])}, dense(RNG, 5, 10)]
+    layers = [INPUT | {"bias": np.array([10.0])}, dense(RNG, outs=5, ins=10)]
     assert refusal(layers, tmp_path, None) == (
         "model 'model.net', layer 0: it adds a bias to the numbers before its neurons, and events "
         "have none (10). Run the layer on the host, and give numbers: --host-layers 1."
@@ -201,8 +201,8 @@ def test_a_bias_of_the_input_layer_needs_numbers(tmp_path):
 
 
 def test_sums_without_neurons_are_refused_on_the_host(tmp_path):
-    sums = {key: value for key, value in dense(RNG, 8, 10).items() if key != "neuron"}
-    layers = [sums, dense(RNG, 6, 8), dense(RNG, 5, 6)]
+    sums = {key: value for key, value in dense(RNG, outs=8, ins=10).items() if key != "neuron"}
+    layers = [sums, dense(RNG, outs=6, ins=8), dense(RNG, outs=5, ins=6)]
     assert refusal(layers, tmp_path, "layer1") == (
         "model 'model.net', layer 0: it has no neurons. Use CUBA neurons."
     )
@@ -210,7 +210,7 @@ def test_sums_without_neurons_are_refused_on_the_host(tmp_path):
 
 def test_neurons_that_send_numbers_are_refused_on_the_host_too(tmp_path):
     graded = INPUT | {"neuron": neuron(i_decay=1024, v_decay=128, threshold=60, kind="SDNN")}
-    assert refusal([graded, dense(RNG, 5, 10)], tmp_path, 1) == (
+    assert refusal([graded, dense(RNG, outs=5, ins=10)], tmp_path, 1) == (
         "model 'model.net', layer 0: 'SDNN' neurons do not fit into one compartment of the chip. "
         "Use CUBA neurons."
     )
@@ -226,7 +226,7 @@ def test_numbers_beyond_any_register_count_as_the_largest_charge(tmp_path):
     fast = neuron(i_decay=4096, v_decay=4096, threshold=2**17 - 1)
     write_net(
         tmp_path / "model.net",
-        [dense(RNG, 2, 1, weight=weights, neuron=fast), dense(RNG, 5, 2)],
+        [dense(RNG, outs=2, ins=1, weight=weights, neuron=fast), dense(RNG, outs=5, ins=2)],
     )
     sent = played(tmp_path / "model.net", np.full((1, 9, 1), 1e300), 1)["layer0"][0]
     np.testing.assert_array_equal(sent[1:], np.tile([1, 0], (8, 1)))
@@ -237,13 +237,13 @@ def test_currents_on_the_host_wrap_in_no_register_of_the_chip(tmp_path):
     # steps, and would then be negative.
     keeps_current = neuron(i_decay=0, v_decay=4096, threshold=100)
     layer = {"type": "input", "shape": np.array([4]), "neuron": keeps_current}
-    write_net(tmp_path / "model.net", [layer, dense(RNG, 5, 4)])
+    write_net(tmp_path / "model.net", [layer, dense(RNG, outs=5, ins=4)])
     sent = played(tmp_path / "model.net", np.full((1, 600, 4), 3.9), 1)["layer0"][0]
     assert sent[1:].all()
 
 
 def test_a_delay_on_the_host_holds_numbers_back(tmp_path):
-    layers = [dense(RNG, 8, 10, delay=3.5), dense(RNG, 5, 8)]
+    layers = [dense(RNG, outs=8, ins=10, delay=3.5), dense(RNG, outs=5, ins=8)]
     write_net(tmp_path / "late.net", layers)
     write_net(tmp_path / "early.net", [layers[0] | {"delay": 0.0}, layers[1]])
     inputs = RNG.normal(0.3, 0.5, (2, 30, 10))

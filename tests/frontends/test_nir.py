@@ -87,7 +87,7 @@ def test_populations_of_any_length_play_recordings_as_long_as_they_are(tmp_path)
 def test_potentials_are_counted_from_v_reset_and_settle_at_v_leak(tmp_path):
     graph = chain(
         (4,),
-        ("fc", linear(np.random.default_rng(0), 3, 4)),
+        ("fc", linear(np.random.default_rng(0), outs=3, ins=4)),
         ("lif", lif(np.random.default_rng(1), 3, v_leak=-0.5, v_reset=-0.8, v_threshold=0.4)),
     )
     neuron = load_graph(graph, tmp_path).populations[0].neuron
@@ -117,7 +117,7 @@ def test_files_without_v_reset_reset_to_0(tmp_path):
 
 def test_several_inputs_are_lines_one_after_the_other_by_name(tmp_path):
     rng = np.random.default_rng(9)
-    first, second, neurons = linear(rng, 6, 4), linear(rng, 6, 3), lif(rng, 6)
+    first, second, neurons = linear(rng, outs=6, ins=4), linear(rng, outs=6, ins=3), lif(rng, 6)
     ends = {"n": neurons, "output": nir.Output(np.array([6]))}
     two = {
         "b": nir.Input(np.array([3])),
@@ -162,9 +162,9 @@ def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_pat
     )
     graph = chain(
         (10,),
-        ("fc", linear(rng, 8, 10)),
+        ("fc", linear(rng, outs=8, ins=10)),
         ("lif", lif(rng, 8)),
-        ("w", linear(rng, 3, 8)),
+        ("w", linear(rng, outs=3, ins=8)),
         ("read", node),
     )
     events = random_spikes((10,))

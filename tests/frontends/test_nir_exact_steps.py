@@ -56,7 +56,7 @@ def neurons(kind: str, rng: np.random.Generator, size: int) -> nir.LIF | nir.Cub
 @pytest.mark.parametrize("first", ["LIF", "CubaLIF"])
 def test_layers_of_both_kinds_equal_the_solution_step_by_step(first, last, tmp_path):
     rng = np.random.default_rng(3)
-    weights = linear(rng, 8, 6), linear(rng, 4, 8)
+    weights = linear(rng, outs=8, ins=6), linear(rng, outs=4, ins=8)
     layers = neurons(first, rng, 8), neurons(last, rng, 4)
     nodes = [("w1", weights[0]), ("first", layers[0]), ("w2", weights[1]), ("last", layers[1])]
     network = load_graph(chain((6,), *nodes), tmp_path, discretisation="exact")

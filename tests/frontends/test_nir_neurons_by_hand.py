@@ -196,7 +196,10 @@ def test_a_constant_passes_through_weights_scales_and_delays():
 )
 def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_path):
     graph = chain(
-        (3,), ("d", nir.Delay(np.full(3, delay * DT))), ("w", linear(RNG, 3, 3)), ("n", lif(RNG, 3))
+        (3,),
+        ("d", nir.Delay(np.full(3, delay * DT))),
+        ("w", linear(RNG, outs=3, ins=3)),
+        ("n", lif(RNG, 3)),
     )
     with pytest.raises(InputError) as caught:
         load_graph(graph, tmp_path)
@@ -209,7 +212,7 @@ def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_p
 def test_a_delay_of_more_steps_than_a_float_holds_is_refused_without_a_warning(tmp_path):
     """1e308 s are 1e311 steps, more than float64 holds. Warnings are errors in these tests."""
     delay = nir.Delay(np.array([1e308]))
-    graph = chain((1,), ("d", delay), ("w", linear(RNG, 1, 1)), ("n", lif(RNG, 1)))
+    graph = chain((1,), ("d", delay), ("w", linear(RNG, outs=1, ins=1)), ("n", lif(RNG, 1)))
     with pytest.raises(InputError) as caught:
         load_graph(graph, tmp_path)
     assert str(caught.value) == (
@@ -237,11 +240,11 @@ def test_potentials_count_from_where_the_deepest_readout_begins(tmp_path):
     readout = nir.LI(tau=0.01 * one, r=one, v_leak=0 * one)
     nodes = {
         "input": nir.Input(np.array([3])),
-        "w": linear(RNG, 2, 3),
+        "w": linear(RNG, outs=2, ins=3),
         "near": readout,
         "lif": lif(RNG, 2),
     }
-    nodes |= {"w2": linear(RNG, 2, 2), "far": readout, "output": nir.Output(np.array([2]))}
+    nodes |= {"w2": linear(RNG, outs=2, ins=2), "far": readout, "output": nir.Output(np.array([2]))}
     edges = [
         ("input", "w"),
         ("w", "near"),

@@ -51,13 +51,13 @@ BACK = linear(RNG, outs=12, ins=12, scale=0.2)
 
 def two_layers(neuron, bias=True):
     """Return a graph of 12 of these neurons, with input and recurrent weights, and a second layer of LIF neurons."""
-    first = linear(RNG, 12, 10)
+    first = linear(RNG, outs=12, ins=10)
     nodes = {
         "input": nir.Input(np.array([10])),
         "fc": nir.Affine(first.weight, RNG.normal(0, 0.1, 12)) if bias else first,
         "first": neuron,
         "back": BACK,
-        "fc2": linear(RNG, 5, 12),
+        "fc2": linear(RNG, outs=5, ins=12),
         "second": lif(RNG, 5),
         "output": nir.Output(np.array([5])),
     }
@@ -138,7 +138,10 @@ def test_inputs_held_for_a_step(name, tmp_path):
 @pytest.mark.parametrize("dt", [1e-4, 1e-3, 1.0])
 def test_integrators_of_r_1_add_weights_whatever_the_step(dt, tmp_path):
     neuron = nir.IF(r=np.ones(12), v_threshold=np.full(12, 1.5), v_reset=np.zeros(12))
-    graph, events = chain((10,), ("fc", linear(RNG, 12, 10)), ("if", neuron)), random_spikes((10,))
+    graph, events = (
+        chain((10,), ("fc", linear(RNG, outs=12, ins=10)), ("if", neuron)),
+        random_spikes((10,)),
+    )
     expected = run(graph, events, 1.0)["if"]
     ours = evaluate(load_graph(graph, tmp_path, dt=dt), events[None]).spikes["if"]
     assert expected.sum() > 10
@@ -155,7 +158,7 @@ def test_a_tau_without_end_integrates(kind, tmp_path):
         else nir.CubaLIF(tau_mem=endless, tau_syn=zero + DT, w_in=zero + 1, **common)
     )
     integrator = nir.IF(r=zero + 1 / DT, v_threshold=zero + 1.5, v_reset=zero)
-    weights, events = linear(RNG, 12, 10), random_spikes((10,))
+    weights, events = linear(RNG, outs=12, ins=10), random_spikes((10,))
     expected = run(chain((10,), ("fc", weights), ("n", integrator)), events, DT)["n"]
     ours = evaluate(
         load_graph(chain((10,), ("fc", weights), ("n", node)), tmp_path), events[None]
@@ -167,7 +170,7 @@ def test_a_tau_without_end_integrates(kind, tmp_path):
 def test_a_tau_of_a_step_is_one_only_up_to_rounding(shorter_by, tmp_path):
     tau, one = DT / (1 + shorter_by), np.ones(12)
     node = nir.LIF(tau=tau * one, r=one, v_leak=0 * one, v_threshold=one, v_reset=0 * one)
-    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", node))
+    graph = chain((10,), ("fc", linear(RNG, outs=12, ins=10)), ("lif", node))
     if shorter_by < 1e-6:
         assert (load_graph(graph, tmp_path).populations[0].neuron.decay_v == 1).all()
         return
@@ -188,7 +191,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("reset", "parameters", "what"), REFUSED, ids=[row[0] for row in REFUSED])
 def test_neurons_that_spike_for_ever_are_refused(reset, parameters, what, tmp_path):
-    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, **parameters)))
+    graph = chain((10,), ("fc", linear(RNG, outs=12, ins=10)), ("lif", lif(RNG, 12, **parameters)))
     with pytest.raises(lc.InputError) as caught:
         load_graph(graph, tmp_path, reset=reset)
     message = f"model 'graph.nir', node 'lif': {what}. Train with a threshold above v_reset and v_leak, and above 0."
@@ -232,7 +235,10 @@ def test_weights_of_several_delays_fit_the_formats_of_a_core(reset, tmp_path):
     }
     edges = [("n", "output"), ("n", "back"), ("back", "n")]
     for delay in (0, 1, 3, 7):
-        layer |= {f"d{delay}": nir.Delay(np.full(10, delay * DT)), f"w{delay}": linear(RNG, 12, 10)}
+        layer |= {
+            f"d{delay}": nir.Delay(np.full(10, delay * DT)),
+            f"w{delay}": linear(RNG, outs=12, ins=10),
+        }
         edges += [("input", f"d{delay}"), (f"d{delay}", f"w{delay}"), (f"w{delay}", "n")]
     graph = nir.NIRGraph({**layer, "back": BACK}, edges, type_check=False)
     events = random_spikes((10,))[None]

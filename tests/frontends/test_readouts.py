@@ -28,9 +28,9 @@ def graph(kind):
     """Return a graph of 10 inputs and 12 LIF neurons, whose readout has 5 neurons of a kind."""
     return chain(
         (10,),
-        ("fc", linear(RNG, 12, 10)),
+        ("fc", linear(RNG, outs=12, ins=10)),
         ("lif", lif(RNG, 12)),
-        ("w", linear(RNG, 5, 12)),
+        ("w", linear(RNG, outs=5, ins=12)),
         ("read", READOUTS[kind]),
     )
 
@@ -79,7 +79,10 @@ def test_potentials_start_at_rest(tmp_path):
 
 
 def test_the_last_layer_of_a_lava_dl_file_that_never_spikes_is_a_readout(tmp_path):
-    layers = [dense(RNG, 12, 10), dense(RNG, 5, 12, neuron=neuron(threshold=2**18 - 1))]
+    layers = [
+        dense(RNG, outs=12, ins=10),
+        dense(RNG, outs=5, ins=12, neuron=neuron(threshold=2**18 - 1)),
+    ]
     write_net(tmp_path / "model.net", layers)
     compiled = lc.compile(lc.load(tmp_path / "model.net"), events=EVENTS, diagnosis=False)
     assert compiled.network.readout.potentials_from == 2
@@ -90,7 +93,7 @@ def test_the_last_layer_of_a_lava_dl_file_that_never_spikes_is_a_readout(tmp_pat
 def test_a_readout_without_leak_is_refused(tmp_path):
     endless = nir.LI(tau=np.full(5, np.inf), r=np.full(5, np.inf), v_leak=0 * ONES)
     with pytest.raises(lc.InputError) as caught:
-        load_graph(chain((10,), ("w", linear(RNG, 5, 10)), ("read", endless)), tmp_path)
+        load_graph(chain((10,), ("w", linear(RNG, outs=5, ins=10)), ("read", endless)), tmp_path)
     message = "model 'graph.nir', node 'read': a readout without leak overflows every register. Give it a tau."
     assert str(caught.value) == message
 

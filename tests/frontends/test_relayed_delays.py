@@ -21,7 +21,11 @@ MEMORYLESS = neuron(i_decay=4096, v_decay=4096, threshold=10)
 def one_synapse(delay: float) -> list[dict]:
     """Return a layer of one neuron without memory, which repeats its input after a delay."""
     weight = np.array([[20.0]], dtype=np.float32)
-    return [dense(np.random.default_rng(0), 1, 1, weight=weight, neuron=MEMORYLESS, delay=delay)]
+    return [
+        dense(
+            np.random.default_rng(0), outs=1, ins=1, weight=weight, neuron=MEMORYLESS, delay=delay
+        )
+    ]
 
 
 def spike_steps(network, steps: int = 400, name: str = "layer0") -> list[int]:
@@ -69,7 +73,7 @@ def test_relays_carry_any_delay(delay, tmp_path):
 def test_relays_of_layers_with_many_delays_change_nothing_but_the_limit(tmp_path):
     rng = np.random.default_rng(5)
     delays = rng.integers(0, 200, 12).astype(np.float32)
-    layers = [dense(rng, 12, 10, delay=delays), dense(rng, 5, 12, delay=80.0)]
+    layers = [dense(rng, outs=12, ins=10, delay=delays), dense(rng, outs=5, ins=12, delay=80.0)]
     write_net(tmp_path / "model.net", layers)
     network = lc.load(tmp_path / "model.net", relay_delays=True)
     events = (rng.random((500, 10)) < 0.2).astype(np.uint8)
@@ -84,7 +88,7 @@ def test_relays_of_layers_with_many_delays_change_nothing_but_the_limit(tmp_path
 def test_relays_carry_the_delays_of_a_nir_graph(tmp_path):
     rng = np.random.default_rng(6)
     delays = nir.Delay(rng.integers(0, 150, 8) * DT)
-    layers = (("d", delays), ("w", linear(rng, 6, 8)), ("n", lif(rng, 6)))
+    layers = (("d", delays), ("w", linear(rng, outs=6, ins=8)), ("n", lif(rng, 6)))
     graph = chain((8,), *layers)
     events = (rng.random((300, 8)) < 0.3).astype(np.uint8)
     network = load_graph(graph, tmp_path, relay_delays=True)
@@ -100,8 +104,8 @@ def test_relays_carry_the_delays_of_a_nir_graph(tmp_path):
 def test_a_last_layer_without_neurons_is_read_out(tmp_path):
     """Its potential is the sum of the weights that arrive in a step, which is the output of netx."""
     rng = np.random.default_rng(7)
-    hidden = dense(rng, 12, 10)
-    readout = dense(rng, 3, 12)
+    hidden = dense(rng, outs=12, ins=10)
+    readout = dense(rng, outs=3, ins=12)
     del readout["neuron"]
     write_net(tmp_path / "model.net", [hidden, readout])
     network = lc.load(tmp_path / "model.net")

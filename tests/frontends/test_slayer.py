@@ -31,7 +31,7 @@ from tests.support.slayer_files import (
 
 
 def test_srm_layers_spike_as_slayers_forward_pass_with_whole_kernels(tmp_path):
-    first, second = normal_weights(8, 12), normal_weights(4, 8)
+    first, second = normal_weights(outs=8, ins=12), normal_weights(outs=4, ins=8)
     network = lc.load(*write(tmp_path, {"fc1": first, "fc2": second}))
     assert [p.name for p in network.populations] == ["fc1", "fc2"]
     events = sparse_spikes(12)
@@ -44,12 +44,15 @@ def test_srm_layers_spike_as_slayers_forward_pass_with_whole_kernels(tmp_path):
 
 def test_the_cut_kernels_are_slayers():
     # For the published neuron: tau_sr 10, tau_ref 1, and scale_ref * theta 20.
-    np.testing.assert_allclose(alpha_taps(10.0, 1.0), kernel(10.0, 1))
-    assert (len(alpha_taps(10.0, 1.0)), len(alpha_taps(1.0, -20.0))) == (77, 11)
+    np.testing.assert_allclose(alpha_taps(tau=10.0, factor=1.0), kernel(tau=10.0, factor=1))
+    assert (len(alpha_taps(tau=10.0, factor=1.0)), len(alpha_taps(tau=1.0, factor=-20.0))) == (
+        77,
+        11,
+    )
 
 
 def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
-    first, second = normal_weights(8, 12), normal_weights(4, 8)
+    first, second = normal_weights(outs=8, ins=12), normal_weights(outs=4, ins=8)
     files = write(tmp_path, {"fc1": first, "fc2": second}, steps=200)
     network, full = lc.load(*files, kernels="cut"), lc.load(*files)
     events = sparse_spikes(12, steps=200, rate=0.05)
@@ -74,7 +77,11 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
 def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
     """The error budget and the cause compare with the network as it is, whose kernels are cut, and so include tails."""
     network = lc.load(
-        *write(tmp_path, {"fc1": normal_weights(8, 12), "fc2": normal_weights(4, 8)}, steps=200),
+        *write(
+            tmp_path,
+            {"fc1": normal_weights(outs=8, ins=12), "fc2": normal_weights(outs=4, ins=8)},
+            steps=200,
+        ),
         kernels="cut",
     )
     report = lc.compile(
@@ -108,9 +115,9 @@ def test_the_authors_hybrid_walks_its_location_order(order, tmp_path):
     steps = 40
     layers_by_name = {
         "fc1": normal_weights(outs=6, ins=156, mean=0.1),
-        "fc2": normal_weights(3, 6),
-        "locationFc1": normal_weights(6, steps, 0.3),
-        "locationFc2": normal_weights(3, 6),
+        "fc2": normal_weights(outs=3, ins=6),
+        "locationFc1": normal_weights(outs=6, ins=steps, mean=0.3),
+        "locationFc2": normal_weights(outs=3, ins=6),
     }
     options = {} if order is None else {"location_order": order}
     network = lc.load(*write(tmp_path, layers_by_name, steps=steps, **options))
@@ -177,7 +184,7 @@ def test_delays_belong_to_the_spikes_of_the_layer_of_their_size(tmp_path):
     network = lc.load(
         *write(
             tmp_path,
-            {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 4)},
+            {"fc1": normal_weights(outs=4, ins=6), "fc2": normal_weights(outs=3, ins=4)},
             extra={"delay.delay": delay},
         )
     )
@@ -192,10 +199,10 @@ LOCATION = {"theta": 4.0, "tauSr": 3.0, "tauRef": 2.0}
 def hybrid_weights():
     """Return weights of both branches, for one fingertip (78 channels) and 60 time steps."""
     return {
-        "fc1": normal_weights(4, 78),
-        "fc2": normal_weights(3, 4),
-        "locationFc1": normal_weights(4, 60),
-        "locationFc2": normal_weights(3, 4),
+        "fc1": normal_weights(outs=4, ins=78),
+        "fc2": normal_weights(outs=3, ins=4),
+        "locationFc1": normal_weights(outs=4, ins=60),
+        "locationFc2": normal_weights(outs=3, ins=4),
     }
 
 
@@ -372,7 +379,7 @@ def other_kernel(tau):
     """Return a function that writes a checkpoint whose YAML has another time constant than its kernels."""
 
     def write_files(folder):
-        path, config = write(folder, {"fc1": normal_weights(4, 6)})
+        path, config = write(folder, {"fc1": normal_weights(outs=4, ins=6)})
         values = yaml.safe_load(config.read_text())
         values["neuron"]["tauSr"] = tau
         config.write_text(yaml.safe_dump(values))
@@ -385,7 +392,7 @@ def yaml_text(text):
     """Return a function that writes a checkpoint with this text as its YAML, and returns both paths."""
 
     def write_files(folder):
-        path, config = write(folder, {"fc1": normal_weights(4, 6)})
+        path, config = write(folder, {"fc1": normal_weights(outs=4, ins=6)})
         config.write_text(text)
         return path, config
 
@@ -394,7 +401,9 @@ def yaml_text(text):
 
 def replaced(folder, name, value):
     """Write a checkpoint in which one entry has another value, and return its path and that of its YAML."""
-    path, config = write(folder, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 4)})
+    path, config = write(
+        folder, {"fc1": normal_weights(outs=4, ins=6), "fc2": normal_weights(outs=3, ins=4)}
+    )
     torch.save(torch.load(path) | {name: value}, path)
     return path, config
 
@@ -421,17 +430,19 @@ REFUSED = [
         id="another kernel",
     ),
     pytest.param(
-        lambda f: write(f, {"fc1": normal_weights(4, 6)}),
+        lambda f: write(f, {"fc1": normal_weights(outs=4, ins=6)}),
         "kernels 'short': are not known. Choose one of: cut, full.",
         id="kernels of no name",
     ),
     pytest.param(
-        lambda f: write(f, {"fc1": normal_weights(4, 6)}, LOIHI),
+        lambda f: write(f, {"fc1": normal_weights(outs=4, ins=6)}, LOIHI),
         "kernels 'cut': LOIHI neurons have no kernels. Leave the option out.",
         id="kernels of integers",
     ),
     pytest.param(
-        lambda f: write(f, {"fc1": normal_weights(4, 6), "fc2": normal_weights(3, 5)}),
+        lambda f: write(
+            f, {"fc1": normal_weights(outs=4, ins=6), "fc2": normal_weights(outs=3, ins=5)}
+        ),
         "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against "
         "4). Save the layers of one chain in their order.",
         id="a gap in the chain",
@@ -594,5 +605,5 @@ def test_a_dense_layer_of_another_order_of_axes_is_refused(tmp_path):
 
 def test_kernels_in_a_checkpoint_of_integer_neurons_are_not_compared(tmp_path):
     extra = {"slayer.srmKernel": torch.ones(1, 1, 1, 1, 9)}
-    network = lc.load(*write(tmp_path, {"fc1": normal_weights(3, 6)}, LOIHI, extra=extra))
+    network = lc.load(*write(tmp_path, {"fc1": normal_weights(outs=3, ins=6)}, LOIHI, extra=extra))
     assert [population.name for population in network.populations] == ["fc1"]

@@ -117,9 +117,12 @@ def net_files(folder):
     rng = np.random.default_rng(2)
     write_net(
         folder / "a.net",
-        [dense(rng, 5, 4), dense(rng, 3, 5, delay=np.arange(3.0), bias=even(rng, 3))],
+        [
+            dense(rng, outs=5, ins=4),
+            dense(rng, outs=3, ins=5, delay=np.arange(3.0), bias=even(rng, 3)),
+        ],
     )
-    conv = dense(rng, 2, 2) | {
+    conv = dense(rng, outs=2, ins=2) | {
         "type": "conv",
         "weight": even(rng, 2, 1, 3, 3),
         "inChannels": 1,
@@ -138,7 +141,7 @@ def net_files(folder):
         conv,
         {"type": "flatten", "shape": np.array([32])},
     ]
-    write_net(folder / "b.net", [*layers, dense(rng, 3, 32)])
+    write_net(folder / "b.net", [*layers, dense(rng, outs=3, ins=32)])
     return ["a.net", "b.net"]
 
 

@@ -31,12 +31,14 @@ class Range(NamedTuple):
 
 
 RANGES = {
-    "decay_u": Range(0, 4096, DECAY),
-    "decay_v": Range(0, 4096, DECAY),
-    "threshold": Range(0, 131071, "Give a 64th of the threshold, or scale the weights down."),
-    "bias_mantissa": Range(-4096, 4095, SCALE),
-    "bias_exponent": Range(0, 7, "Use a smaller exponent and a larger mantissa."),
-    "refractory": Range(1, 63, "Shorten the refractory period; 1 blocks no step."),
+    "decay_u": Range(low=0, high=4096, fix=DECAY),
+    "decay_v": Range(low=0, high=4096, fix=DECAY),
+    "threshold": Range(
+        low=0, high=131071, fix="Give a 64th of the threshold, or scale the weights down."
+    ),
+    "bias_mantissa": Range(low=-4096, high=4095, fix=SCALE),
+    "bias_exponent": Range(low=0, high=7, fix="Use a smaller exponent and a larger mantissa."),
+    "refractory": Range(low=1, high=63, fix="Shorten the refractory period; 1 blocks no step."),
 }
 SOMA = 0
 DENDRITE = 1

@@ -350,7 +350,7 @@ def test_no_number_of_spikes_is_counted_inexactly(sent):
     program = builder.build()
     (phase,) = program.phases
     lists = {"x": list_events("x", np.zeros((2, 1, 1), dtype=np.uint8))}
-    played = play(program, phase, lists, None, Player())._replace(steps=sent)
+    played = play(program, phase, lists, steps=None, player=Player())._replace(steps=sent)
     trace = PhaseTrace.empty(played._replace(steps=1), n=7, pieces=1, windows={})
     trace.sent[1] = [sent, 1, 2, 3, 4, 5, 6, 7]
     assert count_totals(program, phase.name, played, trace)[

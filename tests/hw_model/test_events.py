@@ -69,12 +69,12 @@ def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
     )
     steps = max(1, -(-channels // channels_per_step) + int(r.integers(-1, 3)))
     return Input(
-        "x",
-        channels_per_step * lines,
-        "location",
-        "touch",
-        read_only(at // channels_per_step),
-        first_lines,
+        name="x",
+        size=channels_per_step * lines,
+        phase="location",
+        stream="touch",
+        positions=read_only(at // channels_per_step),
+        first_lines=first_lines,
     ), steps
 
 
@@ -87,7 +87,13 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
     played = PhaseInput(
         steps, (channels,), (events,), *np.zeros((3, len(recordings)), dtype=np.int64)
     )
-    item = Input("x", steps, "location", "touch", np.arange(channels)[::-1].copy())
+    item = Input(
+        name="x",
+        size=steps,
+        phase="location",
+        stream="touch",
+        positions=np.arange(channels)[::-1].copy(),
+    )
     turned = module.transpose(events, item, channels)
     transposed = PhaseInput(
         channels, (steps,), (turned,), *np.zeros((3, len(recordings)), dtype=np.int64)
@@ -141,7 +147,14 @@ def test_events_become_lines(module, visits):
     for row, channel in EVENTS_OF_VISITS:
         recordings[1, row, channel] = 1
     first_lines = None if visits.first_lines is None else read_only(visits.first_lines)
-    item = Input("x", visits.lines, "location", "touch", read_only(visits.positions), first_lines)
+    item = Input(
+        name="x",
+        size=visits.lines,
+        phase="location",
+        stream="touch",
+        positions=read_only(visits.positions),
+        first_lines=first_lines,
+    )
     lists = module.transpose(module.list_events("x", recordings), item, visits.steps)
     assert lists.rows == visits.steps
     assert not lists.first[0].any()

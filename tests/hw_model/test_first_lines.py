@@ -171,8 +171,21 @@ def test_visits_that_no_program_has_are_refused(saved, change, message):
 )  # fmt: skip
 def test_visits_must_fit_the_steps_and_lines_of_their_phase(positions, first_lines, message):
     lines = None if first_lines is None else read_only(first_lines)
-    item = Input("x", 6, "location", "touch", read_only(positions), lines)
-    graph = CompartmentGraph("visits", (Phase("location", "location", 3),), (item,), (), ())
+    item = Input(
+        "x",
+        size=6,
+        phase="location",
+        stream="touch",
+        positions=read_only(positions),
+        first_lines=lines,
+    )
+    graph = CompartmentGraph(
+        name="visits",
+        phases=(Phase("location", "location", steps=3),),
+        inputs=(item,),
+        groups=(),
+        synapses=(),
+    )
     if message is None:
         check_graph(graph, hw.chip("loihi-sim"))
         return

@@ -258,7 +258,7 @@ def test_no_future_changes_a_proven_winner(seed, time, location, kind):
 
 def test_a_batch_equals_its_recordings_one_by_one():
     program, recording = random_hybrid(4)
-    program = starting_at_touch(program, 1, 2)
+    program = starting_at_touch(program, time=1, location=2)
     r = np.random.default_rng(0)
     batch = np.stack([recording_of_kind(kind, recording, r) for kind in KINDS[:4]])
     together = hw.simulate(program, batch)
@@ -270,7 +270,10 @@ def test_a_batch_equals_its_recordings_one_by_one():
 
 def test_files_keep_the_start_and_say_nothing_without_one(tmp_path):
     program, recording = random_hybrid(4)
-    for name, saved in (("at once", program), ("late", starting_at_touch(program, 1, 3))):
+    for name, saved in (
+        ("at once", program),
+        ("late", starting_at_touch(program, time=1, location=3)),
+    ):
         saved.save(tmp_path / name)
         phases = yaml.safe_load((tmp_path / name / "program.yaml").read_text())["phases"]
         assert ["align_events" in phase for phase in phases] == [name == "late"] * 2
@@ -281,7 +284,7 @@ def test_files_keep_the_start_and_say_nothing_without_one(tmp_path):
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, True, "first", [1]])
 def test_files_with_another_start_are_refused(tmp_path, wrong):
-    starting_at_touch(random_hybrid(4)[0], 1, 1).save(tmp_path)
+    starting_at_touch(random_hybrid(4)[0], time=1, location=1).save(tmp_path)
     path = tmp_path / "program.yaml"
     document = yaml.safe_load(path.read_text())
     document["phases"][0]["align_events"] = wrong
@@ -302,7 +305,7 @@ def test_a_late_phase_is_transposed_as_a_whole_or_not_at_all(tmp_path):
 
 def test_steps_before_the_touch_take_no_time():
     program, recording = random_hybrid(4)
-    program = starting_at_touch(program, 1, None)
+    program = starting_at_touch(program, time=1, location=None)
     late = recording * (np.arange(len(recording)) >= 7)[:, None].astype(np.uint8)
     activity = hw.simulate(program, late, probe=("activity",)).activity["time"][0]
     step_ns = step_times(program, "time", activity, DAVIES).step_ns

@@ -93,7 +93,7 @@ def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
             name, 2, decay_u=FORGETS_AT_ONCE, decay_v=FORGETS_AT_ONCE, threshold=9
         )
         b.connect(x, y, [[20], [14]])
-        graph = graph_in_phase(b.graph(), "time", None)
+        graph = graph_in_phase(b.graph(), "time", steps=None)
         phase = replace(graph.phases[0], name=name)
         inputs = tuple(replace(item, phase=name) for item in graph.inputs)
         groups = tuple(replace(group, phase=name) for group in graph.groups)

@@ -163,7 +163,7 @@ def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_vi
     program = program_of_graphs(
         CHIP,
         Readout(("y",), (1.0,)),
-        graph_in_phase(builder.graph(), "location", None, np.arange(4)),
+        graph_in_phase(builder.graph(), "location", steps=None, positions=np.arange(4)),
     )
     recording = np.ones((rows, 4), dtype=np.uint8)
     session = hw.Session(program)

@@ -59,7 +59,7 @@ def test_the_two_formats_whose_merging_costs_least_are_merged():
     assert share_formats(synapses, 4) == {f: f for f in synapses}
     assert share_formats(synapses, 3) == {f: f for f in synapses} | {form(4): form(5)}
     assert share_formats(synapses, 2) == {f: form(5) for f in synapses if f.exponent == 0} | {
-        form(4, 1): form(4, 1)
+        form(delay_bits=4, exponent=1): form(delay_bits=4, exponent=1)
     }
 
 

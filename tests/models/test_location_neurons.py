@@ -162,7 +162,7 @@ def test_a_network_trained_on_the_chip_spikes_like_its_program(
     )  # fmt: skip
     result = train(RECORDINGS, config)
     assert result.network.description.location_neuron == OWN
-    export_checkpoint(tmp_path / "net.pt", result, config, RECORDINGS, None, carried=2)
+    export_checkpoint(tmp_path / "net.pt", result, config, RECORDINGS, test=None, carried=2)
     compiled = lc.compile(lc.load(tmp_path / "net.pt"), events=RECORDINGS, diagnosis=False)
     played = hw.simulate(compiled.program, RECORDINGS.spikes)
     with torch.no_grad():

@@ -153,17 +153,17 @@ def test_impossible_windows_are_refused(make: object, message: str) -> None:
 
 def test_taking_the_mean_spikes_of_the_training_recordings_changes_no_score() -> None:
     network = random_network(described())
-    x = torch.from_numpy(touches(4, 12)).float()
+    x = torch.from_numpy(touches(samples=4, steps=12)).float()
     before = network.counts(x)
-    network.begin(touches(7, 12))
+    network.begin(touches(samples=7, steps=12))
     assert float(network.usual.abs().sum()) > 0
     assert torch.allclose(network.counts(x), before, atol=1e-4)
 
 
 def test_saved_weights_give_the_scores_of_the_learning_network() -> None:
     network = random_network(described())
-    x = torch.from_numpy(touches(4, 12)).float()
-    network.begin(touches(7, 12))
+    x = torch.from_numpy(touches(samples=4, steps=12)).float()
+    network.begin(touches(samples=7, steps=12))
     saved = network.weights()
     by_hand = network.hidden(x) @ torch.from_numpy(saved[WEIGHT]).T + torch.from_numpy(saved[BIAS])
     assert torch.allclose(network.counts(x), by_hand, atol=1e-4)

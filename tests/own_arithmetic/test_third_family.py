@@ -172,10 +172,12 @@ def match(network, recordings) -> ProgramMatch[Counts]:
 @pytest.fixture(scope="module")
 def figures(network, match) -> Figures:
     """The content of the report."""
-    grounds = Grounds(0.001, "given", ("It is made up.",))
-    limits = {"neurons": LimitUse(4, 16), "inputs": LimitUse(2, 4)}
+    grounds = Grounds(step_seconds=0.001, events_origin="given", assumptions=("It is made up.",))
+    limits = {"neurons": LimitUse(used=4, limit=16), "inputs": LimitUse(used=2, limit=4)}
     return Figures(
-        **check_entries(network, match, grounds, Overflows(0, 3, {"all": {"full": 3}})),
+        **check_entries(
+            network, match, grounds, Overflows(wraps=0, clips=3, events={"all": {"full": 3}})
+        ),
         target="made-up",
         strategy="native",
         weight_bits=8,

@@ -26,7 +26,12 @@ def dense(ins, outs, neuron=NEURON, **more):
 
 def images(first):
     """Return first blocks for images, and what follows them: pooling and a readout of 5 classes."""
-    return [*first, CUBA.Pool(dict(NEURON), 2, weight_scale=8), CUBA.Flatten(), dense(16, 5)]
+    return [
+        *first,
+        CUBA.Pool(dict(NEURON), 2, weight_scale=8),
+        CUBA.Flatten(),
+        dense(ins=16, outs=5),
+    ]
 
 
 def conv(**more):
@@ -34,18 +39,30 @@ def conv(**more):
 
 
 NETWORKS = {
-    "dense": lambda: [dense(20, 16), dense(16, 8)],
-    "weight-norm": lambda: [dense(20, 16, weight_norm=True), dense(16, 8, weight_norm=True)],
-    "decay-of-each": lambda: [
-        dense(20, 16, {**NEURON, "current_decay": [0.2, 0.4], "shared_param": False}),
-        dense(16, 8),
+    "dense": lambda: [dense(ins=20, outs=16), dense(ins=16, outs=8)],
+    "weight-norm": lambda: [
+        dense(ins=20, outs=16, weight_norm=True),
+        dense(ins=16, outs=8, weight_norm=True),
     ],
-    "recurrent": lambda: [CUBA.Recurrent(dict(NEURON), 20, 16, weight_scale=4), dense(16, 8)],
-    "delay": lambda: [dense(20, 16, delay=True), dense(16, 8, delay=True)],
-    "input": lambda: [CUBA.Input(dict(INPUT)), dense(20, 8)],
+    "decay-of-each": lambda: [
+        dense(
+            ins=20, outs=16, neuron={**NEURON, "current_decay": [0.2, 0.4], "shared_param": False}
+        ),
+        dense(ins=16, outs=8),
+    ],
+    "recurrent": lambda: [
+        CUBA.Recurrent(dict(NEURON), 20, 16, weight_scale=4),
+        dense(ins=16, outs=8),
+    ],
+    "delay": lambda: [dense(ins=20, outs=16, delay=True), dense(ins=16, outs=8, delay=True)],
+    "input": lambda: [CUBA.Input(dict(INPUT)), dense(ins=20, outs=8)],
     "conv": lambda: images([CUBA.Input(dict(INPUT)), conv(stride=2)]),
-    "conv-groups-delay": lambda: [conv(groups=2, delay=True), CUBA.Flatten(), dense(256, 5)],
-    "affine": lambda: [dense(20, 16), CUBA.Affine(dict(NEURON), 16, 4)],
+    "conv-groups-delay": lambda: [
+        conv(groups=2, delay=True),
+        CUBA.Flatten(),
+        dense(ins=256, outs=5),
+    ],
+    "affine": lambda: [dense(ins=20, outs=16), CUBA.Affine(dict(NEURON), 16, 4)],
 }
 
 if __name__ == "__main__":

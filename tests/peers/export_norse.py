@@ -38,12 +38,18 @@ def readout(n):
 
 
 NETWORKS = {
-    "lif": lambda: SequentialState(linear(20, 16), box(16), linear(16, 8), box(8)),
-    "lif-at-rest-off-0": lambda: SequentialState(
-        linear(20, 16), box(16, 0.1), linear(16, 8), box(8, -0.2)
+    "lif": lambda: SequentialState(
+        linear(ins=20, outs=16), box(16), linear(ins=16, outs=8), box(8)
     ),
-    "iaf": lambda: SequentialState(linear(20, 16), IAFCell(IAFParameters(v_th=torch.ones(16)))),
-    "li": lambda: SequentialState(linear(20, 16), box(16), linear(16, 8), readout(8)),
+    "lif-at-rest-off-0": lambda: SequentialState(
+        linear(ins=20, outs=16), box(n=16, leak=0.1), linear(ins=16, outs=8), box(n=8, leak=-0.2)
+    ),
+    "iaf": lambda: SequentialState(
+        linear(ins=20, outs=16), IAFCell(IAFParameters(v_th=torch.ones(16)))
+    ),
+    "li": lambda: SequentialState(
+        linear(ins=20, outs=16), box(16), linear(ins=16, outs=8), readout(8)
+    ),
 }
 CHAIN = ("input a", "a b", "b c", "c d")
 GRAPHS = {

@@ -49,7 +49,9 @@ def recurrent_synaptic(n, how):
 
 
 def layers(neuron, how=ZERO):
-    return Sequential(linear(20, 16), neuron(16, how=how), linear(16, 8), neuron(8, how=how))
+    return Sequential(
+        linear(ins=20, outs=16), neuron(16, how=how), linear(ins=16, outs=8), neuron(8, how=how)
+    )
 
 
 NETWORKS = {
@@ -58,34 +60,34 @@ NETWORKS = {
     "leaky-late-subtract": lambda: layers(leaky, LATE_SUBTRACT),
     "synaptic-late-subtract": lambda: layers(synaptic, LATE_SUBTRACT),
     "synaptic-late-zero": lambda: layers(synaptic, LATE_ZERO),
-    "beta-1": lambda: Sequential(linear(20, 16), leaky(16, beta=1.0)),
-    "beta-0": lambda: Sequential(linear(20, 16), leaky(16, beta=0.0)),
+    "beta-1": lambda: Sequential(linear(ins=20, outs=16), leaky(16, beta=1.0)),
+    "beta-0": lambda: Sequential(linear(ins=20, outs=16), leaky(16, beta=0.0)),
     "recurrent": lambda: Sequential(
-        linear(20, 16), recurrent(16, **ALL_TO_ALL), linear(16, 8), leaky(8)
+        linear(ins=20, outs=16), recurrent(16, **ALL_TO_ALL), linear(ins=16, outs=8), leaky(8)
     ),
     "recurrent-one-to-one": lambda: Sequential(
-        linear(20, 16), recurrent(16, all_to_all=False, V=-torch.rand(16))
+        linear(ins=20, outs=16), recurrent(16, all_to_all=False, V=-torch.rand(16))
     ),
     "recurrent-late-zero": lambda: Sequential(
-        linear(20, 16), recurrent(16, LATE_ZERO, **ALL_TO_ALL)
+        linear(ins=20, outs=16), recurrent(16, LATE_ZERO, **ALL_TO_ALL)
     ),
     "recurrent-late-subtract": lambda: Sequential(
-        linear(20, 16), recurrent(16, LATE_SUBTRACT, **ALL_TO_ALL)
+        linear(ins=20, outs=16), recurrent(16, LATE_SUBTRACT, **ALL_TO_ALL)
     ),
     "recurrent-synaptic-late-zero": lambda: Sequential(
-        linear(20, 16), recurrent_synaptic(16, LATE_ZERO)
+        linear(ins=20, outs=16), recurrent_synaptic(16, LATE_ZERO)
     ),
     "recurrent-synaptic-late-subtract": lambda: Sequential(
-        linear(20, 16), recurrent_synaptic(16, LATE_SUBTRACT)
+        linear(ins=20, outs=16), recurrent_synaptic(16, LATE_SUBTRACT)
     ),
     "nested": lambda: Sequential(
-        Sequential(linear(20, 16), leaky(16)), Sequential(linear(16, 8), leaky(8))
+        Sequential(linear(ins=20, outs=16), leaky(16)), Sequential(linear(ins=16, outs=8), leaky(8))
     ),
 }
 IMAGES = {
     "conv": lambda: Sequential(
         Conv2d(2, 4, 3, padding=1), leaky(4, 8, 8), AvgPool2d(2), Conv2d(4, 3, 3, bias=False), leaky(3, 2, 2),
-        Flatten(), linear(12, 5), leaky(5),
+        Flatten(), linear(ins=12, outs=5), leaky(5),
     ),
 }  # fmt: skip
 

@@ -30,7 +30,12 @@ def linear(ins, outs, gain=8.0):
 
 def two(neuron, gain=8.0, **more):
     """Return a network of two layers of a kind of neuron."""
-    return Sequential(linear(20, 16, gain), neuron(**more), linear(16, 8, 2 * gain), neuron(**more))
+    return Sequential(
+        linear(ins=20, outs=16, gain=gain),
+        neuron(**more),
+        linear(ins=16, outs=8, gain=2 * gain),
+        neuron(**more),
+    )
 
 
 class Skip(Module):
@@ -44,9 +49,9 @@ class Skip(Module):
         )
         self.fc1, self.fc2, self.fc3, self.over = (
             linear(ins=20, outs=16, gain=12),
-            linear(16, 16),
-            linear(16, 8),
-            linear(16, 8),
+            linear(ins=16, outs=16),
+            linear(ins=16, outs=8),
+            linear(ins=16, outs=8),
         )
 
     def forward(self, x):

@@ -94,7 +94,7 @@ def main():
         arrays[f"{name}.floor"] = np.array(FLOORS[floor])
         arrays[f"{name}.input"] = spikes.numpy().astype(np.uint8)
         arrays[f"{name}.first"], arrays[f"{name}.second"] = play(recorded_network, spikes)
-        arrays[f"{name}.free"], _ = play(network(kind, reset, None, seed), spikes)
+        arrays[f"{name}.free"], _ = play(network(kind, reset, floor=None, seed=seed), spikes)
         changed = int((arrays[f"{name}.free"] != arrays[f"{name}.first"]).sum())
         counts = [int(arrays[f"{name}.{part}"].sum()) for part in ("first", "second")]
         print(f"{name}: {counts} spikes, {changed} differ without a floor")

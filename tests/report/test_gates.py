@@ -97,7 +97,7 @@ def test_every_gate_is_tested_and_results_come_in_the_order_of_gates(report):
 
 @pytest.mark.parametrize("option", ["--min-agreement", "--max-spike-error", "--max-score-error"])
 def test_a_gate_on_what_was_not_compared_fails(report, option):
-    report = with_spike_agreement(report, None)
+    report = with_spike_agreement(report, agreement=None)
     match = replace(report.match, prediction_agreement=None, score_error=None)
     # A bound that any figure keeps.
     bound = 0.0 if option == "--min-agreement" else 1.0

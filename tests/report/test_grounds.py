@@ -333,5 +333,5 @@ def test_time_is_of_the_profile_that_says_what_it_rests_on(network: Network) -> 
 def test_made_up_recordings_have_the_step_of_the_model_or_none() -> None:
     # Touches for the channels of a fingertip, random spikes for others.
     for channels in (CHANNELS, 5):
-        assert synthetic_recordings(channels, STEPS, None).step_seconds is None
+        assert synthetic_recordings(channels, STEPS, step_seconds=None).step_seconds is None
         assert synthetic_recordings(channels, STEPS, 0.5).step_seconds == 0.5

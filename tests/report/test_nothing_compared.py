@@ -36,7 +36,7 @@ from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.verification.matching import Match
 
 STEPS = 40
-GROUNDS = Grounds(0.02, "given", ())
+GROUNDS = Grounds(step_seconds=0.02, events_origin="given", assumptions=())
 
 
 def checkpoint(path: Path, **weights: float) -> Path:

@@ -17,7 +17,7 @@ def _lines(files: dict[str, bytes], name: str) -> list[str]:
 
 
 def test_figures_have_their_units(document: dict[str, Any]) -> None:
-    files = csv_files(document, None)
+    files = csv_files(document, excerpt=None)
     assert list(files) == ["csv/figures.csv"]
     lines = _lines(files, "figures")
     assert lines[0] == "section,name,unit,value"

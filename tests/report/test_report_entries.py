@@ -51,7 +51,7 @@ class Part(Entry):
 # ``energy`` and ``times`` are written as null keys.
 PART = Part(
     name="a",
-    size=Size(1, 2.0),
+    size=Size(width=1, height=2.0),
     from_=(3, 4),
     kind="round",
     scale=5,
@@ -60,7 +60,7 @@ PART = Part(
     energy=None,
     times=None,
     timed=False,
-    parts={"left": (Size(6, 7.0),)},
+    parts={"left": (Size(width=6, height=7.0),)},
     choice=None,
 )
 DOCUMENT = {

@@ -135,7 +135,7 @@ def test_it_is_small_and_loads_nothing(page):
 def test_names_are_text(compiled):
     model = replace(compiled.figures.model, name="</script><script>@@data@@<b>")
     figures = replace(compiled.figures, model=model)
-    page = render_viewer(Observed(compiled.levels, PLAYED), figures, None).decode()
+    page = render_viewer(Observed(compiled.levels, PLAYED), figures, first=None).decode()
     assert "</script><script>@@" not in page
     assert page.count("<script") == page_of(compiled).decode().count("<script")
     assert values_of(page)["recordings"][0]["label"] is None
@@ -313,7 +313,7 @@ def test_without_a_difference_there_is_nowhere_to_go(chromium, tmp_path):
     network = replace(NETWORK, recordings=None)
     spikes = np.zeros((1, 20, 8), dtype=np.uint8)
     silent = lc.compile(network, events=spikes, strategy="dendrite", diagnosis=False)
-    (tmp_path / "silent.html").write_bytes(page_of(silent, spikes, None))
+    (tmp_path / "silent.html").write_bytes(page_of(silent, spikes, labels=None))
     chromium.open(tmp_path / "silent.html")
     assert text(chromium, "summary").endswith(
         "the network predicts no class, the chip no class. Every spike is equal."

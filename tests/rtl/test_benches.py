@@ -83,7 +83,8 @@ def test_the_core_passes_every_bench(sizes):
 
 def test_hybrids_hear_events_when_they_arrive():
     later = [
-        CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()
+        CoreProgram(program, spikes.shape[1], steps=None, sizes=LATER).later
+        for program, spikes in benches()
     ]
     assert later.count(True) == 4
 
@@ -105,8 +106,8 @@ ROWS = 22
 def test_rows_of_a_window_share_a_source_where_all_weights_are_equal(changed, shared):
     """Lines `changed` of the input have other weights; 2^shared rows then share a source, by phase."""
     program, spikes = windows(changed)
-    core = CoreProgram(program, spikes.shape[1], None, LATER)
-    apart = CoreProgram(program, spikes.shape[1], None, SIZES)
+    core = CoreProgram(program, spikes.shape[1], steps=None, sizes=LATER)
+    apart = CoreProgram(program, spikes.shape[1], steps=None, sizes=SIZES)
     assert [phase.shared for phase in core.phases] == shared
     assert [phase.shared for phase in apart.phases] == [0, 0, 0]
     channels = 3
@@ -149,14 +150,14 @@ def test_faults_of_slices_are_found(fault):
 def test_events_wait_where_a_phase_has_one_place(places, later):
     """The lowest bit of a place chooses a bank, so more slots cannot take it: a phase needs two places to hear events early."""
     rows, channels = 8, 2
-    time = graph_in_phase(one_compartment("time"), "time", rows, None)
+    time = graph_in_phase(one_compartment("time"), "time", rows, positions=None)
     location = graph_in_phase(one_compartment("location"), "location", rows, np.arange(channels))
     readout = Readout(("time/y", "location/y"), (1.0, 1.0))
     program = program_of_graphs(CHIP, readout, time, location)
     spikes = np.ones((1, rows, channels), dtype=np.uint8)
     sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
     comparison = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=PATIENCE)
-    assert CoreProgram(program, rows, None, sizes).later is later
+    assert CoreProgram(program, rows, steps=None, sizes=sizes).later is later
     assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
 
 

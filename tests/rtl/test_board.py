@@ -237,7 +237,7 @@ def test_the_host_says_that_a_recording_was_cut_off(loaded):
 def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     port, _ = loaded
     greet(port)
-    port.write(framed(WORDS, 1, stream_words(desk.words)) + framed(HELLO, 7, b""))
+    port.write(framed(WORDS, 1, stream_words(desk.words)) + framed(HELLO, number=7, payload=b""))
     assert [(kind, number) for kind, number, _ in received_frames(port)] == [
         (DONE, 1),
         (ANSWERED, 0),

@@ -85,7 +85,7 @@ def test_phases_of_every_kind_with_verilator():
 @verilator
 @pytest.mark.parametrize(("model", "strategy"), MODELS, ids=lambda value: value)
 def test_every_shipped_model(model, strategy):
-    check(shipped(model, strategy), recordings(model, None))
+    check(shipped(model, strategy), recordings(model, count=None))
 
 
 def check_random(drawn: any_program.Drawn, features: Counter[str]) -> None:

@@ -214,7 +214,15 @@ def test_activity_is_what_the_core_does(small, tmp_path, cores_of_this_run):
     counts_file = tmp_path / "counts"
     counting = (HERE / "count_accesses.sv").read_text().replace("COUNTS_FILE", str(counts_file))
     texts["bench.sv"] = texts["bench.sv"].replace("endmodule", "") + counting
-    result, _ = play_on_core(program, spikes, None, ("spikes",), "icarus", texts, benches.SIZES)
+    result, _ = play_on_core(
+        program,
+        spikes,
+        steps=None,
+        probe=("spikes",),
+        simulator="icarus",
+        texts=texts,
+        sizes=benches.SIZES,
+    )
     reads, writes = (
         [int(count) for count in line.split()] for line in counts_file.read_text().splitlines()
     )
@@ -408,7 +416,9 @@ def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, axo
     config = config_from_mapping(
         read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT_TRAINING
     )
-    export_checkpoint(checkpoint, train(recordings, config), config, recordings, None, carried=0)
+    export_checkpoint(
+        checkpoint, train(recordings, config), config, recordings, test=None, carried=0
+    )
     program = lower(load(checkpoint), hw.chip("ecp5-85f"), WEIGHT_BITS, "auto").program
     assert on_core(program, steps, program.chip).needs.axons == axons
     without_groups = replace(program.chip, open_core=replace(program.chip.open_core, groups=0))

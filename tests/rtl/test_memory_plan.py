@@ -56,43 +56,43 @@ class Expected(NamedTuple):
     ("memory", "price", "expected"),
     [
         pytest.param(
-            array(64, 8),
+            array(words=64, bits=8),
             ENERGY_ONLY,
             Expected(row=("small",), banks=4, area_um2=4 * 100, energy_pj=100 * 1.0),
             id="energy: shallow banks",
         ),
         pytest.param(
-            array(64, 8),
+            array(words=64, bits=8),
             AREA_FIRST,
             Expected(row=("deep",), banks=1, area_um2=250, energy_pj=100 * 3.0),
             id="area: a deep one",
         ),
         pytest.param(
-            array(32, 8, rows={1: 100.0, 2: 50.0}),
+            array(words=32, bits=8, rows={1: 100.0, 2: 50.0}),
             ENERGY_ONLY,
             Expected(row=("wide",), banks=1, pack=2, area_um2=150, energy_pj=50 * 1.5),
             id="words in order: two in a row",
         ),
         pytest.param(
-            array(16, 20, rows={1: 10.0}),
+            array(words=16, bits=20, rows={1: 10.0}),
             ENERGY_ONLY,
             Expected(row=("wide", "small"), banks=1, area_um2=250, energy_pj=10 * (1.5 + 1.0)),
             id="side by side",
         ),
         pytest.param(
-            array(16, 8, ports=2, rows={1: 10.0}, writes=10.0),
+            array(words=16, bits=8, ports=2, rows={1: 10.0}, writes=10.0),
             AREA_FIRST,
             Expected(row=("pair",), banks=1, area_um2=300, energy_pj=10 * 1.0 + 10 * 2.0),
             id="read and written",
         ),
         pytest.param(
-            array(32, 8, ports=2, rows={1: 10.0}, writes=10.0, halves=2),
+            array(words=32, bits=8, ports=2, rows={1: 10.0}, writes=10.0, halves=2),
             AREA_FIRST,
             Expected(row=("small",), banks=2, area_um2=2 * 100, energy_pj=10 * 1.0 + 10 * 2.0),
             id="even and odd banks",
         ),
         pytest.param(
-            array(16, 8, rows={1: 10.0}, copies=3),
+            array(words=16, bits=8, rows={1: 10.0}, copies=3),
             ENERGY_ONLY,
             Expected(row=("small",), banks=1, area_um2=3 * 100, energy_pj=10 * 1.0),
             id="copies",
@@ -107,7 +107,7 @@ def test_the_cheapest_plan(memory, price, expected):
 
 
 def test_words_of_even_and_odd_banks_alternate():
-    memory = array(40, 8, ports=2, rows={1: 10.0}, writes=10.0, halves=2)
+    memory = array(words=40, bits=8, ports=2, rows={1: 10.0}, writes=10.0, halves=2)
     (planned,) = plan([memory], MACROS, AREA_FIRST)
     assert [(piece.first, piece.every, piece.rows) for piece in planned.pieces()] == [
         (0, 2, 16),
@@ -119,11 +119,11 @@ def test_words_of_even_and_odd_banks_alternate():
 
 def test_an_array_that_no_macros_hold_is_refused():
     with pytest.raises(InputError) as caught:
-        plan([array(64, 100)], MACROS)  # wider than four of the widest macros
+        plan([array(words=64, bits=100)], MACROS)  # wider than four of the widest macros
     assert str(caught.value) == "memory 'a': no macros hold it. Give wider macros or more ports."
 
 
-MEMORY = array(32, 8)
+MEMORY = array(words=32, bits=8)
 """Two banks of the macro `small` hold it."""
 FIRST_BANK = Piece(
     memory="a", copies=1, macro="small", first=0, every=1, rows=16, pack=1, bit=0, bits=8

@@ -37,7 +37,7 @@ def other_widths() -> hw.ChipProgram:
 def heavy_weights() -> hw.ChipProgram:
     """A readout with the weight 0.1, which as a binary fraction has 53 bits."""
     return hybrids.program_of_graphs(
-        benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5))
+        benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", steps=5))
     )
 
 
@@ -56,7 +56,7 @@ def late_potentials() -> hw.ChipProgram:
 
 
 def a_stream_of_two() -> hw.ChipProgram:
-    other = branch("b", Phase("b", "time", 5))
+    other = branch("b", Phase("b", "time", steps=5))
     other = replace(other, inputs=tuple(replace(item, stream="other") for item in other.inputs))
     return benches.together(branch("a", Phase("a", "time", steps=5, align_events=1)), other)
 

@@ -46,7 +46,7 @@ def check_cores(seed: int) -> int:
     checked = 0
     for sizes in SIZES:
         try:
-            core = CoreProgram(program, case.rows, None, sizes)
+            core = CoreProgram(program, case.rows, steps=None, sizes=sizes)
         except hw.TargetError:
             continue  # the core cannot run the program
         costs = core_costs(core)
@@ -133,7 +133,7 @@ def hybrid_program() -> hw.ChipProgram:
 
 def costs_of(program: hw.ChipProgram, rows: int, sizes: Sizes = SIMULATED) -> dict[str, object]:
     """Return all costs of a program on a core, with arrays as lists."""
-    costs = vars(core_costs(CoreProgram(program, rows, None, sizes)))
+    costs = vars(core_costs(CoreProgram(program, rows, steps=None, sizes=sizes)))
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value
         for name, value in costs.items()

@@ -123,7 +123,7 @@ def run(steps):
             rows_of_inputs.append(rows)
     populations = [p.stored(slots) for p in RUN["populations"] if isinstance(p.cell, IF_curr_exp)]
     network = SpinnakerNetwork(
-        phases=(Phase("run", "time", None),),
+        phases=(Phase("run", "time", steps=None),),
         inputs=tuple(inputs),
         populations=tuple(populations),
         projections=tuple(_stored_projections(populations)),

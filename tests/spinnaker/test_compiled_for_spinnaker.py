@@ -126,7 +126,9 @@ def test_delays_arrive_as_in_the_network():
 @pytest.mark.parametrize("steps", [20, 160], ids=["shorter", "longer"])
 def test_a_network_of_any_length_takes_the_steps_of_recordings(steps):
     """Made-up recordings to calibrate on are as long as those of the check, as for ``loihi-sim``."""
-    description = NetworkDescription("tactile-snn", InputLayout(neutouch(1), 40, 0.02), 3, hidden=6)
+    description = NetworkDescription(
+        "tactile-snn", InputLayout(neutouch(1), steps=40, step_seconds=0.02), 3, hidden=6
+    )
     random = np.random.default_rng(0)
     weights = {
         name: random.normal(0.5, 2.0, shape).astype(np.float32)

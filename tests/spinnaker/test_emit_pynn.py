@@ -130,7 +130,7 @@ def test_equal_programs_give_equal_bytes():
 @pytest.mark.slow
 def test_both_phases_of_a_shipped_network_tell_spynnaker_sums_that_give_its_shifts():
     network = lc.load("examples/models/objects-best.pt")
-    recordings = recordings_for(network, None)
+    recordings = recordings_for(network, events=None)
     graph_of = lower_neurons(quantize_for(CHIP, network, recordings), grid_of(CHIP))
     lowered = lower_to_spinnaker(graph_of, CHIP).network
     for population in lowered.populations:

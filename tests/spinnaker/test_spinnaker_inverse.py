@@ -87,7 +87,7 @@ def test_the_errors_of_decays_have_both_signs():
 
 
 def test_a_current_that_keeps_nothing_and_a_potential_that_keeps_nothing_are_exact():
-    membrane = inverse.membrane_of(4096, 4096)
+    membrane = inverse.membrane_of(decay_u=4096, decay_v=4096)
     assert (membrane.synapse_decay, membrane.membrane_decay) == (0, 0)
     # In ms: e^(-1 / 0.09616) is below what the formats can hold.
     assert round(membrane.tau_m / ONE, 5) == 0.09616
@@ -146,7 +146,7 @@ def test_scales_are_the_largest_powers_of_two_that_the_bounds_allow(neuron, sums
 @pytest.mark.parametrize("halvings", [0, 4, 8])
 def test_a_weight_is_halved_once_more_just_above_the_largest_current(halvings):
     """The largest current that cannot wrap is 65,535 nA; a current that decays slowly adds up to it."""
-    membrane = inverse.membrane_of(379, 4096)
+    membrane = inverse.membrane_of(decay_u=379, decay_v=4096)
     settled = Fraction(membrane.synapse_init, SPAN - membrane.synapse_decay)
     most = int((65535 << halvings) / settled)
     assert inverse.weight_scale(membrane, Sums(most, 0)) == halvings

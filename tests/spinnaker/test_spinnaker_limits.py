@@ -107,24 +107,24 @@ NETWORKS = {
         "'inhibitory'?",
     ),
     "phase": (
-        {"inputs": (Input("lines", 1, "walk", "touches"),)},
+        {"inputs": (Input("lines", size=1, phase="walk", stream="touches"),)},
         "'lines': its phase does not exist. Choose one of: run.",
     ),
     "phases": (
         {
-            "phases": (Phase("run", "time", None), Phase("walk", "time", None)),
-            "inputs": (Input("lines", 1, "walk", "touches"),),
+            "phases": (Phase("run", "time", steps=None), Phase("walk", "time", steps=None)),
+            "inputs": (Input("lines", size=1, phase="walk", stream="touches"),),
         },
         "projection 'lines' -> 'cells', excitatory: its ends are in different phases. Connect "
         "what runs together.",
     ),
     "names": (
-        {"inputs": (Input("cells", 1, "run", "touches"),), "projections": ()},
+        {"inputs": (Input("cells", size=1, phase="run", stream="touches"),), "projections": ()},
         "network: it has more than one input or population 'cells'. Give each a name of its own.",
     ),
     "order": (
         {
-            "inputs": (Input("lines", 2, "run", "touches"),),
+            "inputs": (Input("lines", size=2, phase="run", stream="touches"),),
             "projections": (projection((1, 0, 1, 1), (0, 0, 1, 1)),),
         },
         "projection 'lines' -> 'cells', excitatory: its synapses are not ordered by source. Sort "

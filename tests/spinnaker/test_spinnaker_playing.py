@@ -25,7 +25,7 @@ def program(**changes: object) -> SpinnakerProgram:
     """Return two lines that make one neuron spike in the next step."""
     cells = population(parameters=parameters(tau_m=FAST_MS, tau_syn=FAST_MS, v_thresh=0.01))
     usual = {
-        "inputs": (Input("lines", 2, "run", "touches"),),
+        "inputs": (Input("lines", size=2, phase="run", stream="touches"),),
         "populations": (cells,),
         "projections": STRONG,
     }
@@ -48,7 +48,7 @@ def test_a_row_acts_in_the_next_step_and_each_recording_starts_from_rest(engine)
 
 
 def test_a_phase_that_begins_with_a_touch_runs_no_row_before():
-    first_touch = Phase("run", "time", 3, align_events=1)
+    first_touch = Phase("run", "time", steps=3, align_events=1)
     recordings = np.array([[[0, 0], [0, 0], [1, 0], [0, 0], [0, 0], [0, 0]]])
     played = play_program(program(phases=(first_touch,)), recordings)
     assert played.spikes["cells"][0, :, 0].tolist() == [0, 0, 0, 1, 0, 0]
@@ -58,8 +58,8 @@ def test_a_phase_that_begins_with_a_touch_runs_no_row_before():
 
 
 def test_a_transposed_input_is_played_channel_by_channel():
-    turned = Input("lines", 2, "run", "touches", positions=np.array([0, 2, 1]))
-    location = Phase("run", "location", 4)
+    turned = Input("lines", size=2, phase="run", stream="touches", positions=np.array([0, 2, 1]))
+    location = Phase("run", "location", steps=4)
     # An event of channel 1, which is visited in step 2.
     recording = np.array([[[0, 1, 0], [0, 0, 0]]])
     played = play_program(program(inputs=(turned,), phases=(location,)), recording)

@@ -23,11 +23,11 @@ CHIP = spinnaker_chip("spinnaker1")
 
 def small_program() -> SpinnakerProgram:
     """Return a program of two phases, the second transposed, with a value in every optional field but the times."""
-    lines = Input("lines", 3, "run", "touches")
-    turned = Input("turned", 4, "walk", "touches", positions=np.array([0, 2, 1]))
+    lines = Input("lines", size=3, phase="run", stream="touches")
+    turned = Input("turned", size=4, phase="walk", stream="touches", positions=np.array([0, 2, 1]))
     walk = population("walkers", phase="walk", size=2, potential_unit=0.25)
     both_phases = network(
-        phases=(Phase("run", "time", None), Phase("walk", "location", 3)),
+        phases=(Phase("run", "time", steps=None), Phase("walk", "location", steps=3)),
         inputs=(lines, turned),
         populations=(population(size=2), walk),
         projections=(
@@ -78,7 +78,7 @@ def test_random_networks_are_read_back_as_they_were(seed, tmp_path):
 def test_programs_of_all_families_have_as_many_lines_and_steps(tmp_path):
     widest = network(
         phases=(Phase("run", "time", MAX_STEPS),),
-        inputs=(Input("lines", MAX_LINES, "run", "touches"),),
+        inputs=(Input(name="lines", size=MAX_LINES, phase="run", stream="touches"),),
     )
     readout = Readout(("cells",), (1.0,))
     program = replace(small_program(), network=widest, readout=readout, class_names=None)

@@ -37,8 +37,8 @@ def network_of_one(neuron, weight=1.0):
     """Return a network of a neuron behind one input."""
     return Network(
         name="one", channels=1, steps=30, step_seconds=None, sensor=None,
-        views=(InputView("touch", "time", 1),),
-        populations=(Population("n", "time", 1, neuron),),
+        views=(InputView("touch", "time", lines=1),),
+        populations=(Population("n", "time", size=1, neuron=neuron),),
         projections=(Projection("touch", "n", matrix([[weight]], np.float64)),),
         readout=Readout(("n",), (1.0,)), sha256="0" * 64,
     )  # fmt: skip
@@ -304,7 +304,7 @@ def test_lost_biases_are_counted_in_the_report():
     neuron = Cuba.of(3, decay_v=0.1, threshold=1.0, bias=np.array([0.0, 1e-9, 0.05]))
     network = replace(
         network_of_one(neuron), projections=(Projection("touch", "n", matrix(np.ones((3, 1)), np.float64)),),
-        populations=(Population("n", "time", 3, neuron),),
+        populations=(Population("n", "time", size=3, neuron=neuron),),
     )  # fmt: skip
     report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).figures
     assert report.skipped.biases_lost == 1

@@ -212,13 +212,15 @@ def several_phases() -> tuple[hw.ChipProgram, np.ndarray]:
     # The last phase hears twelve rows, of two channels in each of its first two steps.
     program = together(
         hybrids.moved(
-            branch("a", rows), Phase("a", "location", 5), {"positions": r.permutation(channels)}
+            branch("a", rows),
+            Phase("a", "location", steps=5),
+            {"positions": r.permutation(channels)},
         ),
-        hybrids.moved(branch("b", channels), Phase("b", "time", 9)),
-        hybrids.moved(branch("c", channels), Phase("c", "time", 14)),
+        hybrids.moved(branch("b", channels), Phase("b", "time", steps=9)),
+        hybrids.moved(branch("c", channels), Phase("c", "time", steps=14)),
         hybrids.moved(
             branch("d", 2 * 12),
-            Phase("d", "location", 3),
+            Phase("d", "location", steps=3),
             {"positions": [1, 0, 0, 1], "first_lines": [0, 0, 12, 12]},
         ),
     )
@@ -239,7 +241,9 @@ def both_ways() -> tuple[hw.ChipProgram, np.ndarray]:
     b.connect(x, y, 2 * r.integers(-30, 60, (4, channels)), delay=2)
     b.connect(turned, y, 2 * r.integers(-30, 60, (4, rows)))
     program = together(
-        hybrids.moved(b.graph(), Phase("both", "time", 9), {}, {"positions": [2, 2 + 5, 2 + 3]})
+        hybrids.moved(
+            b.graph(), Phase("both", "time", steps=9), {}, {"positions": [2, 2 + 5, 2 + 3]}
+        )
     )
     return program, (r.random((1, rows, channels)) < 0.3).astype(np.uint8)
 
@@ -257,8 +261,8 @@ def late_starts() -> tuple[hw.ChipProgram, np.ndarray]:
 
     program = together(
         hybrids.moved(branch("a", channels), Phase("a", "time", short, align_events=2)),
-        hybrids.moved(branch("b", short), Phase("b", "location", 4, align_events=2), visits),
-        hybrids.moved(branch("c", rows), Phase("c", "location", 3), visits),
+        hybrids.moved(branch("b", short), Phase("b", "location", steps=4, align_events=2), visits),
+        hybrids.moved(branch("c", rows), Phase("c", "location", steps=3), visits),
     )
     late, at_once, never, at_the_end = range(4)
     spikes = (r.random((4, rows, channels)) < 0.3).astype(np.uint8)
@@ -286,7 +290,7 @@ def never_starts() -> tuple[hw.ChipProgram, np.ndarray]:
         ),
         hybrids.moved(
             hybrids.random_branch(r, "b", lines, 2, CHIP),
-            Phase("b", "location", 4),
+            Phase("b", "location", steps=4),
             {"positions": r.permutation(channels)},
         ),
     )
@@ -318,8 +322,8 @@ def windows(changed: slice = slice(0)) -> tuple[hw.ChipProgram, np.ndarray]:
         return {"positions": np.array([0, 2, 0]), "first_lines": rows * r.permutation(channels)}
 
     program = together(
-        hybrids.moved(branch("a", 4), Phase("a", "location", 4), visits()),
-        hybrids.moved(branch("b", 8), Phase("b", "location", 5, align_events=2), visits()),
+        hybrids.moved(branch("a", 4), Phase("a", "location", steps=4), visits()),
+        hybrids.moved(branch("b", 8), Phase("b", "location", steps=5, align_events=2), visits()),
     )
     return program, (r.random((2, rows, channels)) < 0.3).astype(np.uint8)
 

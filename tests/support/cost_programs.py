@@ -143,7 +143,7 @@ def hybrid() -> Worked:
         CHIP,
         None,
         graph_in_phase(branch("time", 2).graph(), "time", 3),
-        graph_in_phase(branch("location", 3).graph(), "location", 2, [1, 0]),
+        graph_in_phase(branch("location", 3).graph(), "location", steps=2, positions=[1, 0]),
     )
     davies = {
         "time": (5.3 + 3.5) + 8.4 + (8.4 + 2 * 3.5) + 3 * 113.0,

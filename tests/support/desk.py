@@ -118,23 +118,23 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
     whole_recording = stream_words(words)
     # A channel that does not exist; then a byte without its stop bit.
     yield framed(WORDS, 1, stream_words([desk.core.channels, TICK, END]))
-    yield [0x7E, HELLO, LINE_BROKEN + 1, 0x7E, *framed(REPORT, 1, b"\1")]
+    yield [0x7E, HELLO, LINE_BROKEN + 1, 0x7E, *framed(REPORT, number=1, payload=b"\1")]
     # Recordings with reports of spikes, and without.
-    yield [*framed(REPORT, 1, b"\1"), *framed(WORDS, 2, whole_recording)]
+    yield [*framed(REPORT, number=1, payload=b"\1"), *framed(WORDS, 2, whole_recording)]
     yield framed(WORDS, 1, whole_recording)
     yield [
-        *framed(REPORT, 1, b"\1"),
-        *framed(REPORT, 2, b"\0"),
+        *framed(REPORT, number=1, payload=b"\1"),
+        *framed(REPORT, number=2, payload=b"\0"),
         *framed(WORDS, 3, whole_recording),
     ]
     # Frames that are damaged, cut short, given up by their sender, no frames at all, longer than the board's buffer
     # and as long as it.
     yield [*damaged(framed(WORDS, 1, WORD)), *framed(WORDS, 1, stream_words([0, END]))]
-    yield [*framed(WORDS, 1, WORD)[:5], *framed(REPORT, 1, b"\0")]
-    yield [*framed(WORDS, 1, WORD)[:-1], 0x7D, 0x7E, *framed(REPORT, 1, b"\0")]
-    yield [*b"\x7eabc\x7e", *framed(REPORT, 1, b"\0")]
-    yield [*framed(WORDS, 1, bytes(200)), *framed(REPORT, 1, b"\0")]
-    yield [*framed(WORDS, 1, bytes(127)), *framed(REPORT, 1, b"\0")]
+    yield [*framed(WORDS, 1, WORD)[:5], *framed(REPORT, number=1, payload=b"\0")]
+    yield [*framed(WORDS, 1, WORD)[:-1], 0x7D, 0x7E, *framed(REPORT, number=1, payload=b"\0")]
+    yield [*b"\x7eabc\x7e", *framed(REPORT, number=1, payload=b"\0")]
+    yield [*framed(WORDS, 1, bytes(200)), *framed(REPORT, number=1, payload=b"\0")]
+    yield [*framed(WORDS, 1, bytes(127)), *framed(REPORT, number=1, payload=b"\0")]
     # Frames out of order, and one that comes twice.
     yield [
         *framed(WORDS, 2, WORD),
@@ -149,7 +149,7 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
     ]
     yield [
         *framed(WORDS, 1, stream_words([desk.core.channels, TICK, END])),
-        *framed(LOAD, 2, b"\x01\0\0\0\x04abcd"),
+        *framed(LOAD, number=2, payload=b"\x01\0\0\0\x04abcd"),
     ]
     yield [
         *framed(WORDS, 1, stream_words([*words[:9], STOP])),
@@ -165,11 +165,11 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
         (REPORT, b"\1\1"),
     ):
         yield [*framed(kind, 1, payload), *framed(WORDS, 2, whole_recording)]
-    yield framed(HELLO, 1, b"a")
+    yield framed(HELLO, number=1, payload=b"a")
     for payload in REFUSED_LOADS.values():
         yield [*framed(LOAD, 1, payload), *framed(WORDS, 2, WORD)]
     # A load of the last word of a memory, and the reset button, after which the board has no program.
-    yield framed(LOAD, 1, b"\x01\0\0\xff\x04abcd")
+    yield framed(LOAD, number=1, payload=b"\x01\0\0\xff\x04abcd")
     yield [PRESS, *framed(WORDS, 0, WORD)]
 
 

@@ -156,8 +156,8 @@ def two_phases(align_events=None, bias=0):
 
     groups = (neuron("a", "time"), neuron("b", "location"))
     inputs = (
-        Input("x", 4, "time", "x"),
-        Input("xt", 5, "location", "x", positions=read_only([3, 1, 0, 2])),
+        Input("x", size=4, phase="time", stream="x"),
+        Input("xt", size=5, phase="location", stream="x", positions=read_only([3, 1, 0, 2])),
     )
     synapses = tuple(synapses_onto(group, item) for group, item in zip(groups, inputs, strict=True))
     phases = (

@@ -78,7 +78,7 @@ def case_of(arrays: Mapping[str, np.ndarray]) -> Case:
     lines = arrays["spikes"].shape[1]
     populations = tuple(_populations_of(arrays))
     network = SpinnakerNetwork(
-        phases=(Phase(PHASE, "time", None),),
+        phases=(Phase(PHASE, "time", steps=None),),
         inputs=(Input("lines", lines, PHASE, "touches"),),
         populations=populations,
         projections=tuple(_projections_of(arrays, lines, populations)),

@@ -176,13 +176,13 @@ CONV = {
 
 
 NETS = {
-    "dense": [dense(RNG, 12, 10), dense(RNG, 5, 12)],
-    "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, 12, 10)],
+    "dense": [dense(RNG, outs=12, ins=10), dense(RNG, outs=5, ins=12)],
+    "input layer": [{"type": "input", "shape": np.array([10])}, dense(RNG, outs=12, ins=10)],
     "input layer with neurons": [
         {**IMAGE, "neuron": neuron(i_decay=4096, v_decay=4096, threshold=32)},
         CONV,
         {"type": "flatten", "shape": np.array([36])},
-        dense(RNG, 5, 36),
+        dense(RNG, outs=5, ins=36),
     ],
     "input layer with a weight": [
         {
@@ -192,18 +192,21 @@ NETS = {
             "bias": np.array([0.0]),
             "neuron": neuron(i_decay=4096, v_decay=1024, threshold=40),
         },
-        dense(RNG, 12, 10),
+        dense(RNG, outs=12, ins=10),
     ],
     "loihi neurons of old files": [
         dense(
-            RNG, 12, 10, neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0)
+            RNG,
+            outs=12,
+            ins=10,
+            neuron=neuron(kind="LOIHI", theta=80.0, tauRho=1.0, scaleRho=1.0, wgtExp=0),
         )
     ],
     "a decay each": [
         dense(
             RNG,
-            12,
-            10,
+            outs=12,
+            ins=10,
             neuron=neuron(
                 i_decay=RNG.integers(0, 4097, 12),
                 v_decay=RNG.integers(0, 4097, 12),
@@ -211,22 +214,29 @@ NETS = {
             ),
         )
     ],
-    "bias": [dense(RNG, 12, 10, bias=RNG.integers(-9, 30, 12).astype(np.float32))],
+    "bias": [dense(RNG, outs=12, ins=10, bias=RNG.integers(-9, 30, 12).astype(np.float32))],
     "delay of a neuron": [
-        dense(RNG, 12, 10, delay=RNG.uniform(0, 70, 12).astype(np.float32)),
-        dense(RNG, 5, 12),
+        dense(RNG, outs=12, ins=10, delay=RNG.uniform(0, 70, 12).astype(np.float32)),
+        dense(RNG, outs=5, ins=12),
     ],
-    "delay of an input": [dense(RNG, 12, 10, delay=RNG.uniform(0, 9, 10).astype(np.float32))],
-    "one delay": [dense(RNG, 12, 10, delay=3.7)],
+    "delay of an input": [
+        dense(RNG, outs=12, ins=10, delay=RNG.uniform(0, 9, 10).astype(np.float32))
+    ],
+    "one delay": [dense(RNG, outs=12, ins=10, delay=3.7)],
     "recurrent": [
-        dense(RNG, 12, 10)
+        dense(RNG, outs=12, ins=10)
         | {"type": "dense_rec", "weight_rec": even(RNG, 12, 12, low=-60, high=40)}
     ],
-    "conv": [IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, 5, 36)],
+    "conv": [IMAGE, CONV, {"type": "flatten", "shape": np.array([36])}, dense(RNG, outs=5, ins=36)],
     "full range": [
         dense(
-            RNG, 3, 10, weight=np.tile(np.array([-256, 254, 254, 254, 2], dtype=np.float32), (3, 2))
+            RNG,
+            outs=3,
+            ins=10,
+            weight=np.tile(np.array([-256, 254, 254, 254, 2], dtype=np.float32), (3, 2)),
         )
     ],
-    "odd weights": [dense(RNG, 3, 10, weight=RNG.integers(-255, 256, (3, 10)).astype(np.float32))],
+    "odd weights": [
+        dense(RNG, outs=3, ins=10, weight=RNG.integers(-255, 256, (3, 10)).astype(np.float32))
+    ],
 }

@@ -112,7 +112,7 @@ def graphs():
     recurrent = nir.NIRGraph(
         {
             "input": nir.Input(np.array([6])),
-            "w": linear(rng, 8, 6),
+            "w": linear(rng, outs=8, ins=6),
             "lif": lif(rng, 8),
             "back": linear(rng, outs=8, ins=8, scale=0.2),
             "o": nir.Output(np.array([8])),
@@ -123,20 +123,20 @@ def graphs():
     inner = nir.NIRGraph(
         {
             "in": nir.Input(np.array([6])),
-            "w": linear(rng, 7, 6),
+            "w": linear(rng, outs=7, ins=6),
             "lif": lif(rng, 7),
             "out": nir.Output(np.array([7])),
         },
         [("in", "w"), ("w", "lif"), ("lif", "out")],
     )
     return {
-        "lif": (chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 12))), (10,)),
+        "lif": (chain((10,), ("fc", linear(rng, outs=12, ins=10)), ("lif", lif(rng, 12))), (10,)),
         "two layers": (
             chain(
                 (10,),
-                ("fc1", linear(rng, 12, 10)),
+                ("fc1", linear(rng, outs=12, ins=10)),
                 ("l1", lif(rng, 12)),
-                ("fc2", linear(rng, 5, 12)),
+                ("fc2", linear(rng, outs=5, ins=12)),
                 ("l2", cuba(rng, 5)),
             ),
             (10,),
@@ -151,18 +151,26 @@ def graphs():
             ),
             (10,),
         ),
-        "cuba": (chain((10,), ("fc", linear(rng, 12, 10)), ("cuba", cuba(rng, 12))), (10,)),
-        "if": (chain((10,), ("fc", linear(rng, 12, 10)), ("if", integrate(rng, 12))), (10,)),
+        "cuba": (
+            chain((10,), ("fc", linear(rng, outs=12, ins=10)), ("cuba", cuba(rng, 12))),
+            (10,),
+        ),
+        "if": (
+            chain((10,), ("fc", linear(rng, outs=12, ins=10)), ("if", integrate(rng, 12))),
+            (10,),
+        ),
         "threshold": (
             chain(
-                (10,), ("fc", linear(rng, 12, 10)), ("t", nir.Threshold(rng.uniform(0.2, 1, 12)))
+                (10,),
+                ("fc", linear(rng, outs=12, ins=10)),
+                ("t", nir.Threshold(rng.uniform(0.2, 1, 12))),
             ),
             (10,),
         ),
         "v_leak": (
             chain(
                 (10,),
-                ("fc", linear(rng, 12, 10)),
+                ("fc", linear(rng, outs=12, ins=10)),
                 ("lif", lif(rng, 12, v_leak=0.0, v_threshold=0.7)),
             ),
             (10,),
@@ -173,7 +181,7 @@ def graphs():
                 ("conv", conv),
                 ("lif", lif(rng, 4, 3, 3)),
                 ("flat", flat),
-                ("fc", linear(rng, 5, 36)),
+                ("fc", linear(rng, outs=5, ins=36)),
                 ("out", lif(rng, 5)),
             ),
             image,
@@ -200,7 +208,7 @@ def graphs():
         "scale": (
             chain(
                 (10,),
-                ("fc", linear(rng, 12, 10)),
+                ("fc", linear(rng, outs=12, ins=10)),
                 ("s", nir.Scale(rng.uniform(0.5, 2, 12))),
                 ("lif", lif(rng, 12)),
             ),
@@ -210,14 +218,14 @@ def graphs():
             chain(
                 (10,),
                 ("d", nir.Delay(rng.integers(0, 5, 10) * DT)),
-                ("fc", linear(rng, 12, 10)),
+                ("fc", linear(rng, outs=12, ins=10)),
                 ("d2", nir.Delay(rng.integers(0, 3, 12) * DT)),
                 ("lif", lif(rng, 12)),
             ),
             (10,),
         ),
         "scalar parameters": (
-            chain((10,), ("fc", linear(rng, 12, 10)), ("lif", lif(rng, 1))),
+            chain((10,), ("fc", linear(rng, outs=12, ins=10)), ("lif", lif(rng, 1))),
             (10,),
         ),
         "recurrent": (recurrent, (6,)),

@@ -42,7 +42,7 @@ def random_case(seed: int) -> Case:
     lines = int(r.integers(1, 9))
     populations = tuple(_population(r, f"cells{n}") for n in range(r.integers(1, 4)))
     network = SpinnakerNetwork(
-        phases=(Phase(PHASE, "time", None),),
+        phases=(Phase(PHASE, "time", steps=None),),
         inputs=(Input("lines", lines, PHASE, "touches"),),
         populations=populations,
         projections=tuple(_projections(r, lines, populations)),

@@ -63,8 +63,8 @@ def projection(*synapses: tuple[int, int, int, int], **changes: object) -> Spinn
 def network(**changes: object) -> SpinnakerNetwork:
     """Return one neuron behind one line."""
     usual = {
-        "phases": (Phase("run", "time", None),),
-        "inputs": (Input("lines", 1, "run", "touches"),),
+        "phases": (Phase("run", "time", steps=None),),
+        "inputs": (Input("lines", size=1, phase="run", stream="touches"),),
         "populations": (population(),),
         "projections": (projection((0, 0, 1000, 1)),),
     }

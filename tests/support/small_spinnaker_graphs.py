@@ -53,8 +53,8 @@ def graph(*parts: Synapses, lines: int = 1, **changes: object) -> CompartmentGra
     """Return a graph of ``lines`` input lines and one group ``cells``, with these synapses or one of weight 100."""
     usual = {
         "name": "small",
-        "phases": (Phase("time", "time", None),),
-        "inputs": (Input("lines", lines, "time", "touch"),),
+        "phases": (Phase("time", "time", steps=None),),
+        "inputs": (Input(name="lines", size=lines, phase="time", stream="touch"),),
         "groups": (cells(),),
         "synapses": parts or (synapses([[100]]),),
     }

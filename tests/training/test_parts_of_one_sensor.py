@@ -51,7 +51,7 @@ NEAR_CHANNELS, FAR_CHANNELS = [0, 13, 10], [7, 19, 9]
 )
 def test_parts_get_the_channels_that_both_reach_together(train, test, channels, tmp_path):
     folder = write(tmp_path, {"train": train, "test": test})
-    parts = read_parts(folder, TrainingConfig(), None)
+    parts = read_parts(folder, TrainingConfig(), start=None)
     # Two recordings of three steps; 4 x 3 pixels with two polarities.
     assert [part.spikes.shape for part in parts] == [(2, 3, 24), (2, 3, 24)]
     assert tuple(map(channels_of, parts)) == channels
@@ -60,7 +60,7 @@ def test_parts_get_the_channels_that_both_reach_together(train, test, channels, 
 def test_parts_with_events_of_different_polarities_get_both(tmp_path):
     off, on = events((0, 0, 0), (1, 1, 0)), events((1, 0, 1), (0, 1, 1))
     folder = write(tmp_path, {"train": off, "test": on})
-    parts = read_parts(folder, TrainingConfig(), None)
+    parts = read_parts(folder, TrainingConfig(), start=None)
     # Channels by hand: 2 (2 y + x) + p on 2 x 2 pixels.
     assert [channels_of(part) for part in parts] == [[0, 6], [3, 5]]
 
@@ -86,7 +86,7 @@ def test_parts_of_different_sensors_are_refused_before_training(tmp_path):
     np.savez(tmp_path / "train.npz", spikes=bins(FINGERTIP_CHANNELS), labels=LABELS)
     np.savez(tmp_path / "test.npz", spikes=bins(80), labels=LABELS)
     with pytest.raises(lc.InputError) as caught:
-        read_parts(tmp_path, TrainingConfig(), None)
+        read_parts(tmp_path, TrainingConfig(), start=None)
     name = tmp_path.name
     assert str(caught.value) == (
         f"recordings '{name}, test.npz': their channels are not those of recordings '{name}, train.npz' "

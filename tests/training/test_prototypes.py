@@ -107,14 +107,14 @@ def test_without_augmentation_one_epoch_is_enough() -> None:
     [
         # 2 * 4 bytes * 2,700 * 5,000 and 2 * 8 bytes * 2,700^2 are 0.10 + 0.11 GiB.
         pytest.param(
-            Size(2_700, 5_000),
+            Size(copies=2_700, hidden=5_000),
             "Prototypes of 2,700 copies of recordings and 5,000 hidden neurons are solved by recordings, and "
             "take about 0.2 GiB.",
             id="by recordings",
         ),
         # Forty copies: 2 * 4 * 108,000 * 5,000 and 2 * 8 * 5,000^2 are 4.02 + 0.37 GiB.
         pytest.param(
-            Size(108_000, 5_000),
+            Size(copies=108_000, hidden=5_000),
             "Prototypes of 108,000 copies of recordings and 5,000 hidden neurons are solved by hidden neurons, "
             "and take about 4.4 GiB.",
             id="by hidden neurons",

@@ -51,7 +51,7 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
     """A network trained in floats, to start from."""
     path = tmp_path_factory.mktemp("start") / "start.pt"
     export_checkpoint(
-        path, train(touches(), FLOAT, name="start"), FLOAT, touches(), None, carried=0
+        path, train(touches(), FLOAT, name="start"), FLOAT, touches(), test=None, carried=0
     )
     return read_checkpoint(path)
 
@@ -75,7 +75,7 @@ def check_program_spikes_alike(
     export_checkpoint(path, result, config, touches(), touches(), start=start)
 
     network = load(path)
-    program = lower(network, chip, None).program
+    program = lower(network, chip, weight_bits=None).program
     test = touches(30).spikes
     with torch.no_grad():
         torch_spikes = result.network(torch.from_numpy(test.copy()).double())
@@ -115,7 +115,7 @@ def test_a_network_on_the_chip_can_be_trained_further_with_fewer_bits(
 ) -> None:
     """At a tiny learning rate, the mantissas are the same but for the rounding to the coarser grid."""
     first = train(touches(), ON_CHIP, start=start)
-    export_checkpoint(tmp_path / "eight.pt", first, ON_CHIP, touches(), None, carried=0)
+    export_checkpoint(tmp_path / "eight.pt", first, ON_CHIP, touches(), test=None, carried=0)
     eight = read_checkpoint(tmp_path / "eight.pt")
     config = replace(ON_CHIP, weight_bits=5, epochs=1, learning_rate=1e-9)
     step_of_five_bits = 8

@@ -53,7 +53,7 @@ def config_of(model: str, **options: object) -> TrainingConfig:
 
 def exported(path: Path, result: TrainingResult, config: TrainingConfig) -> Checkpoint:
     """Write the checkpoint of a run, and return it as read from the file."""
-    export_checkpoint(path, result, config, touches(), None, carried=0)
+    export_checkpoint(path, result, config, touches(), test=None, carried=0)
     return read_checkpoint(path)
 
 

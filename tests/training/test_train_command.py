@@ -319,7 +319,7 @@ def test_progress_is_drawn_on_a_terminal(
     assert shown.out == ""
     assert "select epoch 1, loss 2.000, validation 0.500" in shown.err
     quiet = argparse.Namespace(tensorboard=None, quiet=True)
-    command.after_epochs(quiet, None)(1, 4, record)
+    command.after_epochs(quiet, move_bar=None)(1, 4, record)
     assert capsys.readouterr() == ("", "")
 
 

@@ -240,7 +240,7 @@ def test_the_latest_epoch_within_one_standard_error_of_the_best_is_chosen(
         )
 
     history = [record("select", epoch, value) for epoch, value in enumerate(accuracy, start=1)]
-    history.append(record("refit", 1, None))
+    history.append(record("refit", epoch=1, validation_accuracy=None))
     assert choose_epoch(history, smoothing, validated=10) == chosen
 
 
@@ -248,7 +248,7 @@ def test_the_learning_rate_falls_by_half_a_cosine_or_is_constant() -> None:
     # Before epoch 3, half of the four epochs are done, and half a cosine has fallen to a half.
     cosine = [learning_rate(CONFIG, epoch, 4) for epoch in (1, 3)]
     assert cosine == pytest.approx([0.01, 0.005])
-    assert learning_rate(replace(CONFIG, schedule="constant"), 3, 4) == 0.01
+    assert learning_rate(replace(CONFIG, schedule="constant"), epoch=3, epochs=4) == 0.01
 
 
 @pytest.mark.skipif(not torch.set_flush_denormal(False), reason="this processor has no such mode")

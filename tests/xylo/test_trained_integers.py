@@ -179,8 +179,8 @@ def test_charges_that_saturate_are_added_in_the_order_of_their_sources():
             lc.Population("classes", "time", 1, output),
         ),
         projections=(
-            synapses("touch", "hidden", weights.T, 8),
-            synapses("hidden", "classes", np.array([[1]]), 0),
+            synapses("touch", "hidden", weights.T, shift=8),
+            synapses("hidden", "classes", np.array([[1]]), shift=0),
         ),
         readout=lc.Readout(("classes",), (1.0,)),
     )

@@ -129,7 +129,7 @@ DAMAGE = {
         "each of them once.",
     ),
     "an array too few": (
-        lambda folder: replace_array(folder, "hidden/threshold", None),
+        lambda folder: replace_array(folder, "hidden/threshold", array=None),
         "program.yaml: its entries do not make a program. Compile again.",
     ),
     "an array without a meaning": (

@@ -54,7 +54,7 @@ def read(path: Path) -> Group:
         tokens.append(
             (quoted if quoted is not None else word or punctuation, punctuation is not None, line)
         )
-    root = Group("", (), 0)
+    root = Group("", (), line=0)
     _read_into(root, tokens, 0)
     return root.groups[0]
 

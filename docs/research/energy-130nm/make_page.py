@@ -118,7 +118,7 @@ def stretch(priced: pricing.Priced) -> dict[str, float]:
     """
     program, recordings = (
         runs.compiled(make_profile.SETS["Objects"]),
-        runs.real("Objects", "test", 20),
+        runs.real("Objects", "test", count=20),
     )
     counts, updating = (
         hw.simulate(program, recordings, probe=()).counts,

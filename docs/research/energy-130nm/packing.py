@@ -23,7 +23,8 @@ WEIGHT_BITS = 9
 
 def packing(files: runs.Library) -> str:
     """Return the table: the lists of the core, dense rows in the core's order of compartments, and rows that are all full."""
-    program, recordings = runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4)
+    program = runs.compiled("objects-hybrid-loihi")
+    recordings = runs.real("Objects", "train", count=4)
     core = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes)
     simulated = hw.simulate(program, recordings, probe=("spikes",))
     sends_of_source = sum(

@@ -315,7 +315,7 @@ def traffic_of() -> dict[str, traffic.Memory]:
 def counted() -> dict[str, traffic.Memory]:
     """Return the memories of the core as its sources have them, with the accesses of a training recording of Objects to each."""
     program = compiled("objects-hybrid-loihi")
-    return counted_for(program, real("Objects", "train", 4), OURS)
+    return counted_for(program, real("Objects", "train", count=4), OURS)
 
 
 def counted_for(

@@ -24,7 +24,7 @@ def savings(
     """Return what each measure saves, in microjoules per recording, against the core without it."""
     traffic, files = runs.traffic_of(), built.files
     counts = hw.simulate(
-        runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4), probe=()
+        runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", count=4), probe=()
     ).counts
     # Accesses were counted on training recordings, the page is about test recordings: scale by synaptic operations.
     scale = played.answers[:, 2].mean() / (counts.synaptic_ops / 4)

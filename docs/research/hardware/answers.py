@@ -87,7 +87,7 @@ def row(model: str, strategy: str, programs: Path | None, sizes: Sizes, mhz: flo
     program = program_of(model, strategy, network, programs)
     recordings = recordings_for(network, example_files(model)[0])
     spikes = network.fit(recordings.spikes, recordings.source)
-    core = CoreProgram(program, spikes.shape[1], None, sizes)
+    core = CoreProgram(program, spikes.shape[1], steps=None, sizes=sizes)
     if sizes.later and not core.later:
         return None
     simulated = hw.simulate(program, spikes, probe=("spikes",))
@@ -103,7 +103,14 @@ def row(model: str, strategy: str, programs: Path | None, sizes: Sizes, mhz: flo
         for index, recording in enumerate(spikes)
     ]
     answers = play_on_core(
-        program, spikes, None, (), "verilator", timed_from_the_last_word(), sizes, PATIENCE
+        program,
+        spikes,
+        steps=None,
+        probe=(),
+        simulator="verilator",
+        texts=timed_from_the_last_word(),
+        sizes=sizes,
+        patience=PATIENCE,
     )[1]
     rtl_cycles = answers[:, ANSWER.index("cycles")]
     assert rtl_cycles.tolist() == [sum(recording) for recording in predicted], (

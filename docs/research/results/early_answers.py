@@ -186,7 +186,7 @@ def at_margin(study: Study, held: Held) -> dict[str, Any]:
     if not path.exists():
         values = read_config(CONFIGS / f"{held.config}.yaml")
         overrides = {"seed": 0, "refit": False, "validation_fraction": held.fraction}
-        train_network(path, config_from_mapping(values | overrides), recordings, None)
+        train_network(path, config_from_mapping(values | overrides), recordings, test=None)
     learned_rows, held_rows = stratified_split(recordings.labels, held.fraction, 0)
     events = recordings.subset(learned_rows[:16])
     program = lc.compile(lc.load(path), events=events, diagnosis=False).program

@@ -91,14 +91,18 @@ def _join(
     for part in row.parts:
         part_file = path.with_name(f"{dataset.name}-{part}-whole-{seed}.pt")
         if not part_file.exists():
-            train_network(part_file, part_config(part, dataset, seed), recordings, None)
+            train_network(part_file, part_config(part, dataset, seed), recordings, test=None)
         networks.append(read_checkpoint(part_file))
     hybrid, *windows = networks
     if row.further is not None:
         further_file = path.with_name(f"{dataset.name}-{row.further}-whole-{seed}.pt")
         if not further_file.exists():
             train_network(
-                further_file, part_config(row.further, dataset, seed), recordings, None, hybrid
+                further_file,
+                part_config(row.further, dataset, seed),
+                recordings,
+                test=None,
+                start=hybrid,
             )
         hybrid = read_checkpoint(further_file)
     write(path, hybrid, windows, test)

@@ -54,7 +54,7 @@ def choose_layers(
     # The two doubts below are about which of two branches run. They do not arise with one branch, nor if the YAML lists
     # its layers: its author has then said which layers there are, and that all of them run.
     if config.layers or len(chains) == 1:
-        return Chosen(chains, None, _all_taken(chains, config))
+        return Chosen(chains, channels=None, assumed=_all_taken(chains, config))
     if _trained_location_alone(shapes, chains, config):
         locations: dict[Axis, tuple[str, ...]] = {"location": chains["location"]}
         sentence = (
@@ -63,7 +63,7 @@ def choose_layers(
         )
         return Chosen(locations, config.counted_steps, (sentence,))
     _refuse_joined(shapes, chains, where)
-    return Chosen(chains, None, _all_taken(chains, config))
+    return Chosen(chains, channels=None, assumed=_all_taken(chains, config))
 
 
 def _stated(shapes: Mapping[str, Shape], branches: Branches, where: str) -> Chosen:

@@ -155,6 +155,6 @@ def _bounds(worst: hw.WorstCase, measured: _Measured) -> RateBounds:
 def _bounded(bound: float, measured: float | None) -> Bounded:
     # Counts become floats, so that report.json has one type for all bounds.
     if measured is None:
-        return Bounded(float(bound), None, None)
+        return Bounded(float(bound), measured=None, share=None)
     share = measured / bound if bound else None
     return Bounded(float(bound), float(measured), share)

@@ -209,11 +209,11 @@ def _readout(network: Network, match: Agreement) -> ReadoutFigures:
     if not by_potential:
         # The agreement of spikes is None where neither side spikes.
         spiked = any(match.by_population[name].agreement is not None for name in populations)
-        return ReadoutFigures(populations, "spikes", None, silent=not spiked)
+        return ReadoutFigures(populations, "spikes", potentials_of=None, silent=not spiked)
     # Potentials may decide without any spike, so only ties in all recordings show that nothing was predicted.
     silent = match.tied_predictions == match.samples
     if by_potential == populations:
-        return ReadoutFigures(populations, "potentials", None, silent)
+        return ReadoutFigures(populations, "potentials", potentials_of=None, silent=silent)
     return ReadoutFigures(populations, "spikes and potentials", by_potential, silent)
 
 

@@ -153,8 +153,13 @@ def _operations_compared(
 
     # Each is once itself; the ratio of a count on paper to one on the chip would say nothing.
     rows = [
-        row("the trained network, on paper", on_paper, 1 if on_paper else None, None),
-        row("the program, synaptic operations", on_chip, None, 1 if on_chip else None),
+        row("the trained network, on paper", on_paper, 1 if on_paper else None, times_chip=None),
+        row(
+            "the program, synaptic operations",
+            on_chip,
+            times_paper=None,
+            times_chip=1 if on_chip else None,
+        ),
     ]
     for name, network in networks.items():
         rows.append(row(words(name), network.operations, network.ratio, network.chip_ratio))

@@ -157,7 +157,7 @@ def _course(
     # An axis needs an end above 0 even if nothing costs anything.
     largest = max(all_costs, default=0.0) or 1.0
     # The horizontal axis already marks 0.
-    ticks = tuple(tick for tick in round_numbers(0.0, largest, 4) if tick)
+    ticks = tuple(tick for tick in round_numbers(low=0.0, high=largest, about=4) if tick)
     plot = Plot(
         title=f"{name} of a step, mean over the recordings, profile {profile}",
         x_label="part of the branch's steps",
