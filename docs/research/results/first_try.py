@@ -75,18 +75,18 @@ def run(folder: Path, name: str, options: dict[str, str | int], model: str, seed
         window_structure = description.windows
         windows = f"{window_structure.steps} every {window_structure.stride}, levels {' '.join(map(str, window_structure.levels))}"
     return Row(
-        name,
-        model,
-        seed,
-        round(report["accuracy"]["chip"], 4),
-        round(float(figures["test_accuracy"] or 0), 4),
-        round(float(figures["accuracy_of_counts"] or 0), 4),
-        round(float(figures["accuracy_of_counts_in_bins"] or 0), 4),
-        windows,
-        sum(shape[-1] for shape in description.weight_shapes.values() if len(shape) > 1),
-        report["resources"]["cores"],
-        round(report["energy"]["per_sample_pj"] / 1000, 1),
-        round(time.process_time() - cpu_before, 1),
+        sensor=name,
+        model=model,
+        seed=seed,
+        chip=round(report["accuracy"]["chip"], 4),
+        trained=round(float(figures["test_accuracy"] or 0), 4),
+        counts=round(float(figures["accuracy_of_counts"] or 0), 4),
+        counts_in_bins=round(float(figures["accuracy_of_counts_in_bins"] or 0), 4),
+        windows=windows,
+        hidden=sum(shape[-1] for shape in description.weight_shapes.values() if len(shape) > 1),
+        cores=report["resources"]["cores"],
+        energy_nj=round(report["energy"]["per_sample_pj"] / 1000, 1),
+        cpu_seconds=round(time.process_time() - cpu_before, 1),
     )
 
 

@@ -130,7 +130,14 @@ DATA = (
         classes=8,
         xylo="xylo-audio2",
     ),
-    Data("Braille", "braille/braille.zip", "12x1", {"merge_polarities": True}, 20, "Space"),
+    Data(
+        "Braille",
+        "braille/braille.zip",
+        "12x1",
+        {"merge_polarities": True},
+        epochs=20,
+        tie="Space",
+    ),
 )
 NETWORKS = tuple(candidate.network for candidate in candidates(DATA[0]))
 
