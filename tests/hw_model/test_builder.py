@@ -30,34 +30,31 @@ def limited(**limits):
     return replace(CHIP, limits=replace(CHIP.limits, **limits))
 
 
+# Each row: the arguments that are wrong, and the message.
 LIMIT_ERRORS = [
-    ("decay_u", {"parameters": {"decay_u": 4097}}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096."),
-    ("decay_v", {"parameters": {"decay_v": -1}}, "compartments 'n': decay_v of compartment 0 is out of range (-1 against 0..4096). Give an effective decay, what is subtracted from 4096."),
-    ("threshold", {"parameters": {"threshold": 2**17}}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). Give a 64th of the threshold, or scale the weights down."),
-    ("refractory", {"parameters": {"refractory": 64}}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step."),
-    ("bias", {"parameters": {"bias": 4097}}, "compartments 'n': bias 4097 of compartment 0 is not a mantissa times a power of two (mantissa -4096..4095, exponent 0..7). The nearest is 4096."),
-    ("vmin", {"parameters": {"vmin": -100}}, "compartments 'n': vmin -100 is not of the form 1 - 2^k. The nearest is -127."),
-    ("vmax", {"parameters": {"vmax": 1000}}, "compartments 'n': vmax 1000 is not of the form 2^(9 + 2k) - 1. The nearest is 511."),
-    ("delay", {"delay": 63}, "synapses 'x' -> 'n': a delay is out of range (63 against 0..62 steps; 2 of 2 delays outside). Relay the spike through 1 compartment, or shorten the delay."),
-    ("exponent", {"exponent": 8}, "synapses 'x' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
-    ("weight grid", {"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 weights off). Round the weights onto the grid first."),
-    ("weight range", {"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 weights off). Round the weights onto the grid first."),
-    ("input axons", {"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its sources, or gather them in a population in between; a location branch has one per step."),
-    ("synapse memory", {"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its 2 synapses."),
-    ("joined compartments", {"chip": limited(compartments_per_core=2), "dendrites": 2}, "population 'n': 3 compartments of neuron 0 do not fit one core (loihi-sim holds 2). Join at most 2 compartments to a neuron."),
-    ("compartment profiles", {"chip": limited(compartment_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 compartment profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same decays."),
-    ("threshold profiles", {"chip": limited(threshold_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 threshold profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same threshold."),
-    ("voltage limits", {"parameters": {"vmin": 0}, "dendrites": 1}, "population 'n': 2 pairs of voltage limits of neuron 0 do not fit one core (loihi-sim holds 1). Give its joined compartments the same vmin and vmax."),
-    ("synapse formats", {"chip": limited(synapse_formats_per_core=1), "dendrites": 1}, "population 'n': 2 synapse formats of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight exponents for this population: formats of one exponent and sign share one already."),
-    ("cores", {"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip). Give a chip file with chips: 2, if the board has as many."),
+    pytest.param({"parameters": {"decay_u": 4097}}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096.", id="decay_u"),
+    pytest.param({"parameters": {"decay_v": -1}}, "compartments 'n': decay_v of compartment 0 is out of range (-1 against 0..4096). Give an effective decay, what is subtracted from 4096.", id="decay_v"),
+    pytest.param({"parameters": {"threshold": 2**17}}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). Give a 64th of the threshold, or scale the weights down.", id="threshold"),
+    pytest.param({"parameters": {"refractory": 64}}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step.", id="refractory"),
+    pytest.param({"parameters": {"bias": 4097}}, "compartments 'n': bias 4097 of compartment 0 is not a mantissa times a power of two (mantissa -4096..4095, exponent 0..7). The nearest is 4096.", id="bias"),
+    pytest.param({"parameters": {"vmin": -100}}, "compartments 'n': vmin -100 is not of the form 1 - 2^k. The nearest is -127.", id="vmin"),
+    pytest.param({"parameters": {"vmax": 1000}}, "compartments 'n': vmax 1000 is not of the form 2^(9 + 2k) - 1. The nearest is 511.", id="vmax"),
+    pytest.param({"delay": 63}, "synapses 'x' -> 'n': a delay is out of range (63 against 0..62 steps; 2 of 2 delays outside). Relay the spike through 1 compartment, or shorten the delay.", id="delay"),
+    pytest.param({"exponent": 8}, "synapses 'x' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights.", id="exponent"),
+    pytest.param({"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 weights off). Round the weights onto the grid first.", id="weight grid"),
+    pytest.param({"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 weights off). Round the weights onto the grid first.", id="weight range"),
+    pytest.param({"chip": limited(input_axons_per_core=1)}, "population 'n': 2 input axons of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its sources, or gather them in a population in between; a location branch has one per step.", id="input axons"),
+    pytest.param({"chip": limited(synapse_words_per_core=1)}, "population 'n': 2 synapse memory words of neuron 0 do not fit one core (loihi-sim holds 1). Prune 1 of its 2 synapses.", id="synapse memory"),
+    pytest.param({"chip": limited(compartments_per_core=2), "dendrites": 2}, "population 'n': 3 compartments of neuron 0 do not fit one core (loihi-sim holds 2). Join at most 2 compartments to a neuron.", id="joined compartments"),
+    pytest.param({"chip": limited(compartment_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 compartment profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same decays.", id="compartment profiles"),
+    pytest.param({"chip": limited(threshold_profiles_per_core=2), "dendrites": 2}, "population 'n': 3 threshold profiles of neuron 0 do not fit one core (loihi-sim holds 2). Give its joined compartments the same threshold.", id="threshold profiles"),
+    pytest.param({"parameters": {"vmin": 0}, "dendrites": 1}, "population 'n': 2 pairs of voltage limits of neuron 0 do not fit one core (loihi-sim holds 1). Give its joined compartments the same vmin and vmax.", id="voltage limits"),
+    pytest.param({"chip": limited(synapse_formats_per_core=1), "dendrites": 1}, "population 'n': 2 synapse formats of neuron 0 do not fit one core (loihi-sim holds 1). Use fewer weight exponents for this population: formats of one exponent and sign share one already.", id="synapse formats"),
+    pytest.param({"chip": limited(cores_per_chip=2, compartments_per_core=1), "size": 3}, "network 'program': 3 cores are needed (loihi-sim has 2 on 1 chip). Give a chip file with chips: 2, if the board has as many.", id="cores"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [row[1:] for row in LIMIT_ERRORS],
-    ids=[row[0] for row in LIMIT_ERRORS],
-)
+@pytest.mark.parametrize(("arguments", "message"), LIMIT_ERRORS)
 def test_a_limit_of_the_chip_is_refused_with_its_way_out(arguments, message):
     with pytest.raises(hw.TargetError) as caught:
         build(**arguments)
@@ -105,25 +102,24 @@ def test_a_population_with_too_many_output_axons_is_spread_over_cores():
     assert [core.compartments for core in program.cores if core.axons.output_axons] == [2, 2]
 
 
+# Each row: the arguments that are wrong, and the message.
 MISTAKES = [
-    ("fractions", {"weights": [[0.5, 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first."),
-    ("nan", {"weights": [[float("nan"), 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first."),
-    ("shape", {"weights": [[2], [2]]}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 1) against (1, 2)). Give n_target rows and n_source columns."),
-    ("sparse shape", {"weights": sparse.csr_array(np.eye(2, dtype=int))}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 2) against (1, 2)). Give n_target rows and n_source columns."),
-    ("parameter shape", {"parameters": {"decay_u": [1, 2]}}, "compartments 'n': decay_u has the wrong shape ((2,) against (1,)). Give one value per compartment."),
-    ("bits", {"weight_bits": 7}, "weight bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
-    ("no bits", {"weight_bits": 0}, "weight bits: no synapse format has 0 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
-    ("rows", {"weights": [[2, 2], [2]]}, "ProgramBuilder.connect, weights: it is not an array: its rows differ in length. Make them equal."),
-    ("rows of a parameter", {"parameters": {"bias": [[2, 2], [2]]}}, "ProgramBuilder.add_compartments, bias: it is not an array: its rows differ in length. Make them equal."),
-    ("half a neuron", {"size": 1.5}, "ProgramBuilder.add_compartments, size: it must be an int (got float 1.5). Correct it."),
-    ("less than no size", {"size": -1, "weights": np.zeros((0, 2))}, "'n': it is empty (size -1). Give it a size."),
-    ("no size", {"size": 0, "weights": np.zeros((0, 2))}, "'n': it is empty (size 0). Give it a size."),
+    pytest.param({"weights": [[0.5, 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first.", id="fractions"),
+    pytest.param({"weights": [[float("nan"), 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first.", id="nan"),
+    pytest.param({"weights": [[2], [2]]}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 1) against (1, 2)). Give n_target rows and n_source columns.", id="shape"),
+    pytest.param({"weights": sparse.csr_array(np.eye(2, dtype=int))}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 2) against (1, 2)). Give n_target rows and n_source columns.", id="sparse shape"),
+    pytest.param({"parameters": {"decay_u": [1, 2]}}, "compartments 'n': decay_u has the wrong shape ((2,) against (1,)). Give one value per compartment.", id="parameter shape"),
+    pytest.param({"weight_bits": 7}, "weight bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8.", id="bits"),
+    pytest.param({"weight_bits": 0}, "weight bits: no synapse format has 0 bits. Choose one of 1, 2, 3, 4, 5, 6, 8.", id="no bits"),
+    pytest.param({"weights": [[2, 2], [2]]}, "ProgramBuilder.connect, weights: it is not an array: its rows differ in length. Make them equal.", id="rows"),
+    pytest.param({"parameters": {"bias": [[2, 2], [2]]}}, "ProgramBuilder.add_compartments, bias: it is not an array: its rows differ in length. Make them equal.", id="rows of a parameter"),
+    pytest.param({"size": 1.5}, "ProgramBuilder.add_compartments, size: it must be an int (got float 1.5). Correct it.", id="half a neuron"),
+    pytest.param({"size": -1, "weights": np.zeros((0, 2))}, "'n': it is empty (size -1). Give it a size.", id="less than no size"),
+    pytest.param({"size": 0, "weights": np.zeros((0, 2))}, "'n': it is empty (size 0). Give it a size.", id="no size"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"), [row[1:] for row in MISTAKES], ids=[row[0] for row in MISTAKES]
-)
+@pytest.mark.parametrize(("arguments", "message"), MISTAKES)
 def test_a_mistake_in_a_call_is_refused_with_its_way_out(arguments, message):
     with pytest.raises(hw.InputError) as caught:
         build(**arguments)
@@ -239,9 +235,9 @@ def test_the_page_of_limits_names_every_test():
         for line in page.splitlines()
         if line.count("|") == 5 and "`" in line
     }
-    tested = {row[0] for row in (*LIMIT_ERRORS, *MISTAKES)} | {"output axons", "joins"}
+    tested = {row.id for row in (*LIMIT_ERRORS, *MISTAKES)} | {"output axons", "joins"}
     assert named <= tested
-    assert {row[0] for row in LIMIT_ERRORS} <= named
+    assert {row.id for row in LIMIT_ERRORS} <= named
 
 
 def test_sparse_and_dense_weights_make_the_same_program():
