@@ -126,7 +126,7 @@ class Board:
                 destination = part[0, :_PLACE_BYTES].tobytes() + bytes((size,))
                 self._command(frames.LOAD, destination + part[:, -size:].tobytes())
 
-    def report(self, wanted: bool) -> None:
+    def report(self, *, wanted: bool) -> None:
         """Ask the board to report spikes with the answers, or to stop that."""
         self._command(frames.REPORT, bytes((wanted,)))
 

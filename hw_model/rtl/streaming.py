@@ -43,7 +43,7 @@ def stream(
             board = Board(line)
             core = CoreProgram(program, rows, steps=None, sizes=board.sizes)
             board.load(core)
-            board.report(report)
+            board.report(wanted=report)
             answers = [board.play(core, recording) for recording in recordings]
         except OSError as error:
             raise InputError(

@@ -185,7 +185,7 @@ class Replay:
             array[:] = 0
         # Run all blocks once without events: biases alone may make neurons spike.
         self._history.first_changed[:] = 0
-        self.push(0, self._silence, self._columns, 0)
+        self.push(before=0, rows=self._silence, readings=self._columns, low=0)
         self._history.steps_run[0] = 0
 
     def wait(self, rows: ByteArray, readings: IntArray, low: int) -> None:

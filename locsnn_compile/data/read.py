@@ -101,7 +101,7 @@ class Division(Frozen):
 
     def __post_init__(self) -> None:
         if self.share is not None:
-            check_range(self.share, 0.001, 0.9, "split")
+            check_range(self.share, low=0.001, high=0.9, where="split")
 
 
 def _rounds_of(share: float) -> int:

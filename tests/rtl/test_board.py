@@ -88,7 +88,7 @@ def test_answers_equal_the_simulators(desk, loaded):
     port, first = loaded
     expected = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
     board = Board(port)
-    board.report(True)
+    board.report(wanted=True)
     with_spikes = board.play(desk.core, desk.spikes[0])
     for answer in (first, with_spikes):
         assert answer.error == 0
@@ -212,7 +212,7 @@ def test_a_board_that_hears_events_on_arrival(desk):
     board = Board(port)
     assert (later.core.later, board.sizes) == (True, later.sizes)
     board.load(later.core)
-    board.report(True)
+    board.report(wanted=True)
     first = board.play(later.core, later.spikes[0])
     greet(port)
     exchange(port, WORDS, 1, stream_words(later.words[: len(later.words) // 2]))
@@ -294,7 +294,7 @@ def test_steps_wait_for_spikes_that_wait(desk, loaded):
     with closing(desk.port(spikes=4)) as port:
         board = Board(port)
         board.load(desk.core)
-        board.report(True)
+        board.report(wanted=True)
         answer = board.play(desk.core, desk.spikes[0])
     assert (answer.lost, answer.counts, answer.winner) == (0, plain.counts, plain.winner)
     assert len(answer.spikes) == plain.counts[SPIKE_COUNT]
@@ -313,7 +313,7 @@ def test_spikes_without_room_are_counted(desk):
     port = desk.port(spikes=2)
     board = Board(port)
     board.load(desk.core)
-    board.report(True)
+    board.report(wanted=True)
     answer = board.play(desk.core, desk.spikes[0])
     port.close()
     spikes = expected_spikes(desk, hw.simulate(desk.program, desk.spikes))

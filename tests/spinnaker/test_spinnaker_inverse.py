@@ -156,9 +156,18 @@ def test_a_weight_is_halved_once_more_just_above_the_largest_current(halvings):
 @pytest.mark.parametrize(
     ("neuron", "sums"),
     [
-        (LeakyNeuron(3806, 2458, 16688, 0, 1), Sums(126518, 19651)),
-        (LeakyNeuron(4096, 3925, 67795, 167910, 1), Sums(51387, 197167)),
-        (LeakyNeuron(4096, 755, 709, -88207, 1), Sums(16453, 175440)),
+        (
+            LeakyNeuron(decay_u=3806, decay_v=2458, threshold=16688, bias=0, refractory=1),
+            Sums(126518, 19651),
+        ),
+        (
+            LeakyNeuron(decay_u=4096, decay_v=3925, threshold=67795, bias=167910, refractory=1),
+            Sums(51387, 197167),
+        ),
+        (
+            LeakyNeuron(decay_u=4096, decay_v=755, threshold=709, bias=-88207, refractory=1),
+            Sums(16453, 175440),
+        ),
     ],
     ids=["a current that stays", "a bias", "a negative bias"],
 )

@@ -205,7 +205,7 @@ def over_a_line(desk: Desk, texts: Mapping[str, str] | None = None) -> Answer:
     with closing(desk.port(texts, bit=8, spikes=64, patience=20_000)) as port:
         board = Board(port)
         board.load(desk.core)
-        board.report(True)
+        board.report(wanted=True)
         return board.play(desk.core, desk.spikes[0])
 
 
