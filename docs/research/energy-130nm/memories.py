@@ -154,6 +154,42 @@ def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
         yield Choice(shape, way.macros, way.banks, way.pack)
 
 
+@dataclass(frozen=True)
+class _Address:
+    """How an address is divided, from its low end: the word in the row, the row in the bank, the bank.
+
+    ``word_bits``, ``row_bits``, ``bank_bits``: the bits of each.
+    """
+
+    bits: int
+    word_bits: int
+    row_bits: int
+
+    @classmethod
+    def of(cls, choice: Choice) -> "_Address":
+        """Return the division for a choice; a small memory may need fewer rows than its macros have."""
+        bits = choice.shape.address
+        word_bits = (choice.pack - 1).bit_length()
+        rows = (choice.rows - 1).bit_length()
+        return cls(bits, word_bits, min(rows, bits - word_bits))
+
+    @property
+    def bank_bits(self) -> int:
+        """Bits that choose the bank."""
+        return self.bits - self.word_bits - self.row_bits
+
+    @property
+    def line_bits(self) -> int:
+        """Bits of bank and row together, called the line."""
+        return self.bits - self.word_bits
+
+    def is_bank(self, signal: str, bank: int) -> str:
+        """Return the condition that the line in a signal lies in a bank."""
+        if not self.bank_bits:
+            return "1'b1"
+        return f"{signal}[{self.line_bits - 1}:{self.row_bits}] == {self.bank_bits}'d{bank}"
+
+
 def verilog(choice: Choice) -> str:
     """Return module ``memory_<name>``: the ports of ``memory``, banks of macros behind them.
 
@@ -162,118 +198,136 @@ def verilog(choice: Choice) -> str:
     """
     if choice.waits:
         return _waiting(choice)
-    shape, pack = choice.shape, choice.pack
-    stored = shape.stored
-    bits = len(stored)
-    address = shape.address
-    # An address is, from its high end: the bank, the row in it (`low` bits) and the word in the row (`packed` bits).
-    packed, low = (pack - 1).bit_length(), (choice.rows - 1).bit_length()
-    low = min(low, address - packed)
-    bank_bits = address - packed - low
-    row_bits = sum(m.bits for m in choice.macros)
-    lines = [shape.ports_text]
-    row = address - packed
-    if shape.ports == 1:
-        lines += [
-            f"    wire [{address - 1}:0] at = write ? write_address[{address - 1}:0] : read_address[{address - 1}:0];"
-        ]
-    else:
-        lines += [f"    wire [{address - 1}:0] at = read_address[{address - 1}:0];"]
-    lines += [f"    wire [{row - 1}:0] line = at[{address - 1}:{packed}];"]
-    last = f"    logic [{row - 1}:0] last;"
-    if pack > 1:
-        lines += [
+    address = _Address.of(choice)
+    row_bits = sum(macro.bits for macro in choice.macros)
+    lines = [
+        choice.shape.ports_text,
+        *_access(choice, address),
+        f"    wire [{row_bits - 1}:0] shown[0:{choice.banks - 1}];",
+    ]
+    for bank in range(choice.banks):
+        first_bit = 0
+        for index, macro in enumerate(choice.macros):
+            lines += _instance(choice, address, bank, index, first_bit)
+            first_bit += macro.bits
+    return "\n".join([*lines, *_picked_word(choice, address, row_bits), "endmodule\n"])
+
+
+def _access(choice: Choice, address: _Address) -> list[str]:
+    """Return the signals that say which line is accessed, and whether it has to be read at all."""
+    at = f"read_address[{address.bits - 1}:0]"
+    if choice.shape.ports == 1:
+        at = f"write ? write_address[{address.bits - 1}:0] : {at}"
+    lines = [
+        f"    wire [{address.bits - 1}:0] at = {at};",
+        f"    wire [{address.line_bits - 1}:0] line = at[{address.bits - 1}:{address.word_bits}];",
+    ]
+    last = f"    logic [{address.line_bits - 1}:0] last;"
+    if choice.pack > 1:
+        return [
+            *lines,
             last,
-            f"    logic kept; logic [{packed - 1}:0] place;",
+            f"    logic kept; logic [{address.word_bits - 1}:0] place;",
             "    wire again = kept && line == last;",
             "    wire access = read && !write && !again;",
             "    always_ff @(posedge clk) begin",
             "        if (write) kept <= 0; else if (access) kept <= 1;",
             "        if (access) last <= line;",
-            f"        if (read) place <= at[{packed - 1}:0];",
+            f"        if (read) place <= at[{address.word_bits - 1}:0];",
             "    end",
         ]
-    elif bank_bits:
-        lines += [
+    if address.bank_bits:
+        return [
+            *lines,
             last,
             "    wire access = read;",
             "    always_ff @(posedge clk) if (access) last <= line;",
         ]
-    else:
-        lines += ["    wire access = read;"]
-    # Each macro gets the bits at:at+macro.bits of the row. Bits beyond the packed words stay 0.
-    lines += [f"    wire [{row_bits - 1}:0] shown[0:{choice.banks - 1}];"]
-    mask = "" if pack == 1 else f"at[{packed - 1}:0]"
-    for bank in range(choice.banks):
-        hit = f"line[{row - 1}:{low}] == {bank_bits}'d{bank}" if bank_bits else "1'b1"
+    return [*lines, "    wire access = read;"]
+
+
+def _instance(
+    choice: Choice, address: _Address, bank: int, index: int, first_bit: int
+) -> list[str]:
+    """Return the instance of a macro: number ``index`` in the row of a bank, with the row's bits from ``first_bit`` on.
+
+    Bits of the row beyond the packed words stay 0.
+    """
+    shape, pack, macro = choice.shape, choice.pack, choice.macros[index]
+    stored = shape.stored
+    hit = address.is_bank("line", bank)
+    # A packed memory is written by one port, where `line` is that of the write.
+    written = hit
+    if address.bank_bits and pack == 1:
         written = (
-            f"write_address[{address - 1}:{low}] == {bank_bits}'d{bank}"
-            if bank_bits and pack == 1
-            else hit
+            f"write_address[{address.bits - 1}:{address.row_bits}] == {address.bank_bits}'d{bank}"
         )
-        at = 0
-        for index, macro in enumerate(choice.macros):
-            depth = (macro.words - 1).bit_length()
-            need = min(depth, low)
-            pad = f"{{{{{depth - need}{{1'b0}}}}, " if depth > need else "{"
-            data, bm = [], []
-            for bit in range(at, at + macro.bits):
-                word, inside = divmod(bit, bits)
-                data.append(f"write_data[{stored[inside]}]" if word < pack else "1'b0")
-                bm.append(
-                    "1'b0"
-                    if word >= pack
-                    else f"write && {mask} == {packed}'d{word}"
-                    if pack > 1
-                    else "1'b1"
-                )
-            din, bms = ", ".join(reversed(data)), ", ".join(reversed(bm))
-            shown = f"shown[{bank}][{at + macro.bits - 1}:{at}]"
-            name = f"bank{bank}_{index}"
-            masked = "_bm_" in macro.name
-            if shape.ports == 1:
-                lines += [
-                    f"    {macro.name} {name} (.A_CLK(clk), .A_MEN((access || write) && {hit}), .A_WEN(write),",
-                    f"        .A_REN(!write), .A_ADDR({pad}line[{need - 1}:0]}}), .A_DIN({{{din}}}),"
-                    + (f" .A_BM({{{bms}}})," if masked else ""),
-                    f"        .A_DOUT({shown}));",
-                ]
-            else:
-                ones = "{" + f"{macro.bits}" + "{1'b1}}"
-                lines += [
-                    f"    {macro.name} {name} (.A_CLK(clk), .A_MEN(access && {hit}), .A_WEN(1'b0), .A_REN(1'b1),",
-                    f"        .A_ADDR({pad}line[{need - 1}:0]}}), .A_DIN({{{macro.bits}{{1'b0}}}}),"
-                    + (f" .A_BM({ones}), .B_BM({ones})," if masked else ""),
-                    f"        .A_DOUT({shown}), .B_CLK(clk), .B_MEN(write && {written}), .B_WEN(1'b1), .B_REN(1'b0),",
-                    f"        .B_ADDR({pad}write_address[{need - 1}:0]}}), .B_DIN({{{din}}}), .B_DOUT());",
-                ]
-            at += macro.bits
-    # Banks are combined by ANDs and ORs with the bank that was read last; then the word is picked out of its row.
-    bank = f"last[{row - 1}:{low}]" if bank_bits else ""
-    terms = [
-        (
-            f"({{{row_bits}{{{bank} == {bank_bits}'d{b}}}}} & shown[{b}])"
-            if bank_bits
-            else f"shown[{b}]"
-        )
-        for b in range(choice.banks)
+    depth = (macro.words - 1).bit_length()
+    need = min(depth, address.row_bits)
+    pad = f"{{{{{depth - need}{{1'b0}}}}, " if depth > need else "{"
+    data, bit_masks = [], []
+    for bit in range(first_bit, first_bit + macro.bits):
+        word, inside = divmod(bit, len(stored))
+        is_spare = word >= pack
+        data.append("1'b0" if is_spare else f"write_data[{stored[inside]}]")
+        if is_spare:
+            bit_masks.append("1'b0")
+        elif pack > 1:
+            place = f"at[{address.word_bits - 1}:0] == {address.word_bits}'d{word}"
+            bit_masks.append(f"write && {place}")
+        else:
+            bit_masks.append("1'b1")
+    data_in, masks = ", ".join(reversed(data)), ", ".join(reversed(bit_masks))
+    shown = f"shown[{bank}][{first_bit + macro.bits - 1}:{first_bit}]"
+    name = f"bank{bank}_{index}"
+    has_masks = "_bm_" in macro.name
+    if shape.ports == 1:
+        return [
+            f"    {macro.name} {name} (.A_CLK(clk), .A_MEN((access || write) && {hit}), .A_WEN(write),",
+            f"        .A_REN(!write), .A_ADDR({pad}line[{need - 1}:0]}}), .A_DIN({{{data_in}}}),"
+            + (f" .A_BM({{{masks}}})," if has_masks else ""),
+            f"        .A_DOUT({shown}));",
+        ]
+    # Port A reads and port B writes.
+    ones = f"{{{macro.bits}{{1'b1}}}}"
+    return [
+        f"    {macro.name} {name} (.A_CLK(clk), .A_MEN(access && {hit}), .A_WEN(1'b0), .A_REN(1'b1),",
+        f"        .A_ADDR({pad}line[{need - 1}:0]}}), .A_DIN({{{macro.bits}{{1'b0}}}}),"
+        + (f" .A_BM({ones}), .B_BM({ones})," if has_masks else ""),
+        f"        .A_DOUT({shown}), .B_CLK(clk), .B_MEN(write && {written}), .B_WEN(1'b1), .B_REN(1'b0),",
+        f"        .B_ADDR({pad}write_address[{need - 1}:0]}}), .B_DIN({{{data_in}}}), .B_DOUT());",
     ]
-    lines += [f"    wire [{row_bits - 1}:0] found = " + "\n        | ".join(terms) + ";"]
-    words = [f"found[{(w + 1) * bits - 1}:{w * bits}]" for w in range(pack)]
-    lines += [f"    wire [{bits - 1}:0] picked;"]
-    if pack == 1:
-        lines += [f"    assign picked = {words[0]};"]
-    else:
+
+
+def _picked_word(choice: Choice, address: _Address, row_bits: int) -> list[str]:
+    """Return what picks the word that was read: by ANDs and ORs its bank, then its place in the row."""
+    shape = choice.shape
+    stored = shape.stored
+    bits = len(stored)
+    terms = []
+    for bank in range(choice.banks):
+        term = f"shown[{bank}]"
+        if address.bank_bits:
+            term = f"({{{row_bits}{{{address.is_bank('last', bank)}}}}} & {term})"
+        terms.append(term)
+    words = [f"found[{(word + 1) * bits - 1}:{word * bits}]" for word in range(choice.pack)]
+    picked = words[0]
+    if choice.pack > 1:
         picked = " | ".join(
-            f"({{{bits}{{place == {packed}'d{w}}}}} & {word})" for w, word in enumerate(words)
+            f"({{{bits}{{place == {address.word_bits}'d{number}}}}} & {word})"
+            for number, word in enumerate(words)
         )
-        lines += [f"    assign picked = {picked};"]
+    # Bits that are 0 in every program are not stored.
     shown_bits = [
         f"picked[{stored.index(bit)}]" if bit in stored else "1'b0"
         for bit in reversed(range(shape.bits))
     ]
-    lines += [f"    assign read_data = {{{', '.join(shown_bits)}}};"]
-    return "\n".join([*lines, "endmodule\n"])
+    return [
+        f"    wire [{row_bits - 1}:0] found = " + "\n        | ".join(terms) + ";",
+        f"    wire [{bits - 1}:0] picked;",
+        f"    assign picked = {picked};",
+        f"    assign read_data = {{{', '.join(shown_bits)}}};",
+    ]
 
 
 def _waiting(choice: Choice) -> str:
