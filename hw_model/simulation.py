@@ -16,7 +16,7 @@ import numpy as np
 
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
-from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams, steps_of
+from hw_model.engine.playing import Player, Spikes, play, read_streams, steps_of
 from hw_model.engine.probes import KINDS, Kind, Probe, ProbedPopulation, phase_probes, read_probes
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.engine.usable import fix_of, why_not_compiled
@@ -43,7 +43,8 @@ class SimulationResult(Shown):
     """What a simulation returns; arrays are (batch, steps, n), or (steps, n) for a recording without a batch axis.
 
     ``spikes[name]`` for every population that can spike, ``u[name]``, ``v[name]`` and ``potential[name]`` (v as the
-    threshold saw it) for every group of compartments, each only if it was asked for.
+    threshold saw it) for every group of compartments, each only if it was asked for. The ``repr`` is short, as of every
+    :class:`hw_model.values.Shown`: arrays are shown by type and shape.
     """
 
     spikes: Mapping[str, ByteArray]
@@ -103,8 +104,9 @@ def simulate(
 
     - ``spikes``: 0 or 1, (steps, channels) or (batch, steps, channels); for a program with several inputs, a mapping by
       stream name. An input spike of row t acts at step t + 1
-    - ``steps``: of phases whose length the program does not fix; by default the number of rows or, for transposed
-      inputs, of all visits
+    - ``steps``: of phases whose length the program does not fix. By default, such a phase has as many steps as the
+      recording has rows or, if its input goes through the transpose buffer, runs until the last *visit*: a visit reads
+      one channel from the buffer
     - ``engine``: ``"fast"`` or ``"reference"``; both give the same integers
     - ``probe``: what to keep. Each is a kind (``"spikes"``, ``"u"``, ``"v"``, ``"potential"``) for all populations and
       steps, or a :class:`hw_model.Probe` for some. ``"activity"`` keeps the counts of every step and core, which
@@ -115,7 +117,10 @@ def simulate(
     Raises ``InputError`` for bad arguments.
     """
     check_known(f"engine {engine!r}", "does not exist", engine, ENGINES)
-    return play_recordings(program, spikes, steps, probe, *_engine(engine, skip), engine == "fast")
+    run_phase, player = _engine(engine, skip)
+    # The reference engine is what the fast one is tested against, so it plays every recording anew.
+    remember = engine == "fast"
+    return play_recordings(program, spikes, steps, probe, run_phase, player, remember=remember)
 
 
 Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
@@ -146,7 +151,7 @@ class _Playback(NamedTuple):
 
     @property
     def longest_phase(self) -> int:
-        """The most steps of a phase."""
+        """The most steps that the arrays of a phase have."""
         return _longest_phase(self.program, self.rows, self.steps)
 
 
@@ -161,7 +166,8 @@ def play_recordings(  # noqa: PLR0913 - public: each is an option of its own
 ) -> SimulationResult:
     """Do what :func:`simulate` does with any engine: ``run_phase`` plays some recordings to a phase.
 
-    ``remember``: an empty recording is simulated once per program, and later ones get copies of its result.
+    ``remember``: an empty recording is simulated once per program, and later ones get copies of its result. That takes
+    a tenth to a fifth of the time (docs/research/benchmarks.md), and a sensor that nothing touches records silence.
     """
     _check_steps(steps)
     probes = read_probes(program, probe)
@@ -266,7 +272,8 @@ class _Plan(NamedTuple):
         votes: dict[str, AnyArray] = {}
         arrays = _arrays_of(trace)
         for population in self.deciding:
-            votes[population.name] = largest(population.taken_from(arrays), 0)
+            # From row 0 on: the recorded window begins at the first step that counts.
+            votes[population.name] = largest(population.taken_from(arrays), first=0)
         for name, columns in self.counted.items():
             votes[name] = trace.fired[:, columns]
         return votes
@@ -295,6 +302,8 @@ def _plans(
         deciding_probes.append(Probe("potential", (name,), to_the_end))
     plans = []
     for phase in program.phases:
+        # steps_of is the length of the engine's arrays. It is more than the steps for which a recording is played if
+        # the phase begins at the first touch, which may be in any row.
         phase_steps = steps_of(program, phase, rows, steps)
         columns = program.columns_of(phase.name)
         all_probes = (*probes, *deciding_probes)
@@ -315,8 +324,8 @@ def _plans(
 
 @lru_cache(maxsize=16)
 def _longest_phase(program: ChipProgram, rows: int, steps: int | None) -> int:
-    """Return the most steps of any phase; cached, as every call of a simulation asks for it."""
-    return max(length_of(program, phase, rows, steps) for phase in program.phases)
+    """Return the most steps that the arrays of a phase have; cached, as every call of a simulation asks for it."""
+    return max(steps_of(program, phase, rows, steps) for phase in program.phases)
 
 
 class _Collector:
@@ -350,7 +359,7 @@ class _Collector:
     def _add_events(self, phase: str, trace: PhaseTrace) -> None:
         """Add wraps and clips to the sums of a phase, (populations, kinds)."""
         columns = self._playback.program.columns_of(phase).values()
-        # A sum over one recording would only copy it.
+        # trace.events is (recordings, kinds, columns). A sum over one recording would only copy it.
         of_columns = trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0)
         # Populations lie side by side, so each sum ends where the next population begins.
         first_columns = [columns_of_group.start for columns_of_group in columns]

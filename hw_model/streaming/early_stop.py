@@ -6,6 +6,10 @@
 
 Each takes a batch of recordings that are known to their end, and returns :class:`Stops`. Time phases play a recording
 *as it comes*, step by step; location phases play it *transposed*, channel by channel, when it is over.
+
+``psi``, which some functions take, is for hybrid programs, which have both kinds of phases. It is how steeply the
+weight of the location phase in the class scores rises while a recording plays (:mod:`hw_model.streaming.psi`). With
+None, the program's own weights are used.
 """
 
 from collections.abc import Callable, Mapping
@@ -58,6 +62,7 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
     return _stops(
         steps=steps,
         all_steps=proof.all_steps,
+        # A proof stops only where the prediction is already that of the whole recording.
         prediction=result.prediction,
         final=result.prediction,
         spent=_spent(program, result, until),
@@ -72,6 +77,7 @@ def _probes_of_proof(program: ChipProgram, readout: Readout) -> list[Probe]:
     readout reads.
     """
     groups = [group for name in readout.populations for group in joined_groups(program, name)]
+    # from_step has the populations that are read by their potentials; all others are read by their spikes.
     spiking = [name for name in readout.populations if name not in readout.from_step]
     names_of: dict[Kind, list[str]] = {
         "u": groups,
@@ -89,7 +95,7 @@ def stop_at_margin(
     """Stop reading a recording as soon as its best class leads by ``margin``; location phases then run once.
 
     Steps are counted in the recording. If it is shorter than a time phase, silence follows until the end of the phase;
-    a time phase without ``steps`` lasts as long as the recording. ``psi`` is explained at :class:`hw_model.Session`.
+    a time phase without ``steps`` lasts as long as the recording. For ``psi``, see :class:`hw_model.Session`.
     """
     if not margin > 0:
         raise InputError(
@@ -158,7 +164,9 @@ def _is_resting(program: ChipProgram, result: SimulationResult, rows: int) -> Bo
     is_resting = np.ones((recordings, rows), dtype=np.bool_)
     for phase in phases:
         for recording, activity in enumerate(result.activity[phase]):
+            # A piece is the part of a group of compartments that lies on one core: the sum is over all of them.
             active = activity.by_piece["neuron_updates_active"].sum(axis=1)
+            # A phase that is shorter than the recording is at rest after its end.
             is_resting[recording, : len(active)] &= active == 0
     return is_resting
 
@@ -192,18 +200,20 @@ def calibrate_margin(
     assert program.readout is not None
     predictions = winning(scores, program.readout.tie_class)
     lead_over_time = leads(scores)
-    # A margin between two leads that occur stops where the larger one does, so only leads that occur are tried.
+    # A recording stops at its first step whose lead reaches the margin. So a margin between two neighbouring leads of
+    # these recordings stops every recording where the larger of the two does: no other margins need to be tried.
     margins = np.unique(lead_over_time[lead_over_time > 0])
     # agreeing[m] is how many recordings predict with margins[m] what they predict at the end. Start with all of them.
     agreeing = np.full(len(margins), len(scores))
     for prediction, lead in zip(predictions, lead_over_time, strict=True):
-        # A recording can stop only at a record: a step whose lead is larger than all leads before it.
+        # A recording can stop only at a peak: a step whose lead is larger than all leads before it.
         largest_before = np.maximum.accumulate(np.append(0.0, lead[:-1]))
-        record_steps = np.flatnonzero(lead > largest_before)
-        record_leads = np.append(0.0, lead[record_steps])
-        # The margins low..high stop at a record: those above the previous record, up to this one.
-        reached = np.searchsorted(margins, record_leads, side="right")
-        for step, low, high in zip(record_steps, reached[:-1], reached[1:], strict=True):
+        peak_steps = np.flatnonzero(lead > largest_before)
+        peak_leads = np.append(0.0, lead[peak_steps])
+        # margins[low:high] stop at a peak: those above the previous peak's lead, up to this one's. Margins above the
+        # last peak never stop the recording, so with them it predicts as at its end.
+        reached = np.searchsorted(margins, peak_leads, side="right")
+        for step, low, high in zip(peak_steps, reached[:-1], reached[1:], strict=True):
             agreeing[low:high] -= prediction[step] != prediction[-1]
     enough = np.flatnonzero(agreeing / len(scores) >= agreement)
     return float(margins[enough[0]]) if len(enough) else float("inf")
@@ -285,6 +295,7 @@ def _first_step(is_enough: BoolArray) -> IntArray:
 def _unbroken_steps(condition: BoolArray) -> IntArray:
     """Return for how many steps without a break a condition has held after each step, (batch, steps)."""
     step = np.arange(1, condition.shape[1] + 1)
+    # The last step so far at which the condition did not hold; 0 if it has always held.
     last_broken = np.maximum.accumulate(np.where(condition, 0, step), axis=1)
     return np.asarray(step - last_broken)
 
@@ -312,6 +323,8 @@ def _read_until(
 def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, IntArray]) -> Spent:
     """Return the cost of all recordings: of the first ``until[phase]`` (batch,) steps of a phase, else of all steps."""
     profile = program.chip.costs
+    # Only these counts are kept for every step, so only they can be cut at a stop. The others of a simulation, such as
+    # wraps and clips, are totals of whole recordings, and stay 0 here.
     counts = dict.fromkeys(BY_CORE, 0)
     latency_ns = 0.0
     for phase, activity in result.activity.items():
@@ -336,7 +349,7 @@ def _stops(
     spent: Spent,
     whole: Spent,
 ) -> Stops:
-    """Return the record of the stops; ``spent`` is the cost with stopping, ``whole`` without."""
+    """Return the :class:`Stops`; ``spent`` is the cost with stopping, ``whole`` without."""
     return Stops(
         steps=steps,
         all_steps=all_steps,

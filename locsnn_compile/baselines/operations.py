@@ -45,9 +45,10 @@ def ann_operations(name: str, *, fingertips: int, steps: int, classes: int) -> i
 def ann_counts(name: str, *, sensor: SensorLayout, steps: int, classes: int) -> AnnCounts:
     """Count the operations of one recording of ``steps`` time steps.
 
-    ``cnn-3d``: for each fingertip (or surface of a grid), Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and
-    Conv3d(4 -> 8, kernel 5x3x3, stride 3x1x1) on frames of steps x 9 x 7 (or the size of the grid), then one linear
-    layer over all. Its biases are not counted, as in the published figures.
+    ``cnn-3d``: for each fingertip (or each surface of another sensor), Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and
+    Conv3d(4 -> 8, kernel 5x3x3, stride 3x1x1), then one linear layer over the outputs of all fingertips. The input of a
+    fingertip is steps x 9 x 7: its 39 taxels are drawn on a grid of 9 rows and 7 columns. Other sensors have grids of
+    their own size. Biases are not counted, as in the published figures.
 
     ``gru-mlp``: GRU(channels -> 32), then one linear layer at the last step. In addition to the products with weights,
     the published count has 13 operations per step and unit: nine additions in the gates (two biases each, and the sum

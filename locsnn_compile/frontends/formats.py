@@ -46,13 +46,16 @@ def _read_checkpoint(source: ModelSource) -> "Network":
     from locsnn_compile.frontends.checkpoint import network_of_models
     from locsnn_compile.models.checkpoint_reader import read_models
 
+    # The caller may pass a checkpoint that is in memory already, instead of a file.
     if source.checkpoint is not None:
         return network_of_models(source.checkpoint, source.path.stem)
-    way_out = (
+    # What the error advises if the file is a bare state dict of torch, which has the same ending.
+    advice = (
         "If it is slayerPytorch's, give its YAML (--config FILE.yaml); "
         "else export the network as NIR (.nir)."
     )
-    return network_of_models(read_models(source.path, state_dict=way_out), source.path.stem)
+    models = read_models(source.path, state_dict=advice)
+    return network_of_models(models, source.path.stem)
 
 
 def _read_slayer(source: ModelSource) -> "Network":
@@ -119,6 +122,8 @@ FORMAT_OPTIONS = (
         "SECONDS",
         is_number=True,
     ),
+    # What a spike does to the potential: set it to the reset value, subtract the threshold, or nothing. The late ones
+    # also act in the step after the spike (docs/reference/formats/nir.md).
     FormatOption(
         "reset",
         "NIR: zero (default), subtract, late-zero, late-subtract or none at a spike",
@@ -135,6 +140,7 @@ FORMAT_OPTIONS = (
         is_number=True,
         elsewhere="the neurons of {called} have none",
     ),
+    # 62 steps is the longest delay of a synapse on loihi-sim (hw_model/arithmetic/loihi.py).
     FormatOption(
         "relay_delays",
         "NIR, lava-dl, state dict: neurons that repeat spikes carry delays above 62 steps",
@@ -192,7 +198,9 @@ MODEL_FORMATS = (
     ),
     ModelFormat(
         called="a state dict with its layers",
+        # The words of the next row include this format.
         helped="",
+        # Errors advise only formats of a single file; this one and the next need a YAML file as well.
         offered="",
         suffixes=(".pt", ".pth"),
         recognises=_lists_layers,

@@ -25,7 +25,7 @@ from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.request.compile_request import CheckRequest, CompileRequest, SettingRequest
 from locsnn_compile.request.recordings import calibration_for, recordings_for, with_psi
-from locsnn_compile.request.without_overflows import search_without_overflows, spread_of
+from locsnn_compile.request.without_overflows import evenly_chosen, search_without_overflows
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.event_peaks import event_peaks
@@ -56,9 +56,12 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     _check_events_per_step(fitted.spikes.shape[2], chip, check)
     calibration = calibration_for(network, recordings, request.setting.calibration)
     fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
-    # The loops of the simulator are compiled while the network is lowered.
+    # The simulator's loops, which numba compiles in seconds, are compiled by other processes while this one lowers the
+    # network. The first call says which: those that play whole recordings and, for a diagnosis, those that play them
+    # step by step. The second starts the processes if numba's cache does not have the loops yet.
     compile_loops_ahead(sessions=check.diagnosis)
     start_compiling()
+    # A spread is a function that runs the parts of a job: in this process, in several, or on a cluster.
     with spread_over(check.scheduler) as spread:
         lowered = _lower(network, chip, request.setting, fitted_calibration, spread)
         levels = lowered.levels
@@ -66,7 +69,8 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         observed = observed_by(levels, fitted)
         match = compare(observed, progress=check.progress, spread=spread)
     network = _noting_bounds(network, choice, request.setting)
-    # The same program with registers that never overflow: what overflows alone change.
+    # Recordings in which registers overflowed are played again with registers that are wide enough: whatever differs
+    # then was changed by the overflows alone.
     wide = compare_wide(observed, match)
     diagnosis = None
     predictions_over_time = None
@@ -75,7 +79,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     peaks = None
     if check.diagnosis:
         if asks_for_another_setting(wide):
-            overflowing = spread_of(fitted, overflowing_recordings(match))
+            overflowing = evenly_chosen(fitted, overflowing_recordings(match))
             overflow_search = search_without_overflows(
                 network,
                 chip,
@@ -85,7 +89,9 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
                 lowered.known,
             )
         diagnosis = find_diagnosis(observed, match.first_divergence)
+        # The busiest steps of the recordings: the report bounds energy and time for recordings that are no busier.
         peaks = event_peaks(levels.program, fitted.spikes, check.events_per_step)
+        # How steeply the location branch's weight in the prediction rises while a recording plays.
         psi = PSI if network.psi is None else network.psi
         predictions_over_time = over_time(observed, psi)
         excerpt = take_excerpt(observed, match.first_divergence)
@@ -124,8 +130,10 @@ def _check_events_per_step(channels: int, chip: hw.Chip, check: CheckRequest) ->
 def _noting_bounds(network: Network, choice: Choice | None, request: SettingRequest) -> Network:
     """Return the network, with a sentence among its assumptions if an unusual strategy sets the bounds of ``auto``.
 
-    Without a budget, ``auto`` bounds errors by what the first strategy loses. That is another one
-    than usual if the chip cannot hold the first.
+    If the user gives no error budget, ``auto`` measures the first strategy that the chip can hold, and
+    accepts other strategies only if their errors are little larger (``default_budget`` of
+    ``verification/error_bounds.py``). Usually that is the first of ``STRATEGIES``. If the chip cannot
+    hold that one, the next one sets the bounds, and the report says so.
     """
     if choice is None or request.setting.strategy != AUTO or request.budget.given:
         return network

@@ -4,6 +4,9 @@ A charge or current that leaves its register *wraps* to the other end, and a vol
 the end: the chip then computes something else than the float network. If that happened in the check,
 the report names settings (strategy, weight bits) that avoid it. They are tried on recordings in which
 registers overflowed.
+
+Registers of a chip have fixed widths. Another strategy can still avoid overflows, because it divides a
+neuron into other compartments, and so can narrower weights, because they allow a smaller scale.
 """
 
 import math
@@ -67,11 +70,21 @@ def search_without_overflows(
     other_strategies = _other_strategies(network, taken)
     if not narrower and not other_strategies:
         return None
-    known_calibration = calibrate(network, calibration, chip.registers)
-    trial = Trial(network, chip, overflowing, here, known_calibration, levels=dict(lowered))
+    trial = Trial(
+        network=network,
+        chip=chip,
+        recordings=overflowing,
+        # In this process: there are at most MOST_RECORDINGS recordings.
+        spread=here,
+        known_calibration=calibrate(network, calibration, chip.registers),
+        # A copy, because the trial adds what it lowers.
+        levels=dict(lowered),
+    )
     taken_candidate = trial.measure(taken)
+    # None: the chip cannot hold the setting. That of the program fits, unless a caller passes another one.
     if taken_candidate is None:
         return None
+    # Strategies first, each with the weights of the program: they are listed first in `others`, too.
     for setting in other_strategies:
         trial.measure(setting)
     try_widths(trial, narrower)
@@ -82,12 +95,12 @@ def search_without_overflows(
 def try_widths(trial: Trial, narrower: list[Setting]) -> None:
     """Bisect for the widest weights without overflows; ``narrower`` begins with the widest.
 
-    Narrower weights let the compiler choose a smaller scale, which leaves more room in registers.
-    So where the narrowest that the chip can hold have overflows, those between are not tried.
-    The trial keeps what was measured.
+    Narrower weights let the compiler choose a smaller scale, which leaves more room in registers. So if
+    even the narrowest weights that the chip can hold have overflows, no others are tried. The results are
+    in ``trial.candidates``.
     """
     settings = list(narrower)
-    # Drop the narrowest ones as long as the chip cannot hold them.
+    # measure returns None for a setting that the chip cannot hold: drop the narrowest weights for as long as it does.
     while settings and trial.measure(settings[-1]) is None:
         settings.pop()
     if not settings:
@@ -97,7 +110,8 @@ def try_widths(trial: Trial, narrower: list[Setting]) -> None:
         candidate = trial.measure(settings[index])
         return candidate is not None and not candidate.overflows
 
-    # All from widest_clean on are taken to be clean, and all before first_unknown have overflows.
+    # Indices into settings: smaller is wider. Those from widest_clean on are taken to be without overflows, and those
+    # before first_unknown to have some.
     widest_clean = len(settings) - 1
     if not is_clean(widest_clean):
         return
@@ -110,8 +124,8 @@ def try_widths(trial: Trial, narrower: list[Setting]) -> None:
             first_unknown = middle + 1
 
 
-def spread_of(recordings: Recordings, numbers: IntArray) -> Recordings:
-    """Return at most :data:`MOST_RECORDINGS` of the recordings with these numbers, evenly spread."""
+def evenly_chosen(recordings: Recordings, numbers: IntArray) -> Recordings:
+    """Return at most :data:`MOST_RECORDINGS` of the recordings with these numbers: every n-th of them."""
     stride = max(1, math.ceil(len(numbers) / MOST_RECORDINGS))
     return recordings.subset(numbers[::stride])
 
@@ -125,7 +139,10 @@ def _narrower(network: Network, chip: hw.Chip, taken: Setting) -> list[Setting]:
 
 
 def _other_strategies(network: Network, taken: Setting) -> list[Setting]:
-    """Return the setting with each other usual strategy; none if its neurons need no strategy."""
+    """Return the setting with each other usual strategy; none if its neurons need no strategy.
+
+    ``USUAL`` has all strategies except ``paired-dendrite``, the last resort, which costs more than any other.
+    """
     if not network.by_strategy or taken.strategy not in STRATEGIES:
         return []
     return [replace(taken, strategy=name) for name in USUAL if name != taken.strategy]

@@ -1,4 +1,7 @@
-"""Options of ``locsnn pack``, in the order of its help."""
+"""Options of ``locsnn pack``, in the order of its help.
+
+The command puts several checkpoints into one file, a *committee*: a network that adds the weighted class scores of all.
+"""
 
 import argparse
 
@@ -20,5 +23,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_recordings(
         parser, "--calibration", "recordings on which to find weights (default: the models' own)"
     )
+    # How the events of --calibration become recordings: --step-seconds, --steps, --threshold and others.
     add_times(parser)
     add_sensor(parser)

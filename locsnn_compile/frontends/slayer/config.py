@@ -31,7 +31,9 @@ MAX_STEPS = 1_000_000
 MAX_STOP = 1_000_000
 """Latest end of a region in which training counts spikes, in milliseconds."""
 DEFAULT_ORDER = "loop"
-"""Taxels in the order of their numbers, as when a recording is simply transposed."""
+"""The location order if a description has none: taxels in the order of their numbers, as when a recording is simply
+transposed. The other published orders, ``arch`` and ``whorl``, walk over a fingertip in other ways
+(:mod:`locsnn_compile.data.orders`)."""
 
 _MARKS = {"c": "conv", "avg": "average", "a": "pool", "x": "input"}
 """The kind of a layer by a mark in its ``dim``, such as 16c5z; the first mark that occurs decides, so ``avg`` comes
@@ -121,8 +123,9 @@ def read_config(path: Path) -> SlayerConfig:
     recording_ms = math.nan
     if "tSample" in simulation:
         recording_ms = _number(simulation, "tSample", where, least=0)
-    # False for nan.
+    # False for nan, and for a recording that is shorter than a step or too long: its steps are unknown.
     is_usable = ts <= recording_ms and recording_ms / ts <= MAX_STEPS
+    # Rounded down, as slayerPytorch's examples do: a step that the recording does not fill is not played.
     steps = int(recording_ms / ts) if is_usable else None
     section = _section(values, "neuron", where)
     key = next((key for key in ("location_neuron", "locationNeuron") if key in values), "neuron")
@@ -171,6 +174,7 @@ def _counted_steps(values: Mapping[Any, Any], ts: float) -> int | None:
     stop = region.get("stop")
     if isinstance(stop, bool) or not isinstance(stop, int | float) or not 0 < stop <= MAX_STOP:
         return None
+    # Rounded to the nearest step, as slayerPytorch's loss does.
     return round(stop / ts)
 
 
@@ -225,6 +229,7 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
         numbers = (*numbers, 1)
     is_in_place = first == (kind == "input")
     is_complete = len(numbers) == _NUMBERS.get(kind)
+    # A layer may bring its own parameters of the neuron; here all layers share one section `neuron`.
     is_known = is_in_place and is_complete and "neuron" not in entry
     if not is_known or min(numbers) < 1:
         fix = "Give the input first, as 34x34x2, then 16c5z, 2a or 10."
