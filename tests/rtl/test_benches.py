@@ -2,7 +2,11 @@
 
 A mutant is a source file with one planted fault (`mutants.yaml`). A fault of the core must give another result than the
 simulator's on one of the benches (`tests/support/benches.py`). A fault of the files around the core must change something
-that a host receives in a session with it.
+that a host receives in a session with it. The sessions use a `Desk` (`tests/support/desk.py`): a program with a
+recording, and simulated boards that run it. A beat is one word of an AXI-Stream.
+
+Most tests run with two sizes of the core. `SIZES` are plain. With `LATER`, a second phase hears its events when they
+arrive, where the program allows it, and rows of a recording may share a source of spikes.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from contextlib import closing
 from dataclasses import replace
 from functools import cache
 from itertools import zip_longest
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +43,7 @@ from tests.support.benches import (
 )
 from tests.support.desk import (
     LAST,
+    LINE_BROKEN,
     PRESS,
     STOP,
     Desk,
@@ -56,13 +62,14 @@ pytestmark = [
 ]
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
 PATIENCE = 20_000
-"""Cycles of silence after which a faulty core is given up."""
+"""Cycles of silence after which a faulty core is given up; a recording of a bench takes fewer."""
 
 
 def one_compartment(axis):
     """Return the graph of one compartment that hears two channels or, over channels, eight rows."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input(f"{axis}/x", 2 if axis == "time" else 8)
+    # Chosen by hand: a few spikes of these weights reach the threshold.
     y = builder.add_compartments(f"{axis}/y", 1, decay_u=1024, decay_v=128, threshold=300)
     builder.connect(x, y, np.full((1, x.size), 100))
     return builder.graph()
@@ -81,16 +88,23 @@ def test_the_core_passes_every_bench(sizes):
     assert not differ(sources(), sizes)
 
 
+BENCHES_THAT_HEAR_ON_ARRIVAL = 4
+"""`hybrid(22)`, twice (whole and cut short), `long` and `early_rows`: a time phase, then one location phase."""
+
+
 def test_hybrids_hear_events_when_they_arrive():
-    later = [
-        CoreProgram(program, spikes.shape[1], steps=None, sizes=LATER).later
+    hears_on_arrival = [
+        CoreProgram(program, rows=spikes.shape[1], sizes=LATER).later
         for program, spikes in benches()
     ]
-    assert later.count(True) == 4
+    assert hears_on_arrival.count(True) == BENCHES_THAT_HEAR_ON_ARRIVAL
 
 
 ROWS = 22
-"""Rows of the bench `windows`: its three channels have as many lines each. Its windows have 4 and 8 rows."""
+"""Rows of the bench `windows`: each of its three channels has as many lines. Its two phases have equal weights within
+windows of 4 and of 8 rows."""
+CHANNELS = 3
+"""Channels of the bench `windows`."""
 
 
 @pytest.mark.parametrize(
@@ -104,15 +118,20 @@ ROWS = 22
     ids=["none", "half a window", "two rows", "one row"],
 )
 def test_rows_of_a_window_share_a_source_where_all_weights_are_equal(changed, shared):
-    """Lines `changed` of the input have other weights; 2^shared rows then share a source, by phase."""
+    """If lines `changed` of the input have other weights, 2^shared[i] rows have one source in phase i of the core.
+
+    Phase 0 only takes the arriving recording, and has no sources of its own.
+    """
     program, spikes = windows(changed)
-    core = CoreProgram(program, spikes.shape[1], steps=None, sizes=LATER)
-    apart = CoreProgram(program, spikes.shape[1], steps=None, sizes=SIZES)
+    core = CoreProgram(program, rows=spikes.shape[1], sizes=LATER)
+    core_without_sharing = CoreProgram(program, rows=spikes.shape[1], sizes=SIZES)
     assert [phase.shared for phase in core.phases] == shared
-    assert [phase.shared for phase in apart.phases] == [0, 0, 0]
-    channels = 3
-    saved = sum(channels * (ROWS - -(-ROWS >> k)) for k in shared[1:])
-    assert apart.needs.axons - core.needs.axons == saved
+    assert [phase.shared for phase in core_without_sharing.phases] == [0, 0, 0]
+    # The last group of rows may be cut short, so divisions are rounded up. `axons` is the number of sources.
+    sources_per_channel = [ceil(ROWS / 2**k) for k in shared[1:]]
+    sources_saved = sum(CHANNELS * (ROWS - sources) for sources in sources_per_channel)
+    assert core_without_sharing.needs.axons - core.needs.axons == sources_saved
+    # 1 if the program needs a core in which rows can share a source.
     assert core.needs.groups == any(shared)
 
 
@@ -148,16 +167,23 @@ def test_faults_of_slices_are_found(fault):
 
 @pytest.mark.parametrize(("places", "later"), [(1, False), (2, True)])
 def test_events_wait_where_a_phase_has_one_place(places, later):
-    """The lowest bit of a place chooses a bank, so more slots cannot take it: a phase needs two places to hear events early."""
-    rows, channels = 8, 2
+    """A second phase hears events when they arrive only if the memory of charges has two places per slot or more.
+
+    With `later=2`, two bits that number compartments number slots instead: there are four times the slots, each with a
+    place for a quarter of the compartments. The last bit of a place cannot be taken, as it chooses the bank.
+    """
+    rows = 8
+    channels = 2
     time = graph_in_phase(one_compartment("time"), "time", rows, positions=None)
     location = graph_in_phase(one_compartment("location"), "location", rows, np.arange(channels))
     readout = Readout(("time/y", "location/y"), (1.0, 1.0))
     program = program_of_graphs(CHIP, readout, time, location)
     spikes = np.ones((1, rows, channels), dtype=np.uint8)
-    sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
+    sizes = replace(
+        SIZES, compartments=4 * places, slots=8, later=2
+    )  # 32 slots of `places` charges
     comparison = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=PATIENCE)
-    assert CoreProgram(program, rows, steps=None, sizes=sizes).later is later
+    assert CoreProgram(program, rows=rows, sizes=sizes).later is later
     assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)
 
 
@@ -170,13 +196,19 @@ shared_desk = cache(Desk)
 
 
 def axis_streams(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
-    """Yield answers and spikes of recordings with and without faults, however the neighbours wait."""
+    """Yield answers and spikes of recordings with and without faults, with neighbours that stall seldom and often."""
     desk = shared_desk()
     beats = desk.beats()
+    # How many beats come before a fault is arbitrary.
+    # A recording that a stop ends, and one whose last beat is an event of channel 0, so its step has no tick.
     cut_off = [*beats[:9], LAST | STOP, *beats[:5], LAST]
+    # An end and a stop are valid only as the last beat of a recording.
     wrong_kinds = [*beats[:5], END, LAST | TICK, STOP, LAST | TICK]
+    # The kind of a word is in bits 16 and 17; all bits above must be 0.
     bit_above_kind = 1 << 18
-    dropped_with_fault = [1 << 20, LAST | STOP]
+    higher_bit = 1 << 20
+    # A stop drops a recording without an answer, also one with a fault.
+    dropped_with_fault = [higher_bit, LAST | STOP]
     wrong_bits = [bit_above_kind, LAST | TICK, LAST | bit_above_kind | TICK]
     wrong_channel = [desk.core.channels, LAST | TICK]
     end_of_its_own = [TICK, LAST | END]
@@ -192,14 +224,17 @@ def axis_streams(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
         *end_of_its_own,
         *beats,
     ]
+    # In `waits` of four cycles each neighbour stalls, on average.
     for waits in (0, 2):
-        yield desk.play_axis(folder, played, texts, waits)
-    yield desk.play_axis(folder, beats, texts, 3, spikes=2)
+        yield desk.play_axis(folder, played, texts, waits=waits)
+    # Room for two spikes only, and a neighbour that takes them slowly: one is lost.
+    yield desk.play_axis(folder, beats, texts, waits=3, spikes=2)
 
 
 def line_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     """Yield the frames that a board on a line sends after a broken byte, before and after a reset."""
-    broken_byte = 256 + ord("a")
+    broken_byte = LINE_BROKEN + ord("a")  # sent without its stop bit
+    # 8 clock cycles per bit, the fewest that the receiver allows; 400 cycles of silence are five bytes of ten bits.
     with closing(shared_desk().port(texts, bit=8, patience=400)) as port:
         port.write([broken_byte])
         yield received_frames(port)
@@ -208,7 +243,10 @@ def line_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
 
 
 def serial_bytes(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
-    """Yield the bytes that a receiver hears at several rates: equal, 4 % apart, as fast as can be, and much too slow."""
+    """Yield the bytes that a receiver hears at several rates: equal, 4 % apart, as fast as can be, and much too slow.
+
+    The rates are clock cycles per bit, of the receiver and of the sender.
+    """
     for bit, host_bit in ((100, 100), (100, 104), (100, 96), (8, 8), (100, 130)):
         yield received_bytes(folder, texts, bit, host_bit)
 
@@ -219,7 +257,7 @@ def session_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[objec
 
 
 def session_with_spikes(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
-    """Yield that session, and an answer over a line on which its spikes still wait."""
+    """Yield the bytes of `session_of_a_board`, and an answer over a line so slow that spikes still wait for it."""
     yield from session_of_a_board(folder, texts)
     yield over_a_line(shared_desk(), texts)
 
@@ -239,7 +277,7 @@ SESSIONS = {
     "spike_report.sv": session_of_a_board,
     "replies.sv": session_with_spikes,
 }
-"""By file around the core, the session that reveals its faults: it yields what a host receives."""
+"""The session that reveals the faults of each file around the core; a session yields what a host receives."""
 
 
 _NOTHING = object()
@@ -289,7 +327,7 @@ def test_every_mutant_is_found(mutant, tmp_path):
     if fault.file in SESSIONS:
         assert session_differs(fault.file, tmp_path, texts)
     else:
-        # With clocks that stop, faults of the gating are found too.
+        # With clocks that stop, faults in when a clock runs are found as well.
         texts = {**texts, "clock_gate.sv": STOPPING_CLOCK_GATE}
         sizes = LATER if mutant.get("later") else SIZES
         assert differ(texts, sizes)

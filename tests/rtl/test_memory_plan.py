@@ -19,7 +19,7 @@ from hw_model.errors import InputError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.memory_needs import arrays_of, reads_without_repeats
-from hw_model.rtl.memory_plan import Array, Piece, plan
+from hw_model.rtl.memory_plan import WIDEST, Array, Piece, plan
 from locsnn_compile.cli.compile import main as compile_main
 
 CHIP = hw.chip("locsnn-130nm")
@@ -38,12 +38,18 @@ AREA_FIRST = 9.0
 
 
 def array(words: int, bits: int, ports: int = 1, **more) -> Array:
-    """Return a memory `a` that is read 100 times in a recording, unless other figures are given."""
+    """Return a memory `a` that is read 100 times in a recording, unless other figures are given.
+
+    `rows[k]` are the reads of a memory whose rows hold `k` words each: words that are read in order need fewer.
+    """
     return Array("a", words, bits, ports, **{"rows": {1: 100.0}, **more})
 
 
 class Expected(NamedTuple):
-    """A plan, computed by hand; `area_um2` and `energy_pj` are of all copies."""
+    """A plan, computed by hand: macros side by side in a row, and such rows (banks) one below the other.
+
+    A row holds `pack` words. `area_um2` and `energy_pj` are of all copies of the memory.
+    """
 
     row: tuple[str, ...]
     banks: int
@@ -71,7 +77,7 @@ class Expected(NamedTuple):
             array(words=32, bits=8, rows={1: 100.0, 2: 50.0}),
             ENERGY_ONLY,
             Expected(row=("wide",), banks=1, pack=2, area_um2=150, energy_pj=50 * 1.5),
-            id="words in order: two in a row",
+            id="words in order: two in a row, half the reads",
         ),
         pytest.param(
             array(words=16, bits=20, rows={1: 10.0}),
@@ -85,17 +91,19 @@ class Expected(NamedTuple):
             Expected(row=("pair",), banks=1, area_um2=300, energy_pj=10 * 1.0 + 10 * 2.0),
             id="read and written",
         ),
+        # With even and odd words in banks of their own (`halves`), two macros of one port replace one of two ports.
         pytest.param(
             array(words=32, bits=8, ports=2, rows={1: 10.0}, writes=10.0, halves=2),
             AREA_FIRST,
             Expected(row=("small",), banks=2, area_um2=2 * 100, energy_pj=10 * 1.0 + 10 * 2.0),
             id="even and odd banks",
         ),
+        # Reads and writes of an array are those of all its copies together.
         pytest.param(
             array(words=16, bits=8, rows={1: 10.0}, copies=3),
             ENERGY_ONLY,
             Expected(row=("small",), banks=1, area_um2=3 * 100, energy_pj=10 * 1.0),
-            id="copies",
+            id="copies: three times the area, once the energy",
         ),
     ],
 )
@@ -107,6 +115,7 @@ def test_the_cheapest_plan(memory, price, expected):
 
 
 def test_words_of_even_and_odd_banks_alternate():
+    """40 words take four banks of 16: even and odd words below 32, then even and odd words from 32 on."""
     memory = array(words=40, bits=8, ports=2, rows={1: 10.0}, writes=10.0, halves=2)
     (planned,) = plan([memory], MACROS, AREA_FIRST)
     assert [(piece.first, piece.every, piece.rows) for piece in planned.pieces()] == [
@@ -118,8 +127,10 @@ def test_words_of_even_and_odd_banks_alternate():
 
 
 def test_an_array_that_no_macros_hold_is_refused():
+    # A row has at most four macros side by side (`WIDEST`).
+    widest_row_bits = WIDEST * max(macro.bits for macro in MACROS.values())
     with pytest.raises(InputError) as caught:
-        plan([array(words=64, bits=100)], MACROS)  # wider than four of the widest macros
+        plan([array(words=64, bits=widest_row_bits + 1)], MACROS)
     assert str(caught.value) == "memory 'a': no macros hold it. Give wider macros or more ports."
 
 
@@ -187,6 +198,7 @@ def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
     arrays = arrays_of(core, CHIP.open_core, hw.Counts(synaptic_ops=1000, neuron_updates=1000))
     pieces = [piece for made in plan(arrays, CHIP.macros) for piece in made.pieces()]
     check(pieces, arrays, CHIP.macros)
+    # No piece is superfluous: without it, bits have no place.
     for index, piece in enumerate(pieces):
         with pytest.raises(InputError, match=f"memory '{piece.memory}': the plan is too small"):
             check(pieces[:index] + pieces[index + 1 :], arrays, CHIP.macros)
@@ -204,6 +216,8 @@ def test_the_folder_of_a_chip_has_the_plan(tmp_path):
         head
         == "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
     )
+    # Constants of compartments are in two groups, `leaks` and `fires`. Compartments of one kind share the words of
+    # `leaks_same` and `fires_same`; `fires_own` has the fields in which they differ.
     assert {row.split(",")[0] for row in rows} >= {
         "axons",
         "synapses",
@@ -219,19 +233,23 @@ def test_the_folder_of_a_chip_has_the_plan(tmp_path):
 
 def test_shared_words_that_repeat_are_not_read_again():
     core = two_kinds_in_turn(compartments=8, steps=10)
-    # Each of the two kinds is read once in each step; a phase without compartments reads nothing.
-    assert reads_without_repeats(core, CHIP.open_core, "leaks", 0) == 2 * 10
-    assert reads_without_repeats(core, CHIP.open_core, "leaks", 1) == 0
+    # Constants lie in two halves, for even and odd compartments, and each half keeps showing its last word. Here all
+    # even compartments are of one kind and all odd ones of the other, so each half is read once in each step.
+    reads_per_step = 2
+    assert reads_without_repeats(core, CHIP.open_core, "leaks", phase=0) == reads_per_step * 10
+    # A phase without compartments reads nothing.
+    assert reads_without_repeats(core, CHIP.open_core, "leaks", phase=1) == 0
 
 
 def two_kinds_in_turn(compartments: int, steps: int) -> CoreProgram:
-    """Return a program whose compartments are of two kinds in turn, and a second phase that is made up to be empty."""
+    """Return a program whose compartments are of two kinds in turn (two decays), with a second phase that is empty."""
     b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="turns")
     x = b.add_input("x", 1)
     y = b.add_compartments("y", compartments, decay_u=[100, 200] * (compartments // 2), threshold=4)
     b.connect(x, y, [[2]] * compartments)
     b.read_out(y)
     core = CoreProgram(b.build(), steps)
+    # The second phase ends at the number of a compartment at which it begins, so it has none.
     core.ends.append(core.ends[-1])
     core.phases = (*core.phases, core.phases[0])
     return core
