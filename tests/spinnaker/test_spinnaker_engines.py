@@ -1,4 +1,8 @@
-"""The compiled engine of SpiNNaker against the plain one on random networks, and both against numbers by hand."""
+"""The compiled engine of SpiNNaker against the plain one on random networks, and both against numbers by hand.
+
+`network()` is one neuron behind one input line. The ring buffer of its core has 8 slots: a slot collects the weights that
+are due in one step, so delays are 1 to 8 steps.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,17 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from hw_model.arithmetic.spinnaker import EVENTS
+from hw_model.arithmetic.spinnaker import EVENTS, LATENESS_MAX
 from hw_model.errors import InputError
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.reference import play_reference
 from tests.support.random_spinnaker import PHASE, random_case
 from tests.support.small_spinnaker import network, population, projection
 
+STRONG = 30_000
+"""A stored weight that moves the membrane potential by far more than its unit."""
+SLOTS = 8
+"""Slots of a ring buffer of `population()`, and so its longest delay in steps."""
 REGISTERS = ("spikes", "potential", "v", "current", "refractory")
 RANDOM_NETWORKS = 60
 """Enough that every event that the arithmetic counts happens in some."""
@@ -34,19 +42,22 @@ def test_both_engines_give_the_same_registers_and_counts_whatever_happens():
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_a_delay_acts_so_many_steps_after_its_spike(play):
-    delays = projection((0, 0, 30000, 1), (0, 1, 30000, 3))
+    # Columns: source, target, weight and delay.
+    delays = projection((0, 0, STRONG, 1), (0, 1, STRONG, 3))
     two_neurons = network(populations=(population(size=2),), projections=(delays,))
-    # One line for 5 steps, which spikes in step 0 only.
-    result = play(two_neurons, "run", np.eye(5, 1))
-    moved = result.potential > 0
-    assert moved.argmax(axis=0).tolist() == [1, 3]
+    spikes_in_step_0 = np.eye(5, 1)  # (steps, lines)
+    result = play(two_neurons, PHASE, spikes_in_step_0)
+    has_moved = result.potential > 0
+    first_steps = has_moved.argmax(axis=0)
+    assert first_steps.tolist() == [1, 3]
 
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_weights_saturate_synapse_by_synapse(play):
     # A ring buffer holds 65,535: the second and the third addition do not fit.
-    heavy = projection((0, 0, 40000, 1), (0, 0, 40000, 1), (0, 0, 40000, 1))
-    result = play(network(projections=(heavy,)), "run", [[1], [0]])
+    synapse = (0, 0, 40_000, 1)  # source, target, weight, delay
+    heavy = projection(synapse, synapse, synapse)
+    result = play(network(projections=(heavy,)), PHASE, [[1], [0]])
     assert result.events["saturated_weights"] == 2
 
 
@@ -57,24 +68,29 @@ def test_weights_saturate_synapse_by_synapse(play):
         pytest.param(1, 1, 1, id="as late as its delay"),
         pytest.param(1, 2, 0, id="less late than its delay"),
         pytest.param(7, 7, 1, id="as late as the longest delay but one"),
-        pytest.param(8, 8, 0, id="a delay of all slots is stored as 0"),
-        pytest.param(15, 8, 0, id="and never found late"),
+        pytest.param(SLOTS, SLOTS, 0, id="a delay of all slots"),
+        pytest.param(LATENESS_MAX, SLOTS, 0, id="a delay of all slots, as late as can be"),
     ],
 )
-def test_a_spike_is_late_if_its_delay_is_no_longer_than_it_is_late_by(play, lateness, delay, late):
-    part = projection((0, 0, 30000, delay))
-    # The line spikes in step 0 of 20; sources are the line and the neuron.
-    spikes = np.eye(20, 1)
-    lateness_of_spikes = np.zeros((20, 2), dtype=np.int64)
+def test_a_synapse_comes_too_late_if_its_core_is_behind_by_its_delay(play, lateness, delay, late):
+    """A core that is `lateness` steps behind counts a synapse as late if `delay` is no longer than that.
+
+    A delay of all 8 slots wraps to 0 in the three bits that store it, and the machine code never finds a 0 late.
+    """
+    synapse = projection((0, 0, STRONG, delay))
+    steps = 20  # more than any spike here is late by, or delayed
+    spikes_in_step_0 = np.eye(steps, 1)
+    sources = 2  # the line and the neuron
+    lateness_of_spikes = np.zeros((steps, sources), dtype=np.int64)
     lateness_of_spikes[0, 0] = lateness
-    result = play(network(projections=(part,)), "run", spikes, lateness_of_spikes)
+    result = play(network(projections=(synapse,)), PHASE, spikes_in_step_0, lateness_of_spikes)
     assert result.events["late_synapses"] == late
 
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_rows_that_do_not_fit_are_refused(play):
     with pytest.raises(InputError) as caught:
-        play(network(), "run", [[1, 0]])
+        play(network(), PHASE, [[1, 0]])
     assert str(caught.value) == (
         "input spikes: they do not fit the lines ((1, 2) against (rows, 1)). "
         "Give a row of 0 and 1 for each step."
