@@ -23,7 +23,13 @@ from locsnn_compile.cli.main import parser
 from locsnn_compile.data.members import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.settings import DIALS
-from tests.support.explored_model import explore, explored, figures_of, lasting, narrow
+from tests.support.explored_model import (
+    explore,
+    explored,
+    figures_of,
+    files_without_timings,
+    narrow,
+)
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
 RECORDINGS = 5
@@ -220,11 +226,11 @@ def test_pictures_are_whole_and_have_a_mark_for_each_point_and_panel(small, name
 
 
 def test_finished_points_are_not_measured_again(model, events, small, monkeypatch):
-    before = lasting(small)
+    before = files_without_timings(small)
     monkeypatch.setattr(point_module, "fulfil", None)
     grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, "-o", small, "--quiet") == 0
-    assert lasting(small) == before
+    assert files_without_timings(small) == before
 
 
 @pytest.mark.slow
@@ -254,7 +260,7 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
     monkeypatch.setattr("locsnn_compile.explore.sweep.measure", counted)
     assert explore(*arguments) == 0
     assert [str(setting) for setting in measured_later] == ["reset, 4-bit", "reset, 8-bit"]
-    assert lasting(tmp_path / "out") == lasting(small)
+    assert files_without_timings(tmp_path / "out") == files_without_timings(small)
 
 
 def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, capsys):

@@ -1,6 +1,11 @@
-"""The store of measured points gives back what was written, and treats any damaged file as missing."""
+"""The store of measured points gives back what was written, and treats any damaged file as missing.
+
+``locsnn explore`` compiles a network with every combination (setting) of strategy, weight bits and other dials, and
+measures each as a point. The store has a JSON file for each point.
+"""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -8,14 +13,18 @@ from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import sweep as store_module
 from locsnn_compile.explore.point import Point, digest_of
-from locsnn_compile.explore.sweep import Store
+from locsnn_compile.explore.sweep import MAX_BYTES, Store
 from locsnn_compile.explore.timing import Timing
-from locsnn_compile.settings import Setting
-from tests.support.explored_model import explore, figures, lasting, point
+from tests.support.explored_model import explore, figures, files_without_timings, point
 
 KEY = "0" * 64
+"""Points are stored under a SHA-256 digest, of 64 digits; this one is made up."""
 POINTS = {
-    "figures": point(found=figures(0.1 + 0.2, 1 / 3), timings={"fast": Timing(16, 1e-3 / 3)}),
+    # Numbers that no short decimal equals: a rounded copy would differ.
+    "figures": point(
+        found=figures(spikes=0.1 + 0.2, predictions=1 / 3),
+        timings={"fast": Timing(recordings=16, seconds=1e-3 / 3)},
+    ),
     "refusal": point(
         refusal=vars(TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it."))
     ),
@@ -45,7 +54,7 @@ def test_a_refusal_is_the_same_error_again():
     )
 
 
-def test_there_is_none_at_first(store):
+def test_an_empty_store_has_no_point(store):
     assert store.read(KEY, POINTS["figures"].setting) is None
 
 
@@ -69,7 +78,7 @@ def edited(change):
         lambda text: "null",
         lambda text: "[" * 100_000,
         lambda text: text.replace("0.3", "0.4", 1),
-        lambda text: " " * (2 << 20),
+        lambda text: text + " " * MAX_BYTES,  # valid JSON still, and too large
         edited(lambda d: d.pop("sha256")),
         edited(lambda d: d["point"].pop("figures")),
         edited(lambda d: d["point"]["figures"].update(energy_pj=1.0)),
@@ -89,7 +98,7 @@ def edited(change):
         "newer",
     ],
 )
-def test_a_damaged_point_is_none(store, damage):
+def test_a_damaged_point_counts_as_missing(store, damage):
     stored = POINTS["figures"]
     store.write(KEY, stored)
     path = store.folder / f"{KEY}.json"
@@ -107,7 +116,9 @@ def test_a_damaged_point_is_none(store, damage):
     ],
     ids=["a text for a number", "another key", "a list for a record", "no setting"],
 )
-def test_what_has_the_right_sum_and_is_not_a_point_is_none(store, change):
+def test_a_document_that_is_not_a_point_counts_as_missing_though_its_checksum_is_right(
+    store, change
+):
     stored = POINTS["figures"]
     store.write(KEY, stored)
     path = store.folder / f"{KEY}.json"
@@ -117,24 +128,28 @@ def test_what_has_the_right_sum_and_is_not_a_point_is_none(store, change):
     assert store.read(KEY, stored.setting) is None
 
 
-def test_a_point_of_another_setting_or_code_is_none(store, monkeypatch):
+def test_a_point_of_another_setting_or_code_counts_as_missing(store, monkeypatch):
     stored = POINTS["figures"]
     store.write(KEY, stored)
-    assert store.read(KEY, Setting("reset", *stored.setting.values[1:])) is None
+    assert stored.setting.strategy == "dendrite"
+    assert store.read(KEY, replace(stored.setting, strategy="reset")) is None
     monkeypatch.setattr(store_module, "code_version", lambda: "2+code")
     assert store.read(KEY, stored.setting) is None
 
 
 def test_corrupt_points_are_measured_again(model, events, tmp_path):
-    arguments = (model, "--events", events, "--strategy", "reset", "--weight-bits", 4, 8, "--engines", "-o", tmp_path / "out", "--quiet")  # fmt: skip
+    out = tmp_path / "out"
+    grid = ["--strategy", "reset", "--weight-bits", 4, 8]
+    time_no_engines = ["--engines"]  # without names; times would differ from run to run
+    arguments = [model, "--events", events, *grid, *time_no_engines, "-o", out, "--quiet"]
     assert explore(*arguments) == 0
-    before = lasting(tmp_path / "out")
-    whole = {path: path.read_bytes() for path in (tmp_path / "out/points").iterdir()}
-    first = next(iter(whole))
-    first.write_bytes(whole[first][:100])
+    files_before = files_without_timings(out)
+    a_point = next((out / "points").iterdir())
+    point_before = a_point.read_bytes()
+    a_point.write_bytes(point_before[:100])
     assert explore(*arguments) == 0
-    assert lasting(tmp_path / "out") == before
-    assert first.read_bytes() == whole[first]
+    assert files_without_timings(out) == files_before
+    assert a_point.read_bytes() == point_before
 
 
 def test_the_code_has_a_version_and_a_digest():

@@ -28,7 +28,7 @@ from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.point import Point, Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import DIALS, settings
-from tests.support.explored_model import explore, lasting, narrow, setting, workers_of
+from tests.support.explored_model import explore, files_without_timings, narrow, setting, workers_of
 
 GRID = narrow("dendrite", "reset", bits=(2, 4, 6, 8))
 
@@ -38,7 +38,7 @@ def serial(model, events, tmp_path_factory):
     """The files of a run in one process."""
     folder = tmp_path_factory.mktemp("serial") / "out"
     assert explore(model, "--events", events, *GRID, "-o", folder, "--quiet") == 0
-    return lasting(folder)
+    return files_without_timings(folder)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_processes_find_the_same_bytes(model, events, serial, tmp_path):
         explore(model, "--events", events, *GRID, "--workers", 2, "-o", tmp_path / "out", "--quiet")
         == 0
     )
-    assert lasting(tmp_path / "out") == serial
+    assert files_without_timings(tmp_path / "out") == serial
 
 
 @pytest.mark.slow
@@ -109,7 +109,7 @@ def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
         )
         == 0
     )
-    assert lasting(tmp_path / "out") == serial
+    assert files_without_timings(tmp_path / "out") == serial
 
 
 @pytest.mark.slow

@@ -135,8 +135,11 @@ def explored(folder):
     return json.loads((folder / "explore.json").read_text())
 
 
-def lasting(folder):
-    """Return the contents of the files that must not depend on where and when points were measured."""
+def files_without_timings(folder):
+    """Return the contents of the files that do not depend on where and when points were measured, by name.
+
+    ``timings.csv`` is left out, as its times differ from run to run.
+    """
     return {
         name: (folder / name).read_bytes()
         for name in ("explore.json", "explore.csv", "explore.svg")
