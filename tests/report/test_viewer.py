@@ -195,6 +195,10 @@ def recording_shown(browser):
 KEY_PRESS = "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: KEY, bubbles: true}))"
 
 
+RASTER_PICTURE = "document.querySelector('#raster canvas').toDataURL()"
+"""The raster as a PNG in base64: its axes are drawn, so no element tells which steps are in sight."""
+
+
 def press(browser, key):
     """Press a key on the page."""
     browser.evaluate(KEY_PRESS.replace("KEY", repr(key)))
@@ -264,6 +268,18 @@ def test_keys_move_the_step_and_the_neuron(opened):
         press(browser, "j")
     last = int(browser.evaluate("document.getElementById('neuron').max"))
     assert int(value(browser, "neuron")) == last
+
+
+def test_a_zoomed_raster_stays_as_it_is_while_the_neuron_changes_and_changes_back(opened):
+    browser = opened()
+    set_value(browser, "population", 0)
+    set_value(browser, "neuron", 0)
+    press(browser, "+")
+    raster = browser.evaluate(RASTER_PICTURE)
+    press(browser, "j")
+    assert browser.evaluate(RASTER_PICTURE) != raster
+    press(browser, "k")
+    assert browser.evaluate(RASTER_PICTURE) == raster
 
 
 def test_it_shows_the_mesh_at_a_step_and_plays_on(opened, compiled):

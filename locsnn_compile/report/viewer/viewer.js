@@ -86,7 +86,7 @@
 
   /* `recording`, `population` (which may be an input) and `quantity` are indices into `recordings`, `groups` and
    * `data.quantities`. `range` is what the plots show of the steps, [from, to]; `zoom` puts its ends half a step
-   * of the first and the last step in sight. */
+   * outside the first and the last step in sight. */
   const state = { recording: 0, population: 0, neuron: 0, step: 0, range: [0, 1], quantity: 0 };
 
   const chosenRecording = () => recordings[state.recording];
@@ -228,7 +228,7 @@
       id: "raster",
       // A series without values: it gives the plot its axes, and the hook draws the spikes.
       series: [{}, { label: "neuron", paths: () => null, points: { show: false } }],
-      yScale: { dir: -1, range: keepScale }, // neuron 0 at the top
+      yScale: { dir: -1, range: allNeurons }, // neuron 0 at the top
       yAxis: { label: "neuron", incrs: TICK_INTERVALS },
       draw: drawRaster,
     });
@@ -240,15 +240,25 @@
         lineSeries("chip", "chip", [6, 4]),
         lineSeries("threshold", "soft", [2, 4]),
       ],
-      yScale: { range: keepScale },
+      yScale: { range: withMargins },
       yAxis: { label: "potential" },
       draw: drawPotential,
     });
   }
 
-  /** Keep a scale as `setScale` sets it; without this, uPlot rounds its ends to values of its own choice. */
-  function keepScale(plot, low, high) {
-    return [low, high];
+  // uPlot asks for the ends of the vertical scales whenever the steps in sight change.
+
+  /** Return the vertical ends of the raster; uPlot cannot know them, as its series has no values. */
+  function allNeurons() {
+    return [-0.5, chosenGroup().size - 0.5];
+  }
+
+  /** Return the vertical ends of the potential, given its least and largest value in sight, threshold included. */
+  function withMargins(plot, low, high) {
+    if (low === null) return [0, 1]; // before the plot has data
+    const margin = (high - low) * 0.08 || 1; // 1 where the potential never moves
+    // Twice the margin at the top, where the strokes of the spikes are.
+    return [low - margin, high + 2 * margin];
   }
 
   /** Return a line of a plot; `dash` is the lengths of dashes and gaps in pixels. */
@@ -390,9 +400,8 @@
     const group = chosenGroup();
     const steps = Array.from({ length: group.steps }, (_, step) => step);
     plots.raster.setData([steps, steps.map(() => null)], false);
-    plots.raster.setScale("y", { min: -0.5, max: group.size - 0.5 });
     updatePotentialPlot(group, steps);
-    zoom(...state.range.map(Math.round));
+    zoomToRange();
     updatePlotTitles(group);
   }
 
@@ -406,12 +415,6 @@
     }
     const { reference, chip, threshold } = potentials;
     plots.potential.setData([steps, reference, chip, steps.map(() => threshold)], false);
-    const values = [...reference, ...chip, threshold];
-    const low = Math.min(...values);
-    const high = Math.max(...values);
-    const margin = (high - low) * 0.08 || 1; // 1 where the potential never moves
-    // Twice the margin at the top, where the strokes of the spikes are.
-    plots.potential.setScale("y", { min: low - margin, max: high + 2 * margin });
   }
 
   function missingPotentialText(group) {
@@ -447,6 +450,13 @@
     const max = high + 0.5;
     state.range = [min, max];
     for (const plot of Object.values(plots)) plot.setScale("x", { min, max });
+  }
+
+  /** Show the range of the state, which may have been set without `zoom`; a range that `zoom` made stays as it is. */
+  function zoomToRange() {
+    const [low, high] = state.range;
+    // The ends that `zoom` puts lie between two steps: the steps in sight are inside them.
+    zoom(Math.ceil(low), Math.floor(high));
   }
 
   function zoomToAllSteps() {
