@@ -16,8 +16,9 @@ from hw_model.arithmetic.fixed_point import weight_grid
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.rounding.grades import Grades
 from locsnn_compile.passes.rounding.task import exponent_and_threshold
-from locsnn_compile.passes.srm.quantize import whole_mantissas
+from locsnn_compile.passes.srm.quantize import dendrite_charge, whole_mantissas
 from tests.support.networks import NEURON, single
 
 CHIP = hw.chip("loihi-sim")
@@ -125,12 +126,29 @@ def test_a_narrow_current_holds_so_many_thresholds(headroom, heaviest, expected)
         (2.0, [100.5, 0.6], ([100, 1], [-201, -1], 0)),
         # 30 / 0.3 is 100 units; 0.36 of a unit is less than a step, and rounds to 0.
         (0.3, [100.5, 1.2], ([100, 1], [-30, 0], 0)),
+        # 100 / 9.50495 is 10.5208, of which a count of 1 / 64 is taken before it is rounded to 11.
+        (100 * 48 / 505, [10.6], ([11], [-100], 0)),
     ],
-    ids=["no charge", "at least 1", "less than a step"],
+    ids=["no charge", "at least 1", "less than a step", "a count less"],
 )
 def test_thresholds_for_which_own_weights_are_whole(charge, exact_thresholds, expected):
     mantissas, own, exponent = whole_mantissas(charge, np.array(exact_thresholds), EIGHT_BITS)
     assert (mantissas.tolist(), own.tolist(), exponent) == expected
+
+
+@pytest.mark.parametrize(
+    ("offset", "threshold"), [(0.2, 8150), (0.8, 8149)], ids=["just above", "just below"]
+)
+def test_a_refractory_weight_of_one_unit_chooses_the_threshold_at_which_it_rounds_best(
+    offset, threshold
+):
+    """At a mantissa of 8150 - ``offset``, the weight would be 1 unit; mantissas from 8110 to 8191 are tried."""
+    charge_of_1 = dendrite_charge(replace(NEURON, scale_ref=1.0), "n")
+    scale_ref = 1 / (8150 - offset + 1 / 64) / charge_of_1
+    network = single(replace(NEURON, scale_ref=scale_ref), [[0.5]])
+    chip_neuron = quantize(network, CHIP, strategy="dendrite").populations[0].neuron
+    assert chip_neuron.threshold.tolist() == [threshold]
+    assert chip_neuron.refractory.mantissa.tolist() == [[-1]]
 
 
 def delay_line(tau_ref: float, scale_ref: float, chip: hw.Chip = CHIP):
@@ -168,3 +186,16 @@ def test_a_kernel_that_outlasts_all_delays_is_refused(tau_ref, scale_ref, chip, 
         f"population 'n': {taps} delayed synapses cannot hold a kernel of tau_ref {tau} (an error of {deviation} against "
         f"0.1; loihi-sim has delay_max {longest}). Use strategy dendrite."
     )
+
+
+@pytest.mark.parametrize(
+    ("weight_bits", "magnitudes", "expected"),
+    [(1, [1.0, 1.5, 2.0, 2.5, 9.0], [0, 1, 1, 2, 2]), (4, [14.0, 14.1, 28.0, 57.0], [0, 1, 1, 2])],
+    ids=["one bit", "four bits"],
+)
+def test_a_weight_gets_the_finest_grade_that_holds_it_with_one_more_step(
+    weight_bits, magnitudes, expected
+):
+    """Of 15 steps, four bits hold 14 and one more. One bit holds its only step, up to 1, 2 and 4 quanta."""
+    grades = Grades(weight_bits, (0, 1, 2))
+    assert grades.grade(np.array(magnitudes)).tolist() == expected

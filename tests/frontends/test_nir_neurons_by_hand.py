@@ -135,18 +135,6 @@ def test_weights_are_held_densely_from_half_of_all_connections_up(weights, is_de
     assert (held if is_dense else held.toarray()).tolist() == weights
 
 
-def test_listing_the_projections_of_a_signal_leaves_its_weights_as_they_are():
-    """A stored weight of 0 makes no connection."""
-    weights = sparse.csr_array(([5.0, 0.0, 2.0], ([0, 0, 1], [0, 1, 1])), shape=(2, 2))
-    signal = Signal.of_source("x", 2).through(weights, 0.0, "n")
-    (term,) = signal.terms
-    stored = term.weights.copy()
-    (projection,) = signal.projections("y")
-    assert np.asarray(projection.weights).tolist() == [[5.0, 0.0], [0.0, 2.0]]
-    for part in ("data", "indices", "indptr"):
-        assert getattr(term.weights, part).tolist() == getattr(stored, part).tolist()
-
-
 def test_a_start_is_set_by_charges_of_which_a_current_keeps_nothing(tmp_path):
     """With the potential at 0.5 before step 0, (1 - decay_v)^2 of it is missing in step 1: a quarter with tau_mem 2.
 
