@@ -28,7 +28,7 @@ import numpy as np
 
 from hw_model.arithmetic import loihi_bounds
 from hw_model.description.chip import Registers
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import BoolArray, FloatArray, IntArray, Shown, Sums
 

@@ -21,7 +21,7 @@ from hw_model.engine.probes import KINDS, Kind, Probe, ProbedPopulation, phase_p
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.engine.usable import fix_of, why_not_compiled
 from hw_model.errors import InputError, check_known, check_most
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.mapping.graph import MAX_STEPS, Phase, largest, winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown, joined

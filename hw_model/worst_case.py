@@ -5,7 +5,7 @@
 """
 
 from hw_model.accounting.worst_case import WorstCase
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.targets import target_of
 

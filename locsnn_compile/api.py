@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, overload
 
 import hw_model as hw
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.spinnaker.chips import SpinnakerChip, SpinnakerName
 from hw_model.targets.families import AnyChip, chip_named
 from hw_model.values import ArrayLike

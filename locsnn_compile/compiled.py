@@ -10,8 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.io.arguments import checked
 from hw_model.io.build_folder import write_build
-from hw_model.io.given import checked
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Report

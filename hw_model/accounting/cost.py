@@ -23,7 +23,7 @@ from hw_model.accounting.mesh_routes import Routes, routes_of
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
 from hw_model.errors import check_known
-from hw_model.io.given import check_argument, checked
+from hw_model.io.arguments import check_argument, checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
 

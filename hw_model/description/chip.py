@@ -26,7 +26,7 @@ from hw_model.description.read import (
     read_description,
 )
 from hw_model.errors import InputError, check_known, check_most
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
 from hw_model.values import Frozen, IntArray, Shown
 

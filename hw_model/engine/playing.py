@@ -14,7 +14,7 @@ import numpy as np
 from hw_model.arithmetic.whole import REAL_KINDS
 from hw_model.engine.trace import PLAYED, EventLists, PhaseInput
 from hw_model.errors import InputError
-from hw_model.io.given import as_array
+from hw_model.io.arguments import as_array
 from hw_model.mapping.graph import Input, Phase
 from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 

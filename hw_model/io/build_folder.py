@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from hw_model.errors import InputError
+from hw_model.io.arguments import check_path
 from hw_model.io.folders import check_entries, replace_entries
-from hw_model.io.given import check_path
 
 LONGEST = 200
 """The most bytes of a folder's name. File systems allow 255, and the folder is first written next to its place under a

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.errors import InputError, LocsnnError, check_most
-from hw_model.io.given import check_path, is_plain
+from hw_model.io.arguments import check_path, is_plain
 from hw_model.io.memory import lacks_memory, near_limit
 from hw_model.io.partial import locked, note_written, partial_path, remove, remove_leftovers, sync
 from hw_model.values import AnyArray

@@ -26,7 +26,7 @@ from typing import (
 )
 
 from hw_model.errors import InputError, did_you_mean
-from hw_model.io.given import check_argument, classes_of, kinds_of
+from hw_model.io.arguments import check_argument, classes_of, kinds_of
 from hw_model.values import Frozen
 
 T = TypeVar("T")

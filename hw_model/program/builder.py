@@ -15,7 +15,7 @@ from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.arithmetic.whole import LARGEST
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError, check_most
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import (

@@ -12,7 +12,7 @@ import numpy as np
 
 from hw_model.arithmetic import loihi
 from hw_model.description.chip import Chip
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.recorded import RecordedChannels

@@ -12,8 +12,8 @@ from typing import Any
 
 from hw_model.description.chip import parse_chip
 from hw_model.errors import InputError
+from hw_model.io.arguments import checked
 from hw_model.io.files import parsing
-from hw_model.io.given import checked
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout, compact
 from hw_model.mapping.placement import Slice

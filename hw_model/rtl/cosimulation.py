@@ -18,7 +18,7 @@ from hw_model.description.counts import COUNTED
 from hw_model.engine.playing import Player, Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, added_up
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
 from hw_model.rtl.device import check_room

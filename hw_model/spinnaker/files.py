@@ -12,8 +12,8 @@ from typing import Annotated
 
 from hw_model.arithmetic import spinnaker
 from hw_model.errors import InputError
+from hw_model.io.arguments import checked
 from hw_model.io.files import parsing
-from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import AXES, MAX_LINES, MAX_STEPS, Input, Phase, Readout
 from hw_model.mapping.recorded import RecordedChannels

@@ -24,7 +24,7 @@ from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.threads import in_parts
 from hw_model.errors import InputError
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.mapping.graph import Readout, winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate

@@ -17,7 +17,7 @@ from hw_model.engine.compiled import called
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
-from hw_model.io.given import as_array, checked
+from hw_model.io.arguments import as_array, checked
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 from hw_model.description.chip import Chip, chip, chip_names
 from hw_model.description.read import is_yaml_path, plain_values, read_chip_file
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.spinnaker.chips import (
     SpinnakerChip,
     spinnaker_chip,

@@ -15,7 +15,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.read import chip_program_of
 from hw_model.program.sealed import (

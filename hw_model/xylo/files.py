@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Annotated
 
 from hw_model.errors import InputError
+from hw_model.io.arguments import checked
 from hw_model.io.files import parsing
-from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import MAX_STEPS, Readout
 from hw_model.mapping.recorded import RecordedChannels

@@ -17,9 +17,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.io.arguments import check_path
 from hw_model.io.files import parsing, read_bytes, replace_file
 from hw_model.io.folders import finish_writing
-from hw_model.io.given import check_path
 from hw_model.targets.programs import AnyProgram, load_any_program
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal

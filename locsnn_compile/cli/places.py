@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from hw_model.errors import InputError
+from hw_model.io.arguments import check_path
 from hw_model.io.files import check_file
-from hw_model.io.given import check_path
 from locsnn_compile.data.members import recording_files
 
 Place = tuple[str, Path]

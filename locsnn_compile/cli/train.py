@@ -27,8 +27,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.io.arguments import check_path
 from hw_model.io.extras import needed
-from hw_model.io.given import check_path
 from hw_model.io.partial import claimed
 from hw_model.io.records import field_kinds
 from hw_model.values import IntArray

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.arguments import checked
 from hw_model.io.files import near, read_bytes
-from hw_model.io.given import checked
 from hw_model.mapping.recorded import ChannelSelection, RecordedChannels
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import archive_parts, is_archive, read_archive

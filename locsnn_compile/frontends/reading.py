@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hw_model.io.given import checked
+from hw_model.io.arguments import checked
 from locsnn_compile.data.channels import parse_numbering
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.format_rows import LoadOptions, ModelSource

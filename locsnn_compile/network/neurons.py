@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, check_known, check_range
-from hw_model.io.given import as_array, checked
+from hw_model.io.arguments import as_array, checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, Must, between
 from hw_model.io.records import POSITIVE as POSITIVE
 from hw_model.values import (

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.arguments import checked
 from hw_model.io.extras import needed
-from hw_model.io.given import checked
 from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.class_names import in_order_of
 from locsnn_compile.data.joining import on_one_sensor

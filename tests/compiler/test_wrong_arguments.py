@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.io.given import classes_of
+from hw_model.io.arguments import classes_of
 from hw_model.streaming.psi import location_share
 
 NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
