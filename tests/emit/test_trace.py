@@ -1,5 +1,8 @@
 """``--emit trace``: the file has the Trace Event Format, and its events add up to the latency and the counts.
 
+In this format a process is a group of threads, and an event belongs to a thread. Here a process is a phase of the
+program, and a thread a core.
+
 ``hw.latency`` and the counts of the simulator are the independent answers; both have tests of their own.
 """
 
@@ -40,6 +43,7 @@ def test_every_event_has_the_keys_of_its_kind(case):
     _, document = case
     assert set(document) == {"displayTimeUnit", "otherData", "traceEvents"}
     assert document["displayTimeUnit"] == "ns"
+    # X: an event with a duration. M: the name of a process or thread, which has no duration ("dur").
     for event in document["traceEvents"]:
         kinds = {"name": str, "ph": str, "pid": int, "tid": int, "ts": (int, float), "args": dict}
         kinds |= {"dur": (int, float)} if event["ph"] == "X" else {}
@@ -62,7 +66,8 @@ def test_every_process_and_thread_has_a_name(case):
         assert ("thread_name", event["pid"], event["tid"]) in names
     phases = [name for (kind, *_), name in names.items() if kind == "process_name"]
     assert phases == [f"phase {phase.name}" for phase in played.phases]
-    # Thread 0 of a phase has its steps, all others are cores.
+    # Thread 0 of a phase has its steps, all others are cores, such as "core 3, tile 0,1". A core works in one phase only,
+    # so it occurs once.
     cores = [
         name.split(",")[0]
         for (kind, _, thread), name in names.items()
@@ -72,7 +77,7 @@ def test_every_process_and_thread_has_a_name(case):
 
 
 def test_events_of_a_thread_follow_or_contain_each_other(case):
-    """Viewers nest events; two that overlap otherwise cannot be shown."""
+    """Viewers show an event within another as nested. They cannot show two events that overlap partly."""
     rounding_us = 1e-6
     _, document = case
     threads = defaultdict(list)
