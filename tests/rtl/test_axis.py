@@ -1,6 +1,9 @@
 """The AXI-Stream wrapper (locsnn_axis.sv), played by axis_bench.sv, whose streams stall at random.
 
-Answers and spikes equal the simulator's, however long its neighbours wait, and faults in the stream are answered.
+Answers and spikes equal the simulator's, however long its neighbours wait, and faults in the stream are answered. A beat is
+one word of a stream: its data, with TLAST in bit 32 (`LAST`). In the data, the kind of the word is in bits 16 and 17 (event,
+tick, end or stop), the channel of an event is in the bits below, and all bits above must be 0. A `Desk`
+(`tests/support/desk.py`) is a small program with a recording, and boards that run it.
 """
 
 from __future__ import annotations
@@ -59,13 +62,16 @@ def test_answers_and_spikes_equal_the_simulators(desk, play, expected, waits):
 
 NO_CHANNEL, NO_TICK, NO_WORD = 1, 4, 6
 """Numbers of errors, as event_input.sv and locsnn_axis.sv have them."""
+BIT_ABOVE_KIND = 1 << 18
+HIGHEST_BIT = 1 << 31
+# By case: the number of the error, and the beats of a recording that has it.
 FAULTS = {
     "no such channel": (NO_CHANNEL, lambda core: [core.channels, LAST | TICK]),
     "a last word that is an event": (NO_TICK, lambda core: [TICK, LAST]),
     "an end in the middle": (NO_WORD, lambda core: [TICK, END, TICK, LAST | TICK]),
     "a stop in the middle": (NO_WORD, lambda core: [TICK, STOP, TICK, LAST | TICK]),
-    "bits above a word": (NO_WORD, lambda core: [TICK, 1 << 18, LAST | TICK]),
-    "bits above the last word": (NO_WORD, lambda core: [TICK, LAST | 1 << 31 | TICK]),
+    "bits above a word": (NO_WORD, lambda core: [TICK, BIT_ABOVE_KIND, LAST | TICK]),
+    "bits above the last word": (NO_WORD, lambda core: [TICK, LAST | HIGHEST_BIT | TICK]),
 }
 
 
@@ -73,18 +79,21 @@ FAULTS = {
 @pytest.mark.parametrize("name", first_quick(FAULTS, 2))
 def test_a_fault_is_answered_and_forgotten(desk, play, expected, name):
     number, beats = FAULTS[name]
-    wrong, *after = play([*beats(desk.core), *desk.beats()])[0]
-    assert int(wrong[0]) == number << 16  # above the class, which is 0
+    answers, _ = play([*beats(desk.core), *desk.beats()])
+    wrong, *after = answers
+    # The first word of an answer has the error from bit 16 on, and the class below, here 0.
+    assert int(wrong[0]) == number << 16
     assert after == [expected[0]]
 
 
 def test_a_recording_that_is_dropped_is_not_answered(desk, play, expected):
     beats = desk.beats()
-    # At once, after ten words, and after a word with a bit above its kind.
-    dropped = [LAST | STOP, *beats[:10], LAST | STOP, 1 << 20, LAST | STOP]
+    higher_bit = 1 << 20  # above the kind, so not a valid word
+    # Stops at once, after ten words, and after a word that is not valid.
+    dropped = [LAST | STOP, *beats[:10], LAST | STOP, higher_bit, LAST | STOP]
     assert play([*dropped, *beats])[0] == [expected[0]]
 
 
-def test_an_end_of_its_own_is_an_end(desk, play, expected):
+def test_a_recording_may_end_with_a_beat_that_is_only_an_end(desk, play, expected):
     answer, spikes = expected
     assert play([*desk.beats()[:-1], TICK, LAST | END]) == ([answer], spikes)

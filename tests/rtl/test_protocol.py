@@ -36,13 +36,14 @@ def play(cores_of_this_run, tmp_path_factory):
 
     def played(words):
         (folder / "words").write_text("".join(f"{word:x}\n" for word in words))
-        run(binary, folder, 100_000)
+        run(binary, folder, 100_000)  # cycles without a sign of life after which a core is given up
         return [line.split() for line in (folder / "answers").read_text().splitlines()]
 
     return core, words_of(core, spikes[0]), played
 
 
-# By case: the number of the error, and the words of a recording that has it.
+# By case: the number of the error (`error` of event_input.sv), and the words of a recording that has it. Words below TICK are
+# events, by the number of their channel.
 ERRORS = {
     "no such channel": (1, lambda core: [core.channels, TICK, END]),
     "the same event twice": (2, lambda core: [0, 0, TICK, END]),
@@ -71,6 +72,7 @@ def test_an_error_is_answered_and_forgotten(answers, name):
     assert len(others) == 2 * len(ERRORS)
     assert len(before) == len(ANSWER)
     assert before[0] == "0"  # no error
+    # Two answers per error: to it, and to the recording after it.
     place = 2 * list(ERRORS).index(name)
     error, after = others[place : place + 2]
     number, _ = ERRORS[name]
@@ -87,7 +89,7 @@ def test_a_stop_is_not_answered_and_forgotten(play, answers):
     for beginning in beginnings:
         stream += [*beginning, STOP, *words]
     stream += [*words, *beginnings[1], STOP]
-    whole_recordings = 4
+    whole_recordings = len(beginnings) + 1
     assert played(stream) == [answers[0]] * whole_recordings
 
 
