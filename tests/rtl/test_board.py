@@ -20,6 +20,7 @@ from hw_model.rtl.frames import ANSWER as ANSWERED
 from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
 from tests.support import benches
 from tests.support.desk import (
+    LINE_BROKEN,
     PATIENCE,
     PRESS,
     REFUSED_LOADS,
@@ -42,6 +43,10 @@ LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY
 )
 """Numbers of problems, in the order of docs/reference/hardware/serial-line-and-axi.md."""
 SPIKE_COUNT = ANSWER_COUNTS.index("spikes")
+FLAG = 0x7E
+"""The byte between frames; 0x7D is the escape before a byte of a frame that is one of the two."""
+LOAD_OF_A_WORD = b"\x01\0\0\0\x04abcd"
+"""A part of a program: memory 1, address 0 (three bytes), 4 bytes per word, and one word."""
 NO_ANSWER = "board: it does not answer. Check the port, the baud rate and the bitstream."
 
 
@@ -100,8 +105,12 @@ def test_answers_equal_the_simulators(desk, loaded):
     assert (list(with_spikes.spikes), with_spikes.lost) == (spikes, 0)
 
 
+# By case: the number of the problem that the board reports, and what spoils a frame.
 SPOILED = {
-    "a byte without its stop bit": (LINE, lambda port: port.write([0x7E, HELLO, 256 + 1, 0x7E])),
+    "a byte without its stop bit": (
+        LINE,
+        lambda port: port.write([FLAG, HELLO, LINE_BROKEN + 1, FLAG]),
+    ),
     "a wrong checksum": (CHECKSUM, lambda port: port.write(damaged(framed(WORDS, 1, WORD)))),
     "a frame cut off in the middle": (
         CHECKSUM,
@@ -134,6 +143,7 @@ def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded,
     assert board.play(desk.core, desk.spikes[0]) == plain
 
 
+# By case: the number of the problem that the board reports, and the kind and payload of the frame.
 REFUSED = {
     "a type that does not exist": (NO_TYPE, 9, b""),
     "type 0": (NO_TYPE, 0, b"abc"),
@@ -184,9 +194,7 @@ def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, lo
     words = desk.words
     greet(port)
     assert exchange(port, WORDS, 1, stream_words(words[:5])) == [(DONE, 1, b"")]
-    assert exchange(port, LOAD, number=2, payload=b"\x01\0\0\0\x04abcd") == [
-        (ERROR, 2, bytes((BUSY,)))
-    ]
+    assert exchange(port, LOAD, number=2, payload=LOAD_OF_A_WORD) == [(ERROR, 2, bytes((BUSY,)))]
     done, answer = exchange(port, WORDS, 3, stream_words(words[5:]))
     assert done == (DONE, 3, b"")
     _, _, payload = answer
@@ -245,6 +253,7 @@ def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     ]
 
 
+# By case: the number of the error in the answer, and the words of a recording that has it.
 STREAM_ERRORS = {
     "no such channel": (1, lambda core: [core.channels, TICK, END]),
     "channels that do not ascend": (2, lambda core: [1, 0, TICK, END]),
@@ -280,7 +289,7 @@ def test_words_before_a_program_are_refused(desk):
     Board(port).load(desk.core)
     assert says_loaded(port)
     # After part of a load the board has no program, nor after a reset.
-    assert exchange(port, LOAD, number=1, payload=b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
+    assert exchange(port, LOAD, number=1, payload=LOAD_OF_A_WORD) == [(DONE, 1, b"")]
     assert exchange(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
     port.write([PRESS])
@@ -291,6 +300,7 @@ def test_words_before_a_program_are_refused(desk):
 @pytest.mark.slow
 def test_steps_wait_for_spikes_that_wait(desk, loaded):
     _, plain = loaded
+    # Room for four spikes, where the recording has more, and the host takes them as they come.
     with closing(desk.port(spikes=4)) as port:
         board = Board(port)
         board.load(desk.core)

@@ -24,6 +24,7 @@ def branch(name: str, phase: Phase, lines: int = CHANNELS, *visits: dict):
 
 
 def other_widths() -> hw.ChipProgram:
+    """A chip whose currents have 20 bits; those of the core have 23."""
     chip = replace(benches.CHIP, registers=replace(benches.CHIP.registers, current_bits=20))
     b = hw.ProgramBuilder(chip, name="program")
     b.connect(
@@ -42,26 +43,31 @@ def heavy_weights() -> hw.ChipProgram:
 
 
 def two_starts() -> hw.ChipProgram:
+    """Two phases that begin with the first row of one event, and of two; the core finds only one such row."""
     return benches.together(
-        *(branch(name, Phase(name, "time", 5, events)) for name, events in (("a", 1), ("b", 2)))
+        branch("a", Phase("a", "time", steps=5, align_events=1)),
+        branch("b", Phase("b", "time", steps=5, align_events=2)),
     )
 
 
 def late_potentials() -> hw.ChipProgram:
+    """Potentials are read out of a phase that begins at the first event, not with the recording."""
     return hybrids.program_of_graphs(
         benches.CHIP,
-        Readout(("a/y",), (1.0,), 2),
+        Readout(("a/y",), (1.0,), potentials_from=2),
         branch("a", Phase("a", "time", steps=5, align_events=1)),
     )
 
 
 def a_stream_of_two() -> hw.ChipProgram:
+    """A phase begins at an event of one stream, and another phase hears a second stream."""
     other = branch("b", Phase("b", "time", steps=5))
     other = replace(other, inputs=tuple(replace(item, stream="other") for item in other.inputs))
     return benches.together(branch("a", Phase("a", "time", steps=5, align_events=1)), other)
 
 
 def different_lengths() -> hw.ChipProgram:
+    """A phase reads four rows of each channel for one input, and five for another."""
     b = hw.ProgramBuilder(benches.CHIP)
     y = b.add_compartments("a/y", 2, decay_u=390, decay_v=300, threshold=60)
     for rows in (4, 5):
@@ -71,20 +77,23 @@ def different_lengths() -> hw.ChipProgram:
 
 
 def two_first_steps() -> hw.ChipProgram:
+    """Potentials of two groups of a phase are read out from steps 1 and 2 on."""
     b = hw.ProgramBuilder(benches.CHIP)
     x = b.add_input("x", 1)
     for name in ("y", "z"):
         b.connect(x, b.add_compartments(name, 1, decay_u=390, decay_v=300, threshold=60), [[20]])
     return hybrids.program_of_graphs(
-        benches.CHIP, Readout(("y", "z"), (1.0, 1.0), (1, 2)), b.graph()
+        benches.CHIP, Readout(("y", "z"), (1.0, 1.0), potentials_from=(1, 2)), b.graph()
     )
 
 
 def a_long_phase() -> hw.ChipProgram:
+    """A later phase of 2^16 steps; the core stores the step of a visit in 16 bits."""
     visit = {"positions": np.arange(CHANNELS)}
     return benches.together(branch("a", Phase("a", "location", 1 << 16), CHANNELS, visit))
 
 
+# What the core does not have, as the message says it, by the program that asks for it.
 CASES = {
     other_widths: "current_bits other than 23 (20)",
     heavy_weights: "weight of a readout of more than 32 bits as a whole number (3602879701896397)",
@@ -99,7 +108,7 @@ CASES = {
 
 def load_words(program: hw.ChipProgram) -> np.ndarray:
     """Return the words of a program for recordings of 8 steps, in a core of just the sizes that it needs."""
-    core = CoreProgram(program, 8)
+    core = CoreProgram(program, rows=8)
     return core.load_words(core.needs)
 
 
