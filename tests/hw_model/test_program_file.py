@@ -312,3 +312,12 @@ def test_files_of_more_than_two_gibibytes_are_not_read(saved):
     assert str(caught.value) == (
         f"program '{saved}', program.npz: it is too large ({most + 1} bytes against {most}). Compile again."
     )
+
+
+def test_a_file_of_an_unknown_kind_is_no_program(saved):
+    replace_in(saved / "program.yaml", "format: locsnn-program", "format: recipe")
+    with pytest.raises(hw.InputError) as caught:
+        hw.load_program(saved)
+    assert str(caught.value) == (
+        "program.yaml: this is not a program. Give the folder that the compiler wrote."
+    )
