@@ -17,7 +17,7 @@ from locsnn_compile.spinnaker.own_choice import (
     own_shifts,
     with_shifts,
 )
-from tests.support.small_spinnaker import network, population, projection
+from tests.support.small_spinnaker import Synapse, network, population, projection
 
 
 def test_equal_delays_take_the_largest_weight_times_the_most_synapses():
@@ -47,8 +47,13 @@ def test_the_sum_is_at_least_the_largest_weight():
 
 
 def test_shifts_are_chosen_by_receptor():
-    inhibitory = projection((0, 0, 1 << 14, 1), receptor="inhibitory")
-    excitatory = projection((0, 0, 1 << 15, 1), (0, 0, 1 << 14, 1))
+    inhibitory = projection(
+        Synapse(source=0, target=0, weight=1 << 14, delay=1), receptor="inhibitory"
+    )
+    excitatory = projection(
+        Synapse(source=0, target=0, weight=1 << 15, delay=1),
+        Synapse(source=0, target=0, weight=1 << 14, delay=1),
+    )
     cells = population(shifts=(3, 5))
     small = network(populations=(cells,), projections=(excitatory, inhibitory))
     # Weights 8 and 4 nA on one neuron: 2 * 8 = 16 needs 5 bits; 16 nA alone need 5, too.
@@ -58,7 +63,10 @@ def test_shifts_are_chosen_by_receptor():
 def test_other_shifts_store_the_same_currents_and_lose_what_does_not_fit():
     cells = population(shifts=(3, 0))
     # A stored weight of 2^14 with a shift of 3 is 2^14 * 2^(3 - 15) = 4 nA.
-    small = network(populations=(cells,), projections=(projection((0, 0, 1 << 14, 1)),))
+    small = network(
+        populations=(cells,),
+        projections=(projection(Synapse(source=0, target=0, weight=1 << 14, delay=1)),),
+    )
     wider = with_shifts(small, {"cells": (5, 0)})
     narrower = with_shifts(small, {"cells": (1, 0)})
     assert wider.projections[0].weight.tolist() == [1 << 12]

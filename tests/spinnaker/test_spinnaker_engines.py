@@ -16,7 +16,7 @@ from hw_model.errors import InputError
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.reference import play_reference
 from tests.support.random_spinnaker import PHASE, random_case
-from tests.support.small_spinnaker import network, population, projection
+from tests.support.small_spinnaker import Synapse, network, population, projection
 
 STRONG = 30_000
 """A stored weight that moves the membrane potential by far more than its unit."""
@@ -42,8 +42,10 @@ def test_both_engines_give_the_same_registers_and_counts_whatever_happens():
 
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_a_delay_acts_so_many_steps_after_its_spike(play):
-    # Columns: source, target, weight and delay.
-    delays = projection((0, 0, STRONG, 1), (0, 1, STRONG, 3))
+    delays = projection(
+        Synapse(source=0, target=0, weight=STRONG, delay=1),
+        Synapse(source=0, target=1, weight=STRONG, delay=3),
+    )
     two_neurons = network(populations=(population(size=2),), projections=(delays,))
     spikes_in_step_0 = np.eye(5, 1)  # (steps, lines)
     result = play(two_neurons, PHASE, spikes_in_step_0)
@@ -55,7 +57,7 @@ def test_a_delay_acts_so_many_steps_after_its_spike(play):
 @pytest.mark.parametrize("play", [play_reference, play_fast])
 def test_weights_saturate_synapse_by_synapse(play):
     # A ring buffer holds 65,535: the second and the third addition do not fit.
-    synapse = (0, 0, 40_000, 1)  # source, target, weight, delay
+    synapse = Synapse(source=0, target=0, weight=40_000, delay=1)
     heavy = projection(synapse, synapse, synapse)
     result = play(network(projections=(heavy,)), PHASE, [[1], [0]])
     assert result.events["saturated_weights"] == 2
@@ -77,7 +79,7 @@ def test_a_synapse_comes_too_late_if_its_core_is_behind_by_its_delay(play, laten
 
     A delay of all 8 slots wraps to 0 in the three bits that store it, and the machine code never finds a 0 late.
     """
-    synapse = projection((0, 0, STRONG, delay))
+    synapse = projection(Synapse(source=0, target=0, weight=STRONG, delay=delay))
     steps = 20  # more than any spike here is late by, or delayed
     spikes_in_step_0 = np.eye(steps, 1)
     sources = 2  # the line and the neuron

@@ -12,7 +12,7 @@ from hw_model.errors import InputError, TargetError
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.spinnaker.chips import spinnaker_chip, spinnaker_chip_names
 from hw_model.spinnaker.program import SpinnakerProgram
-from tests.support.small_spinnaker import network, parameters, population, projection
+from tests.support.small_spinnaker import Synapse, network, parameters, population, projection
 
 CHIP = spinnaker_chip("spinnaker1")
 
@@ -72,37 +72,49 @@ def test_neurons_that_no_core_holds_are_refused(case):
 
 NETWORKS = {
     "weight": (
-        {"projections": (projection((0, 0, 65536, 1)),)},
+        {"projections": (projection(Synapse(source=0, target=0, weight=65536, delay=1)),)},
         "projection 'lines' -> 'cells', excitatory, weight: a core cannot hold it (65536 against "
         "0..65535). Correct it.",
     ),
     "delay": (
-        {"projections": (projection((0, 0, 1, 9)),)},
+        {"projections": (projection(Synapse(source=0, target=0, weight=1, delay=9)),)},
         "projection 'lines' -> 'cells', excitatory, delay: a core cannot hold it (9 against "
         "1..8). Correct it.",
     ),
     "no delay": (
-        {"projections": (projection((0, 0, 1, 0)),)},
+        {"projections": (projection(Synapse(source=0, target=0, weight=1, delay=0)),)},
         "projection 'lines' -> 'cells', excitatory, delay: a core cannot hold it (0 against "
         "1..8). Correct it.",
     ),
     "target index": (
-        {"projections": (projection((0, 1, 1, 1)),)},
+        {"projections": (projection(Synapse(source=0, target=1, weight=1, delay=1)),)},
         "projection 'lines' -> 'cells', excitatory, target_index: a core cannot hold it (1 "
         "against 0..0). Correct it.",
     ),
     "source": (
-        {"projections": (projection((0, 0, 1, 1), source="line"),)},
+        {
+            "projections": (
+                projection(Synapse(source=0, target=0, weight=1, delay=1), source="line"),
+            )
+        },
         "projection 'line' -> 'cells', excitatory: its source does not exist. Did you mean "
         "'lines'?",
     ),
     "target": (
-        {"projections": (projection((0, 0, 1, 1), target="lines"),)},
+        {
+            "projections": (
+                projection(Synapse(source=0, target=0, weight=1, delay=1), target="lines"),
+            )
+        },
         "projection 'lines' -> 'lines', excitatory: its target is not a population. Choose one "
         "of: cells.",
     ),
     "receptor": (
-        {"projections": (projection((0, 0, 1, 1), receptor="inhibitor"),)},
+        {
+            "projections": (
+                projection(Synapse(source=0, target=0, weight=1, delay=1), receptor="inhibitor"),
+            )
+        },
         "projection 'lines' -> 'cells', inhibitor: there is no such receptor. Did you mean "
         "'inhibitory'?",
     ),
@@ -125,7 +137,12 @@ NETWORKS = {
     "order": (
         {
             "inputs": (Input("lines", size=2, phase="run", stream="touches"),),
-            "projections": (projection((1, 0, 1, 1), (0, 0, 1, 1)),),
+            "projections": (
+                projection(
+                    Synapse(source=1, target=0, weight=1, delay=1),
+                    Synapse(source=0, target=0, weight=1, delay=1),
+                ),
+            ),
         },
         "projection 'lines' -> 'cells', excitatory: its synapses are not ordered by source. Sort "
         "them by source_index.",
@@ -161,7 +178,7 @@ BOARDS = {
             "populations": (population(size=256, neurons_per_core=256),),
             "projections": (
                 projection(*_row(256)),
-                projection((0, 7, 1, 1), receptor="inhibitory"),
+                projection(Synapse(source=0, target=7, weight=1, delay=1), receptor="inhibitory"),
             ),
         },
         "synapses 'lines' -> 'cells': too many synapses of a source on a core (257 against 256). "

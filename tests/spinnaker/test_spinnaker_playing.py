@@ -12,10 +12,15 @@ from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.playing import play_program, play_recording
 from hw_model.spinnaker.program import SpinnakerProgram
-from tests.support.small_spinnaker import network, parameters, population, projection
+from tests.support.small_spinnaker import Synapse, network, parameters, population, projection
 
 CHIP = spinnaker_chip("spinnaker1")
-STRONG = (projection((0, 0, 60000, 1), (1, 0, 60000, 1)),)
+STRONG = (
+    projection(
+        Synapse(source=0, target=0, weight=60000, delay=1),
+        Synapse(source=1, target=0, weight=60000, delay=1),
+    ),
+)
 """Two lines onto a neuron. One weight makes it spike, and two do not fit its ring buffer of 65,535."""
 FAST_MS = 0.09616
 """A time constant so short that a step keeps nothing."""

@@ -16,7 +16,7 @@ from hw_model.spinnaker.playing import play_program
 from hw_model.spinnaker.program import SpinnakerProgram
 from tests.support.edited_programs import replace_array, replace_text
 from tests.support.random_spinnaker import random_case
-from tests.support.small_spinnaker import network, population, projection
+from tests.support.small_spinnaker import Synapse, network, population, projection
 
 CHIP = spinnaker_chip("spinnaker1")
 
@@ -31,8 +31,16 @@ def small_program() -> SpinnakerProgram:
         inputs=(lines, turned),
         populations=(population(size=2), walk),
         projections=(
-            projection((0, 0, 1000, 1), (2, 1, 65535, 8)),
-            projection((0, 1, 3, 2), source="turned", target="walkers", receptor="inhibitory"),
+            projection(
+                Synapse(source=0, target=0, weight=1000, delay=1),
+                Synapse(source=2, target=1, weight=65535, delay=8),
+            ),
+            projection(
+                Synapse(source=0, target=1, weight=3, delay=2),
+                source="turned",
+                target="walkers",
+                receptor="inhibitory",
+            ),
         ),
     )
     return SpinnakerProgram(

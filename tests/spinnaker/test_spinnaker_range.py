@@ -11,7 +11,7 @@ import pytest
 from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.range import reach_of, safe_period
 from tests.support.random_spinnaker import PHASE, random_case
-from tests.support.small_spinnaker import network, parameters, population, projection
+from tests.support.small_spinnaker import Synapse, network, parameters, population, projection
 
 SEEDS = range(3000, 3120)
 FEWEST_PROVEN = 5
@@ -114,7 +114,7 @@ def test_rarer_spikes_wrap_nothing_where_every_step_would():
     2^11 init / (2^32 - d^p 2^32) nA, below 65,536 nA from p = 7 on, which rounds up to the period 8.
     """
     wide = population(parameters=parameters(c_m=400.0, tau_syn=200.0), shifts=(12, 0))
-    synapses = projection((0, 0, 16384, 1))
+    synapses = projection(Synapse(source=0, target=0, weight=16384, delay=1))
     limited = network(populations=(wide,), projections=(synapses,))
     constants = limited.population("cells").constants
     kept = int(constants.synapse_decay[0, 0]) / SPAN
@@ -132,5 +132,12 @@ def test_rarer_spikes_wrap_nothing_where_every_step_would():
 
 
 def test_a_ring_buffer_that_one_step_fills_has_no_safe_period():
-    full = network(projections=(projection((0, 0, 40000, 1), (0, 0, 40000, 1)),))
+    full = network(
+        projections=(
+            projection(
+                Synapse(source=0, target=0, weight=40000, delay=1),
+                Synapse(source=0, target=0, weight=40000, delay=1),
+            ),
+        )
+    )
     assert safe_period(full, "cells") == 0

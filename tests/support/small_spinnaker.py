@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hw_model.arithmetic.spinnaker import ONE, Parameters
@@ -45,8 +47,17 @@ def population(name: str = "cells", size: int = 1, **changes: object) -> Spinnak
     return SpinnakerPopulation(**{**usual, **changes})
 
 
-def projection(*synapses: tuple[int, int, int, int], **changes: object) -> SpinnakerProjection:
-    """Return excitatory synapses, given as rows (source, target, weight, delay)."""
+class Synapse(NamedTuple):
+    """A synapse from a source, by its index, to a neuron; ``weight`` is the stored integer, ``delay`` is in steps."""
+
+    source: int
+    target: int
+    weight: int
+    delay: int
+
+
+def projection(*synapses: Synapse, **changes: object) -> SpinnakerProjection:
+    """Return a projection of excitatory synapses from the input line to the cells, unless other ends are given."""
     source, target, weight, delay = np.array(synapses, dtype=np.int64).reshape(-1, 4).T
     usual = {
         "source": "lines",
@@ -66,6 +77,6 @@ def network(**changes: object) -> SpinnakerNetwork:
         "phases": (Phase("run", "time", steps=None),),
         "inputs": (Input("lines", size=1, phase="run", stream="touches"),),
         "populations": (population(),),
-        "projections": (projection((0, 0, 1000, 1)),),
+        "projections": (projection(Synapse(source=0, target=0, weight=1000, delay=1)),),
     }
     return SpinnakerNetwork(**{**usual, **changes})
