@@ -27,7 +27,7 @@ def test_recordings_of_every_kind_keep_the_bounds_of_a_shipped_program(tmp_path:
     assert result["recordings"] == expected
     # The share of the bound that the slowest recording reached: a bound far from it would be no use.
     assert 0.9 < result["nearest"]["recording"][0] <= 1
-    # An interrupted run goes on where it was.
+    # A run that goes on from a complete state plays nothing, and leaves the state as it is.
     before = state.read_bytes()
     bounds.play(f"{MODEL} on loihi-sim", expected, json.loads(before), state)
     assert state.read_bytes() == before
@@ -37,7 +37,7 @@ def test_a_bound_that_does_not_hold_ends_the_run(tmp_path: Path, monkeypatch) ->
     right_bound = hw.worst_case
 
     def too_low(program: hw.ChipProgram, rows: int, events: int) -> hw.WorstCase:
-        return right_bound(program, rows, 0)
+        return right_bound(program, rows, events_per_step=0)  # as if no events came
 
     monkeypatch.setattr(bounds.hw, "worst_case", too_low)
     with pytest.raises(SystemExit, match=f"{MODEL} on loihi-sim: any rate, recordings from 0 on: "):
@@ -58,6 +58,7 @@ def test_the_core_itself_keeps_the_bounds(model: str, target: str) -> None:
     *_, recordings, values, least, most, _ = bounds.play_on_core(model, target, each_kind)
     assert recordings == each_kind
     assert values > 0  # were compared with the simulator
+    # The shares of the bound that recordings took.
     assert 0 < float(least) <= float(most) <= 1
 
 
@@ -72,7 +73,9 @@ def test_the_page_has_the_table_of_the_run() -> None:
         [cell.strip(" `") for cell in line.strip("|").split("|")] for line in table.splitlines()
     ]
     assert of_page[2:] == [[row[0], f"{int(row[2]):,}", *row[3:]] for row in rows]
-    assert all(float(share or 0) <= 1 for row in rows for share in row[3:6])
+    # Of step, answer and recording. A cell is empty where the program has no such bound.
+    shares_of_bounds = [share for row in rows for share in row[3:6]]
+    assert all(float(share or 0) <= 1 for share in shares_of_bounds)
 
 
 def test_the_page_has_the_table_of_the_core() -> None:
