@@ -29,7 +29,8 @@ A core computes CONSTANTS from them when it starts, where a / b is (a << 15) div
     e       = expk(-1 ms / tau_m)                        s16.15, share of its distance to the goal
                                                          that V keeps in a step
     d_r     = expulr(-1 ms / tau_syn_r)                  u0.32, what I_r keeps;
-                                                         0 for more than 32,768 ms
+                                                         0 for more than 32,768 ms, so that I_r
+                                                         lasts for one step
     init_r  = tau_syn_r (2^32 - 1 - d_r) >> 15           u0.32, keeps its low 32 bits
     T       = tau_refrac, rounded up to whole steps
 
@@ -298,7 +299,8 @@ def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntA
     """Run one step of n neurons.
 
     ``ring`` (n, receptors) holds the sums of stored weights that act in this step; ``shifts``
-    (receptors,) are P_r. A name with ``_sum`` is exact, and the same name without it has wrapped.
+    (receptors,) are P_r. The caller empties the slot. A name with ``_sum`` is exact, and the same name
+    without it has wrapped.
     """
     shifted_sum = ring << shifts
     shifted = wrap(shifted_sum)

@@ -7,13 +7,13 @@
 //     cycle 2   `taken` is the sum: the newest result for its address that is still in the pipeline, else the memory's word
 //     cycle 3   the new sum, or 0 after a take, is written back
 //
-// A digit at the end of a name is the cycle in which the signal belongs to its operation. A charge is in units of 64, the
-// lowest bits of a current.
+// A digit at the end of a name is the cycle in which the signal belongs to its operation. A charge is in units of 64 of
+// a current's lowest bit.
 //
 // A word that is written in cycle 3 can be read from the next cycle on. So an operation that follows another one of the same
 // address by one, two or three cycles read an old word, and takes the result from `written3`, `written4` or `written5`.
 module accumulator #(
-    parameter integer WIDTH = 18,   // bits of a charge
+    parameter integer WIDTH = 18,   // bits of a charge, sign included: enough for the largest sum (images.py)
     parameter integer DEPTH = 1024  // charges
 ) (
     input  logic                     clk,
@@ -37,6 +37,7 @@ module accumulator #(
 
     assign taken = as3 ? written3 : as4 ? written4 : as5 ? written5 : kept2;
 
+    // `valid4` needs no clock of its own: the first cycle of the next operation clears it, before that operation compares addresses.
     wire ticking;
     clock_gate gate (.clk, .enable(valid || valid1 || valid2 || valid3 || sweep), .gated(ticking));
 

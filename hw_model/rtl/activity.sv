@@ -6,7 +6,7 @@ module activity (
     input  logic [1:0]  add,            // a synapse is added, a bit per bank: 0, 1 or 2 in a cycle
     input  logic        update,         // a compartment was updated; the ports below say what happened to it
     input  logic        active,         // it had something to work on: a charge, state, bias or joined voltage
-    input  logic        fired,
+    input  logic        fired,          // it spiked; only together with `update`
     input  logic        charge_wrap,
     input  logic [1:0]  current_wraps,  // 0 to 2: of u, and of u plus bias
     input  logic        voltage_clip,
@@ -18,7 +18,8 @@ module activity (
     output logic [31:0] currents_wrapped,
     output logic [31:0] voltages_clipped
 );
-    // To save energy on a chip, a counter is clocked only when it may change.
+    // To save energy on a chip, a counter is clocked only when it may change. On an FPGA, clock_gate passes every cycle, so the
+    // conditions below repeat those of the gates.
     wire adding, updating;
     clock_gate adding_gate (.clk, .enable(clear || add != 0), .gated(adding));
     clock_gate updating_gate (.clk, .enable(clear || update), .gated(updating));

@@ -2,8 +2,12 @@
 
 The first phase of the core runs while a recording arrives. All others read its events from the
 buffer (transpose.sv), in visits or by rows. A row is a step of the recording; a visit reads all
-rows of one channel, in one step of the phase. What a phase reads from the buffer has numbers as
-sources of spikes, which are given out here.
+rows of one channel, in one step of the phase.
+
+A *line* is an input of a phase: a channel or, where channels are visited, a row of a channel. The
+core knows spikes by the number of their *source*, and each source has a list of synapses. The
+channels of a recording are the first sources. What a phase reads from the buffer gets the numbers
+after them, which are given out here.
 """
 
 from dataclasses import field
@@ -35,8 +39,7 @@ class CorePhase(Frozen, eq=False):
     - ``align_events``: rows count from the first with as many events; None if the phase is not
       aligned
     - ``potentials_from``: the step from which potentials are read out
-    - ``sources`` (lines,): the source of each input line, or -1 if the line shares the source of
-      the line before
+    - ``sources`` (lines,): the source of each line, or -1 if it shares the source of an earlier row
     - ``visits`` (3, n): step, channel, and the source of the first row, by step
     """
 
@@ -77,7 +80,7 @@ def core_phases(
     """Return the phases of the core in order, and the first number after their sources.
 
     ``rows``: steps of a recording. ``steps``: the length of phases of no fixed length. ``groups``
-    is 1 if rows share sources where they can.
+    is the core's parameter GROUPS: 1 if rows share sources where they can, 0 if they never do.
     """
     streaming = next(
         (phase for phase in program.phases if _plays_as_it_arrives(program, phase)), None
@@ -123,8 +126,8 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
     inputs = program.inputs_of(phase.name)
     ends = np.cumsum([0, *program.streams.values()]).tolist()
     first_channel = dict(zip(program.streams, ends, strict=False))
-    # An input without positions is read as it comes; one with positions visits a channel at each of
-    # them.
+    # An input without positions is read as it comes. Positions are steps of the phase, in each of
+    # which one channel is visited.
     by_rows = not streams and any(item.positions is None for item in inputs)
     row_source = 0
     if by_rows:
@@ -133,6 +136,7 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
 
     sources = [CorePhase().sources]  # empty, so that there is something to concatenate
     visits = [CorePhase().visits]
+    # 2^shared rows share a source.
     shared = rows_together(program, phase.name) if groups else 0
     for item in inputs:
         channels = first_channel[item.stream] + np.arange(item.channels)
@@ -141,25 +145,30 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
             sources.append(row_source + channels)
             continue
         source_of_line, row_of_line = _sources_of_lines(item, shared)
-        first_source = source_of_line[item.visits[1]]
-        visits.append(np.stack((item.positions, channels, next_source + first_source)))
-        # Where rows share a source, the first of them has its list.
+        visit_steps, first_lines = item.visits
+        first_sources = next_source + source_of_line[first_lines]
+        visits.append(np.stack((visit_steps, channels, first_sources)))
+        # Where rows share a source, its list of synapses is that of the first of them.
         has_list = row_of_line % (1 << shared) == 0
         sources.append(np.where(has_list, next_source + source_of_line, -1))
         next_source += int(source_of_line[-1]) + 1
-    table = np.hstack(visits)
+    visit_table = np.hstack(visits)
 
+    # All visited inputs of a phase have as many rows (refused.py); a phase that plays the arriving
+    # recording has none.
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
     is_aligned = phase.align_events is not None
     # The buffer keeps the rows that visits read, a row per step by rows, and all rows of a
     # recording for an aligned phase, as any of them may be the first.
     kept = max(
-        0 if streams else rows_of_visits,
+        rows_of_visits,
         steps if by_rows else 0,
         rows if is_aligned else 0,
     )
     from_step = program.readout.from_step if program.readout else {}
-    first_steps = [from_step[name] for name in program.columns_of(phase.name) if name in from_step]
+    populations = program.columns_of(phase.name)
+    # The populations of a phase are read from the same step: refused.py refuses others.
+    first_steps = {from_step[name] for name in populations if name in from_step}
     core_phase = CorePhase(
         name=phase.name,
         steps=steps,
@@ -169,10 +178,10 @@ def _core_phase(  # noqa: PLR0913 - results of earlier steps, each used once
         row_source=row_source,
         by_rows=by_rows,
         align_events=phase.align_events,
-        # A later step than any phase has is cut to one that fits the field.
+        # A step later than any phase has is cut to one that fits the core's field of 24 bits.
         potentials_from=min(max(first_steps, default=0), NO_ROW),
         sources=np.concatenate(sources),
-        visits=table[:, np.argsort(table[0], kind="stable")],  # by step
+        visits=visit_table[:, np.argsort(visit_table[0], kind="stable")],  # by step
     )
     return core_phase, next_source
 

@@ -5,6 +5,8 @@
 //     v = rz(v, decay_v) + (u + bias, wrapped to 23 bits plus sign) + joined voltages, clipped to vmin..vmax
 //     spike where v > 64 * threshold; then v = 0 and the compartment is blocked for some steps, with v held at 0
 //
+// The joined voltages of a compartment are the sum of v of its children in this step; a child never spikes (join_sums.sv).
+//
 // u, v, q and bias are in units of the registers; charges arrive, and thresholds are stored, in units of 64 of them. A decay
 // d is a fraction d / 4096, and rz(x, d) is what it leaves of x (leak.sv). Widths are those of hw_model/chips/loihi-sim.yaml.
 //
@@ -25,7 +27,8 @@ module update #(
     parameter integer JOIN = 26,  // bits of a sum of joined voltages, sign included; 0: compartments are not joined
     parameter integer ENTRIES = 128,  // compartments that are read out
     parameter integer LAZY = 0, // 1: a state that the next step does not depend on is neither read nor written (at_rest.sv)
-    parameter integer SUMS = 0  // words for sums of joined voltages; 0: one per state. A parent's word is given by its low bits
+    // Words for sums of joined voltages; 0: one per state. The low bits of a parent's place select its word.
+    parameter integer SUMS = 0
 ) (
     input  logic                            clk,
     input  logic                            clear,
@@ -34,7 +37,8 @@ module update #(
     input  logic [23:0]                     load_address,
     input  logic [127:0]                    load_data,
     input  logic                            issue,       // the step of compartment `number` begins
-    input  logic                            first_step,  // of the phase: states are taken for 0, whatever the memory holds
+    // The first step of the phase, until its last compartment is done: states are taken for 0, whatever the memory holds.
+    input  logic                            first_step,
     input  logic [$clog2(COMPARTMENTS)-1:0] number,
     input  logic [$clog2(COMPARTMENTS)-1:0] origin,      // the compartment whose state lies first
     // The charge that is due, two cycles after its compartment was issued, in units of 64.
@@ -60,7 +64,7 @@ module update #(
     output logic [$clog2(ENTRIES)-1:0]      entry
 );
     localparam integer NUMBER = $clog2(COMPARTMENTS);
-    localparam integer ENTRY = $clog2(ENTRIES);  // bits of the number of a tally (readout.sv)
+    localparam integer ENTRY = $clog2(ENTRIES);  // bits of an entry: the number of a compartment's tally in readout.sv
     // Words of memories 3 and 4 (docs/reference/hardware/stream-and-memory-map.md): valid, 4096 - decay_u, 4096 - decay_v,
     // bias, has children; threshold, blocked steps, can spike, log2 of 1 - vmin, log2 of vmax + 1, then what follows
     // where compartments are joined (is a child, is the first of its siblings, parent), read out, by potential, entry.
@@ -94,8 +98,9 @@ module update #(
     // than if every number moved from cycle to cycle.
     generate
         if (LAZY != 0) begin : counted
-            logic [NUMBER-1:0] begins;
+            logic [NUMBER-1:0] begins;  // the first number of a run of cycles without a pause
             always_ff @(posedge pipeline_clock) begin
+                // After a pause, `begins` is loaded anew. A pipeline without a pause counts on from the number before.
                 if (issue && !issued[0]) begins <= number;
                 number3 <= issued[2] ? number3 + 1'b1 : begins;
                 number7 <= issued[6] ? number7 + 1'b1 : begins;
@@ -145,8 +150,9 @@ module update #(
         .read(issue), .read_address(number), .read_data(leak1)
     );
 
-    // Only a state that was written goes through the leak (`leaks`). For others the registers of the leak keep old values to save
-    // energy, and what the leak makes of them is replaced by 0. `lasting`: a decay leaves a part of u or v after a step.
+    // Only a state that was written goes through the leak. For others the registers of the leak keep old values to save
+    // energy, and what the leak makes of them is replaced by 0; `leaks1` to `leaks4`: the state was written.
+    // `lasting`: a decay leaves a part of u or v after a step.
     wire  leaks1 = LAZY == 0 || (needed1 && !first1);
     logic leaks2, leaks3, leaks4, nonzero2, was_blocked2, lasting2, lasting3, lasting4, lasting5, lasting6, lasting7, lasting8;
     always_ff @(posedge pipeline_clock) begin
@@ -243,7 +249,8 @@ module update #(
     always_ff @(posedge clock8) u8 <= u7;
     always_ff @(posedge clock_joined5) joined5 <= has_children4 ? joined4 : {JOINED{1'b0}};
 
-    // 5: the drive of v is u and bias, wrapped likewise.
+    // 5: the drive of v is u and bias, wrapped likewise; `rest` is what else is added up to v: what the leak left, and joined
+    // voltages.
     wire signed [24:0]     drive5 = {u5[23], u5} + {{5{bias5[19]}}, bias5};
     logic signed [23:0]    drive6;
     logic                  drive_wrap6, drive_wrap7, drive_wrap8;
@@ -339,7 +346,8 @@ module update #(
             assign {parent8, first_child8, child8} = fire8[FIRE_FIELDS+:JOIN_FIELDS];
             wire sibling7 = valid7 && fire7[FIRE_FIELDS+:2] == 2'b01;  // a child, and not the first
             join_sums #(.WIDTH(JOIN), .COMPARTMENTS(SUM_WORDS)) joins (
-                // A child does not fire. Of siblings that follow each other, only the sum of all is written.
+                // A child does not fire. Siblings follow each other, and only the sum of all is written: `last` is 0 if the next
+                // compartment is another sibling. Without LAZY, each child writes the sum so far.
                 .clk(pipeline_clock), .child(valid8 && child8), .last(LAZY == 0 || !sibling7),
                 .first(first_child8), .parent(parent8), .v(clipped8),
                 .read(valid3 && has_children3), .read_address(place3[PARENT-1:0]), .joined(joined4)

@@ -11,6 +11,8 @@ from tests.support.register_units import FORGETS_AT_ONCE, KEEPS_ALL
 
 KINDS = ("spikes", "u", "v", "potential", "activity")
 STEPS = 40
+COMPARTMENTS = 22  # of the program `biased`
+# Biases and voltages are in units of the registers, thresholds and weights in units of 64 of them.
 
 
 def biased() -> hw.ChipProgram:
@@ -26,6 +28,15 @@ def biased() -> hw.ChipProgram:
     builder.connect(x, y, np.full((20, 3), 100))
     builder.connect(y, low, np.full((2, 20), 4))
     builder.read_out(y)
+    return builder.build()
+
+
+def at_rest() -> hw.ChipProgram:
+    """Return a compartment without a bias: the fast engine skips every step without an event."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 3)
+    y = builder.add_compartments("y", 1, threshold=90)
+    builder.connect(x, y, np.full((1, 3), 100))
     return builder.build()
 
 
@@ -73,7 +84,7 @@ def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched)
 
 
 def test_another_call_is_not_answered_from_memory():
-    """Other rows, steps, probes, skipping, or a batch, and any event make it another call."""
+    """Other rows, steps, probes, or a batch, and any event make it another call."""
     program = biased()
     nothing = np.zeros((STEPS, 3), dtype=np.uint8)
     hw.simulate(program, nothing)
@@ -82,15 +93,21 @@ def test_another_call_is_not_answered_from_memory():
     assert hw.simulate(program, nothing[None]).spikes["y"].shape == (1, STEPS, 20)
     assert hw.simulate(program, nothing, probe=("u",)).u["y"].shape == (STEPS, 20)
     assert hw.simulate(program, np.stack([nothing] * 3)).spikes["y"].shape == (3, STEPS, 20)
-    fresh_program = biased()
-    assert hw.simulate(fresh_program, nothing, skip=False).counts.skipped_steps == 0
     for row, channel in ((0, 0), (STEPS - 1, 2)):
         with_one_event = nothing.copy()
         with_one_event[row, channel] = 1
         assert hw.simulate(program, with_one_event).counts.input_events == 1
 
 
-def test_events_of_one_stream_are_played_beside_an_empty_one():
+def test_a_call_without_skipping_is_not_answered_from_a_call_with_it():
+    program = at_rest()
+    nothing = np.zeros((STEPS, 3), dtype=np.uint8)
+    assert hw.simulate(program, nothing).counts.skipped_steps == STEPS
+    assert hw.simulate(program, nothing, skip=False).counts.skipped_steps == 0
+    assert hw.simulate(program, nothing).counts.skipped_steps == STEPS
+
+
+def test_events_of_one_stream_are_played_next_to_an_empty_one():
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     y = builder.add_compartments("y", 1, threshold=1, decay_u=FORGETS_AT_ONCE)
     for name in ("silent", "heard"):
@@ -104,7 +121,7 @@ def test_events_of_one_stream_are_played_beside_an_empty_one():
 
 @pytest.fixture
 def phases_played(monkeypatch) -> list[str]:
-    """The names of all phases that simulations have played since the test began."""
+    """A list to which every simulation of the test adds the names of the phases that it plays."""
     names = []
     play = simulation.play
 
@@ -131,11 +148,13 @@ def test_an_empty_recording_is_played_once(phases_played, kind):
 
 
 @pytest.mark.parametrize(
-    ("most", "times_played"), [(22 * STEPS, 1), (22 * STEPS - 1, 2)], ids=["as large", "larger"]
+    ("max_remembered", "times_played"),
+    [(COMPARTMENTS * STEPS, 1), (COMPARTMENTS * STEPS - 1, 2)],
+    ids=["as large", "larger"],
 )
-def test_large_results_are_not_remembered(monkeypatch, phases_played, most, times_played):
-    """22 compartments and 40 steps are 880 spikes, 0 or 1."""
-    monkeypatch.setattr(simulation, "MAX_REMEMBERED", most)
+def test_large_results_are_not_remembered(monkeypatch, phases_played, max_remembered, times_played):
+    """The limit counts the bytes of the array of spikes: one for every compartment and step."""
+    monkeypatch.setattr(simulation, "MAX_REMEMBERED", max_remembered)
     program = biased()
     for _ in range(2):
         assert hw.simulate(program, np.zeros((STEPS, 3), dtype=np.uint8)).counts.spikes > 0

@@ -57,10 +57,13 @@ class Paths:
 
         The NIR exporter needs this: it writes ``delay - late`` steps as a Delay node, which cannot be negative.
         """
-        # A lower depth can require those behind it to be lower, along a path of at most all populations.
+        # A lower depth can require the depths behind it to be lower, along a path of at most all populations. Loops do
+        # not make this endless: the depths cancel out of the sum of `late` around a loop, which is therefore 0 or less,
+        # and no delay is below 0.
         for _ in self.depths:
             for source, target, delay in delays:
-                self.depths[target] -= max(self.late(source, target) - delay, 0)
+                missing_delay = max(self.late(source, target) - delay, 0)
+                self.depths[target] -= missing_delay
 
 
 def _open_pairs(pairs: set[Pair], names: list[str], inputs: int) -> set[Pair]:
@@ -68,6 +71,7 @@ def _open_pairs(pairs: set[Pair], names: list[str], inputs: int) -> set[Pair]:
 
     A loop is closed by the pairs that lead to its population nearest to the input. These are removed from every set of
     populations that can all reach each other (a strongly connected component), again and again until no loop is left.
+    A loop that no input reaches has all its populations at the same, infinite distance, and loses all of its pairs.
     """
     number_of = {name: number for number, name in enumerate(names)}
     numbers = [(number_of[source], number_of[target]) for source, target in sorted(pairs)]
