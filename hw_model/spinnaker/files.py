@@ -2,7 +2,8 @@
 
 A program that is read from files is checked as strictly as one that is made in Python: entries of ``program.yaml`` by
 the annotations of :class:`SpinnakerDocument`, arrays by :class:`SpinnakerNetwork`, and the whole against the chip.
-Names of entries are the names of fields, so a field that is renamed changes the file format.
+Names of entries are the names of fields, so a field that is renamed changes the file format. The arrays of an item are
+named by its number in ``program.yaml``, such as ``population0/tau_m``.
 """
 
 from collections.abc import Mapping
@@ -65,7 +66,11 @@ class PhaseEntry(Frozen):
 
 
 class InputEntry(Frozen):
-    """The entry of an input; the positions and first lines of a transposed input are arrays in the other file."""
+    """The entry of an input.
+
+    Where an input is transposed (its positions are steps in which channels are played,
+    :class:`hw_model.mapping.graph.Input`), its positions and first lines are arrays in the other file.
+    """
 
     name: str
     size: Annotated[int, between(1, MAX_LINES)]
@@ -74,7 +79,10 @@ class InputEntry(Frozen):
 
 
 class PopulationEntry(Frozen):
-    """The entry of a population; the parameters of its neurons are arrays in the other file."""
+    """The entry of a population, with the fields of :class:`hw_model.spinnaker.network.SpinnakerPopulation`.
+
+    The parameters of its neurons are arrays in the other file.
+    """
 
     name: str
     phase: str
@@ -105,7 +113,10 @@ class ReadoutEntry(Frozen):
 
 
 class SpinnakerDocument(Frozen):
-    """The entries of ``program.yaml``. An entry whose value is None is not written."""
+    """The entries of ``program.yaml``. An entry whose value is None is not written.
+
+    The seal, a checksum of the entries, is no entry: it is the last line of the file.
+    """
 
     format: str
     version: int
@@ -148,7 +159,7 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         "provenance": dict(program.provenance),
     }
     optional = picked(program, *_OF_RECORDINGS)
-    # A chip that ships is found by its name.
+    # A chip that ships with this package is found by its name; any other is written out.
     if not is_shipped_spinnaker(program.chip):
         optional["chip"] = asdict(program.chip)
     if program.readout is not None:
@@ -229,13 +240,14 @@ def spinnaker_program_of(pair: SealedPair) -> SpinnakerProgram:
             **picked(document, *_OF_RECORDINGS),
         )
     _check_names(arrays, network)
-    # The checksum comes last: the checks before it say what is wrong, it says only that something is.
+    # The seal, a checksum of the entries, comes last: the checks before it say what is wrong, it says only that
+    # something is.
     pair.check_seal()
     return program
 
 
 def _network(document: SpinnakerDocument, arrays: Mapping[str, IntArray]) -> SpinnakerNetwork:
-    """Return the network; its parts are numbered in the names of arrays."""
+    """Return the network; an input, population or projection is numbered in the names of its arrays."""
     phases = tuple(Phase(**vars(entry)) for entry in document.phases)
     inputs = tuple(_input(number, entry, arrays) for number, entry in enumerate(document.inputs))
     for item in inputs:
@@ -285,7 +297,11 @@ def _parameters(prefix: str, arrays: Mapping[str, IntArray]) -> spinnaker.Parame
 
 
 def _check_input(item: Input, phases: tuple[Phase, ...]) -> None:
-    """Raise InputError if channels are visited outside the phase or its lines, or share lines in a step."""
+    """Raise InputError if the visits of a transposed input do not fit.
+
+    Each channel is visited in a step of its phase, and takes lines from its first line on. Channels that are visited in
+    the same step must not share lines.
+    """
     if item.positions is None:
         return
     phase = next(phase for phase in phases if phase.name == item.phase)
@@ -309,7 +325,8 @@ def _readout(document: SpinnakerDocument) -> Readout | None:
         return None
     first_steps = tuple(entry.potentials_from for entry in document.readout)
     potentials_from: int | tuple[int | None, ...] | None = first_steps
-    # A step that all populations share is stored once, as the compiler does.
+    # A step that all populations share becomes one number, as the compiler makes it: a program that is read again then
+    # equals the one that was saved.
     if len(set(first_steps)) == 1:
         potentials_from = first_steps[0]
     return Readout(

@@ -27,7 +27,10 @@ class Part(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """A record with a field of every kind."""
+    """A record with a field of every kind.
+
+    A named tuple within it (``inline``) is laid out in its memory; for a packed one (``elsewhere``) it holds an address.
+    """
 
     line: Any
     square: Any
@@ -96,6 +99,7 @@ def test_a_loop_reads_every_field_and_writes_into_arrays(dtype):
 def test_records_of_one_name_differ_by_the_types_of_their_fields():
     narrow, wide = (numba.typeof(pack(whole(dtype))) for dtype in ("int32", "int64"))
     assert narrow != wide
+    # The name that numba gives to the code of a function contains these: equal ones would call the wrong code.
     assert narrow.mangling_args != wide.mangling_args
     assert narrow == numba.typeof(pack(whole()))
 

@@ -43,6 +43,8 @@ CHANNELS = LAYOUT.channels  # 78: 39 taxels with two polarities, the locations o
 RECORDINGS = synthetic_touches(6, steps=STEPS, classes=3, seed=4)
 OWN = NeuronParameters(theta=4.0, tau_sr=3.0, tau_ref=2.0)
 DELAYS = (0, 5, 33)
+LOUD = 10.0
+"""An ``initial_scale`` of random weights at which untrained neurons spike."""
 
 
 def description(**changed_fields: object) -> NetworkDescription:
@@ -87,7 +89,7 @@ def hidden_by_hand(weights: np.ndarray, spikes: np.ndarray) -> np.ndarray:
 
 
 def test_a_location_branch_has_its_own_constants_and_delays() -> None:
-    network = build_network(description(), seed=3, initial_scale=10.0).double()
+    network = build_network(description(), seed=3, initial_scale=LOUD).double()
     with torch.no_grad():
         activity = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
     hidden_spikes = activity["location_hidden"].numpy()
@@ -102,7 +104,7 @@ def test_a_location_branch_has_its_own_constants_and_delays() -> None:
 def test_a_file_keeps_the_constants_and_the_reference_spikes_like_torch(
     described: NetworkDescription, tmp_path: Path
 ) -> None:
-    network = build_network(described, seed=3, initial_scale=10.0).double()
+    network = build_network(described, seed=3, initial_scale=LOUD).double()
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     assert read_checkpoint(tmp_path / "net.pt").description == described
     loaded = lc.load(tmp_path / "net.pt")
@@ -121,8 +123,9 @@ def test_a_file_keeps_the_constants_and_the_reference_spikes_like_torch(
 @pytest.mark.slow
 @pytest.mark.parametrize("described", [description(), LIF], ids=["LSRM", "LLIF"])
 def test_both_engines_spike_alike(described: NetworkDescription, tmp_path: Path) -> None:
-    network = build_network(described, seed=3, initial_scale=10.0)
+    network = build_network(described, seed=3, initial_scale=LOUD)
     Checkpoint(described, network.weights()).save(tmp_path / "net.pt")
+    # LIF neurons are compartments as they are, and take no strategy. For spike response neurons, "auto" would try several.
     strategy = "auto" if described is LIF else "dendrite"
     compiled = lc.compile(
         lc.load(tmp_path / "net.pt"), strategy=strategy, events=RECORDINGS, diagnosis=False
@@ -137,7 +140,7 @@ def test_both_engines_spike_alike(described: NetworkDescription, tmp_path: Path)
 
 
 def test_a_session_has_the_counts_of_a_simulation_of_the_recording_so_far(tmp_path: Path) -> None:
-    network = build_network(description(), seed=3, initial_scale=10.0)
+    network = build_network(description(), seed=3, initial_scale=LOUD)
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     program = lc.compile(
         lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False
@@ -158,7 +161,7 @@ def test_a_network_trained_on_the_chip_spikes_like_its_program(
     config = TrainingConfig(
         hidden=5, location_theta=4.0, location_tau_sr=3.0, location_tau_ref=2.0, location_delays="0 5 33", epochs=1,
         target="loihi-sim", strategy=strategy, validation_fraction=0.0, event_dropout=0.0, channel_dropout=0.0,
-        initial_scale=10.0,
+        initial_scale=LOUD,
     )  # fmt: skip
     result = train(RECORDINGS, config)
     assert result.network.description.location_neuron == OWN
@@ -285,6 +288,7 @@ def test_a_delay_that_is_too_long_for_the_chip_is_refused() -> None:
 
 
 def test_a_checkpoint_without_such_constants_has_no_entries_for_them(tmp_path: Path) -> None:
+    """All its neurons then have the defaults of spike response neurons; training from it fixes no location constant."""
     plain = description(location_neuron=None, location_delays=(0,))
     Checkpoint(plain, build_network(plain).weights()).save(tmp_path / "net.pt")
     data = (tmp_path / "net.pt").read_bytes()
@@ -294,4 +298,8 @@ def test_a_checkpoint_without_such_constants_has_no_entries_for_them(tmp_path: P
     assert {p.neuron for p in lc.load(tmp_path / "net.pt").populations} == {
         SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
     }
+
+
+def test_the_constants_of_a_location_branch_are_those_of_its_output_neurons() -> None:
+    plain = description(location_neuron=None)
     assert replace(plain, location_neuron=OWN).srm("location_output") == OWN

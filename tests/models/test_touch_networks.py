@@ -91,7 +91,8 @@ def test_a_location_branch_steps_through_the_channels_of_the_walk() -> None:
     network = build_network(description("location-tactile-snn"), seed=2)
     x = recording(samples=1)
     walk = channel_walk(LOCATION_ORDERS["whorl"], neutouch(1))
-    layer = SRMLayer(30, 7, NeuronParameters())
+    # The inputs of a location neuron are the steps of a recording.
+    layer = SRMLayer(LAYOUT.steps, 7, NeuronParameters())
     layer.weight = network.get_submodule("location_hidden").weight
     by_hand = torch.stack([x[0, :, channel] for channel in walk]).unsqueeze(0)
     assert torch.equal(network(x)["location_hidden"], layer(by_hand))
@@ -225,9 +226,11 @@ def test_constants_and_sizes_out_of_range_are_refused(
 
 
 def test_neurons_still_spike_at_the_end_of_a_long_recording() -> None:
+    """A response computed with a^t for step t would vanish in float32 after some thousand steps."""
     steps = 5000
     layout = InputLayout(neutouch(1), steps=steps, step_seconds=0.02)
-    network = build_network(description("tactile-snn", layout), initial_scale=10.0)
+    loud = 10.0  # at which untrained neurons spike
+    network = build_network(description("tactile-snn", layout), initial_scale=loud)
     spikes = network(torch.ones(1, steps, layout.channels))["time_hidden"]
     assert spikes.shape == (1, steps, network.description.hidden)
     assert spikes[0, -1000:].sum() > 0

@@ -50,7 +50,7 @@ _LINE = 16
 _SAMPLE = 26
 """Length of a curve's sample in the legend in pixels."""
 Point = tuple[float, float]
-"""x and y, of a figure or in pixels."""
+"""x and y, as values of the axes or as pixels."""
 Anchor = Literal["start", "middle", "end"]
 """Which end of a text stands at its x, as SVG's ``text-anchor``."""
 
@@ -130,14 +130,21 @@ def polyline(kind: str, corners: Sequence[Point]) -> str:
 
 
 def places(x: Axis, y: Axis, points: Sequence[Point]) -> list[Point]:
-    """Return points, given as values of the two axes, in pixels of their panel."""
+    """Return points, given as values of the two axes, in pixels of their panel.
+
+    The place of a value on an axis is a share of the length of the axis, from 0 to 1.
+    """
     return [
         (WIDTH * x.place(x_value), HEIGHT * (1 - y.place(y_value))) for x_value, y_value in points
     ]
 
 
 class Panel(Frozen):
-    """Curves over common axes, each linear or logarithmic; a logarithmic axis leaves out values of 0 and below."""
+    """Curves over common axes, each linear or logarithmic; a logarithmic axis leaves out values of 0 and below.
+
+    ``title`` says what y is: the vertical axis has no name. curves.css has
+    styles for five curves: more of them look alike.
+    """
 
     title: str
     x_label: str
@@ -184,7 +191,8 @@ def _axis_of(values: Sequence[float], *, log: bool) -> Axis:
 def _curve(number: int, label: str, points: Sequence[Point]) -> str:
     """Draw a curve and its dots, and in the legend below its panel a sample of it with its label.
 
-    ``number`` is that of the curve in its panel; it selects the style and the line of the legend.
+    ``points`` are in pixels of the panel. ``number`` is that of the curve in its panel; it selects the style and the
+    line of the legend.
     """
     label_y = HEIGHT + _LEGEND + number * _LINE
     sample_y = label_y - HALF_LETTER
@@ -199,7 +207,7 @@ def _curve(number: int, label: str, points: Sequence[Point]) -> str:
 
 
 def _figure(value: float) -> str:
-    """Return the text of a tick: very large and very small numbers as a power of ten."""
+    """Return the text of a tick: very large and very small numbers as one digit and a power of ten."""
     if value == 0 or 1e-3 <= abs(value) < 1e7:
         return f"{value:,.10g}"
     mantissa, exponent = f"{value:.0e}".split("e")
