@@ -84,6 +84,18 @@ def test_a_current_that_is_the_voltage_adds_up_over_all_the_steps_that_it_lasts(
     assert thresholds(neuron, [[1.0, -1.0]], with_registers(current_bits=30)) == [threshold]
 
 
+def test_a_current_without_memory_has_room_for_all_inputs_of_a_step():
+    """Four weights of 10 thresholds come in one step. A current of 17 bits holds 2048 units, so 40 thresholds of 51.
+
+    On loihi-sim the charge is the limit: 2^15 units hold 40 thresholds of 819, and 816 is the largest below that for
+    which 10 thresholds are a weight, 255 * 2^5.
+    """
+    neuron = Cuba.of(1, decay_u=1.0, decay_v=1.0, threshold=1.0)
+    heavy = [[10.0] * 4]
+    assert thresholds(neuron, heavy, with_registers(current_bits=17)) == [51]
+    assert thresholds(neuron, heavy) == [816]
+
+
 def test_two_own_synapses_hold_a_drop_of_all_their_bits():
     """255 * 2^7 and 127 units; a register that holds more does not help."""
     chip = with_registers(charge_bits=23, current_bits=25, voltage_bits=25)

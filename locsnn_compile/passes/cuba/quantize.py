@@ -155,7 +155,7 @@ def _mantissa_without_wraps(neuron: Cuba, incoming: Sequence[Projection], chip: 
     of_both_signs = np.sum([no_input, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
     # Steady input adds up to 1 / decay_u times itself; no decay of the chip is smaller than 1, except 0.
     lost = np.maximum(neuron.decay_u, loihi_inverse.share_lost(1))
-    voltage_is_current = (neuron.decay_v == 1) & (neuron.decay_u < 1)
+    voltage_is_current = neuron.decay_v == 1
     current = np.where(voltage_is_current, of_both_signs / lost / neuron.threshold, 0.0)
     # Largest values below one threshold count as one threshold.
     mantissa_by_charge = loihi.in_units(registers.half_charge) / max(float(charge.max()), 1.0)
