@@ -181,7 +181,7 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
     The package does not survive all damage, so a separate process reads a copy, within 10 seconds of processor time and
     2 GiB. Raises ``InputError`` for a file that it cannot read, for one without events, and if the package is missing.
     """
-    needed("aedat", "aedat", where)
+    needed(package="aedat", extra="aedat", where=where)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.aedat4"
         path.write_bytes(data)

@@ -152,7 +152,7 @@ def torch_bytes(values: dict[str, Any], where: str) -> bytes:
 
     Arrays of text become lists, others tensors. Raises ``InputError`` if torch is missing.
     """
-    torch = needed("torch", "train", where)
+    torch = needed(package="torch", extra="train", where=where)
     content = io.BytesIO()
     torch.save(_with_tensors(values), content)
     return content.getvalue()

@@ -34,6 +34,12 @@ def modules(requirements):
     return set().union(*(MODULES_OF_DISTRIBUTION.get(name, {name}) for name in names))
 
 
+def package_of(call):
+    """Return the argument ``package`` of a call of ``needed``, which is its first one if it has no name."""
+    keywords = {keyword.arg: keyword.value for keyword in call.keywords}
+    return keywords.get("package", call.args[0] if call.args else None).value
+
+
 def imported():
     """Return the top-level names of all modules of others that the packages import.
 
@@ -48,7 +54,7 @@ def imported():
                 elif isinstance(node, ast.ImportFrom) and node.level == 0:
                     names.add((node.module or "").split(".")[0])
                 elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "needed":
-                    names.add(node.args[0].value.split(".")[0])
+                    names.add(package_of(node).split(".")[0])
     return names - sys.stdlib_module_names - OURS
 
 
