@@ -104,11 +104,15 @@ class Macro(Frozen):
 def check_sizes(core: Sizes, slots: int, where: str) -> None:
     """Refuse fewer slots than the chip's registers need, and sizes that are no powers of two.
 
-    ``slots`` is what the registers need. n is a power of two, or 0, if ``n & n - 1`` is 0.
+    ``slots`` is what the registers need.
     """
-    shared_by = "places" if core.places else "compartments"
-    size: int = getattr(core, shared_by)
-    if core.slots < slots or (core.slots & core.slots - 1) or (size & size - 1):
+    shared_by = "compartments"
+    size = core.compartments
+    if core.places:
+        shared_by = "places"
+        size = core.places
+    has_too_few_slots = core.slots < slots
+    if has_too_few_slots or not _is_power_of_two(core.slots) or not _is_power_of_two(size):
         what = f"slots and {shared_by} must be powers of two, and slots at least delay_max and 2"
         raise InputError(
             where,
@@ -116,8 +120,14 @@ def check_sizes(core: Sizes, slots: int, where: str) -> None:
             measured=f"{core.slots} slots against {slots}, {size} {shared_by}",
             fix="Correct it.",
         )
-    for name in ("sums", "word", "phase_words"):
-        if (size := getattr(core, name)) & size - 1:
+    others = {"sums": core.sums, "word": core.word, "phase_words": core.phase_words}
+    for name, words in others.items():
+        if not _is_power_of_two(words):
             raise InputError(
-                where, f"{name} must be a power of two", measured=f"got {size}", fix="Correct it."
+                where, f"{name} must be a power of two", measured=f"got {words}", fix="Correct it."
             )
+
+
+def _is_power_of_two(size: int) -> bool:
+    """Return whether a size has at most one bit set: a power of two, or 0 for a size that is left out."""
+    return size & (size - 1) == 0
