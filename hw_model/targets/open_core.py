@@ -40,9 +40,8 @@ class OpenCoreTarget(Target):
     @property
     def sizes(self) -> Sizes:
         """The parameters of the core."""
-        assert (
-            self.chip.open_core is not None
-        )  # otherwise the chip is not of this kind, see `describes`
+        # Otherwise the chip is not of this kind, see `describes`.
+        assert self.chip.open_core is not None
         return self.chip.open_core
 
     @property

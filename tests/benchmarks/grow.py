@@ -60,9 +60,8 @@ def measure(size: int) -> dict[str, float]:
 
     program = placed_program(size, chip, timed)
     placing_mib = peak_mib()
-    batch = 2 * max(
-        1, min(32, 100_000 // size)
-    )  # enough recordings for small networks to be measured
+    # Enough recordings for small networks to be measured.
+    batch = 2 * max(1, min(32, 100_000 // size))
     recordings = random_input((batch, STEPS, size // LAYERS), ACTIVITY)
     result = timed("first call", lambda: hw.simulate(program, recordings))
     check_relayed(recordings, result)

@@ -77,9 +77,8 @@ def test_run_prints_a_line_a_recording(build, capsys):
 
 def test_where_all_classes_tie_run_predicts_nothing_as_the_report_does(build, tmp_path, capsys):
     np.save(tmp_path / "silent.npy", np.zeros((2, 78, 60), np.uint8))
-    np.save(
-        tmp_path / "silent_labels.npy", np.array([0, 0])
-    )  # the first class, which ties would go to
+    # The first class, which ties would go to.
+    np.save(tmp_path / "silent_labels.npy", np.array([0, 0]))
     assert main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy")]) == 0
     assert capsys.readouterr().out.splitlines()[:3] == [
         "recording 0: all classes tie  label 0  0 spikes",

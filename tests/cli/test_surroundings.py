@@ -78,9 +78,8 @@ def folder(tmp_path):
 def run(folder, command, environment=None, redirect=""):
     """Run a command in a shell without a terminal; return its exit code, output and errors."""
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
-    assignments = shlex.join(
-        f"{name}={value}" for name, value in (environment or {}).items()
-    )  # bash warns of locales
+    # Bash warns of locales.
+    assignments = shlex.join(f"{name}={value}" for name, value in (environment or {}).items())
     process = subprocess.run(
         ["bash", "-c", f"exec env {assignments} {command} {redirect}"],
         cwd=folder,

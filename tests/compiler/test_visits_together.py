@@ -135,7 +135,6 @@ def test_predictions_over_time_end_in_those_of_whole_recordings():
     predictions = over_time(Observed(levels, played))
     assert isinstance(predictions, OverTime)
     assert predictions.right["together"][-1] == 1.0
-    assert (
-        predictions.proven.all_steps == 20 + 5
-    )  # of the time phase, and 3 of the walk with 2 of silence
+    # Of the time phase, and 3 of the walk with 2 of silence.
+    assert predictions.proven.all_steps == 20 + 5
     assert hw.simulate(levels.program, played).counts_by_phase["location"].spikes > 0

@@ -315,7 +315,8 @@ def test_an_exponent_below_0_floors_weight_by_weight():
     )
     builder.connect(x, n, [[6, -6]], exponent=-2)
     result = hw.simulate(builder.build(), [[1, 1], [0, 0]], probe=("u",))
+    # 6 / 4 and -6 / 4, rounded down each.
     assert result.u["n"].ravel().tolist() == [
         0,
         (1 - 2) * UNIT,
-    ]  # 6 / 4 and -6 / 4, rounded down each
+    ]

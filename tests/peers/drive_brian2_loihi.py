@@ -68,9 +68,8 @@ def run(network):
     """Return the arrays of one network by key."""
     spikes = np.array(network["spikes"])
     rows, lines = np.nonzero(spikes)
-    groups = {
-        "x": LoihiSpikeGeneratorGroup(spikes.shape[1], lines, rows + 1)
-    }  # a spike acts in the row it is given
+    # A spike acts in the row it is given.
+    groups = {"x": LoihiSpikeGeneratorGroup(spikes.shape[1], lines, rows + 1)}
     groups.update(
         {population["name"]: neurons(population) for population in network["populations"]}
     )

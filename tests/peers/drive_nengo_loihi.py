@@ -89,9 +89,8 @@ def run(network):
 if __name__ == "__main__":
     with open(sys.argv[1]) as file:
         job = json.load(file)
-    warnings.filterwarnings(
-        "ignore", message="Lost .* extra bits"
-    )  # only in mantissas that have none to lose
+    # Only in mantissas that have none to lose.
+    warnings.filterwarnings("ignore", message="Lost .* extra bits")
     np.savez_compressed(
         sys.argv[2], **{key: array for network in job for key, array in run(network).items()}
     )

@@ -87,9 +87,8 @@ def main():
         generator = torch.Generator().manual_seed(100 + seed)
         spikes = (torch.rand(STEPS, CHANNELS, generator=generator) < 0.2).float()
         recorded_network = network(kind, reset, FLOORS[floor], seed)
-        play(
-            recorded_network, spikes
-        )  # neurons get their size in the first pass, which the export needs
+        # Neurons get their size in the first pass, which the export needs.
+        play(recorded_network, spikes)
         arrays[f"{name}.nir"] = graph_bytes(recorded_network)
         arrays[f"{name}.floor"] = np.array(FLOORS[floor])
         arrays[f"{name}.input"] = spikes.numpy().astype(np.uint8)

@@ -253,9 +253,8 @@ def test_every_spike_and_voltage_is_equal(simulated):
     for name in sorted(names):
         assert np.array_equal(spikes[name], played.result.spikes[name])
         mine = voltage[:, first : first + names[name]]
-        silent = (
-            spikes[name] == 0
-        )  # after a spike SANA-FE's holds the half that the export puts there
+        # After a spike SANA-FE's holds the half that the export puts there.
+        silent = spikes[name] == 0
         assert np.array_equal(mine[silent], played.result.v[name][silent])
         first += names[name]
 

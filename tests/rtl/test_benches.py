@@ -179,9 +179,8 @@ def test_events_wait_where_a_phase_has_one_place(places, later):
     readout = Readout(("time/y", "location/y"), (1.0, 1.0))
     program = program_of_graphs(CHIP, readout, time, location)
     spikes = np.ones((1, rows, channels), dtype=np.uint8)
-    sizes = replace(
-        SIZES, compartments=4 * places, slots=8, later=2
-    )  # 32 slots of `places` charges
+    # 32 slots of `places` charges.
+    sizes = replace(SIZES, compartments=4 * places, slots=8, later=2)
     comparison = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=PATIENCE)
     assert CoreProgram(program, rows=rows, sizes=sizes).later is later
     assert (comparison["mismatches"], comparison["cycle_mismatches"]) == (0, 0)

@@ -216,9 +216,8 @@ def graphs(
         joined += children
         counts["joined compartments"] += len(children) * size
         counts["fans of more than 255"] += len(children) > 255
-    targets = (
-        senders[1:] + joined[:12]
-    )  # of a wide fan only some, or populations would seldom be drawn
+    # Of a wide fan only some, or populations would seldom be drawn.
+    targets = senders[1:] + joined[:12]
     for _ in range(draw(st.integers(1, 8), label="links")):
         source = senders[int(r.integers(len(senders)))]
         target = targets[int(r.integers(len(targets)))]

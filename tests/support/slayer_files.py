@@ -103,9 +103,8 @@ def srm_layer(weight, spikes, neuron=SRM, full=True):
 
 def normal_weights(outs, ins, mean=1.0):
     """Return random weights (outs, ins) with a standard deviation of 2, whose values single precision holds exactly."""
-    rng = np.random.default_rng(
-        (4, outs, ins)
-    )  # seeded here, so that they do not depend on the order of the tests
+    # Seeded here, so that they do not depend on the order of the tests.
+    rng = np.random.default_rng((4, outs, ins))
     return rng.normal(mean, 2.0, (outs, ins)).astype(np.float32).astype(np.float64)
 
 

@@ -114,9 +114,8 @@ def play(
             constant = {"0": "0", "1": "ones"}.get(function) or gates.expression(
                 function, net_of_pin
             )
-            lines.append(
-                f" v[{output_net}] = ({constant}) & ones"
-            )  # an inversion of Python also sets all higher bits
+            # An inversion of Python also sets all higher bits.
+            lines.append(f" v[{output_net}] = ({constant}) & ones")
     ticks = [" & ".join(f"v[{n}]" for n in gates.enable(circuit, clock)) for clock in gate_number]
     scope: dict = {}
     # Functions of 2,000 lines: Python compiles a single long one far more slowly.

@@ -354,9 +354,8 @@ def play(
     ``probes``: record every update. ``by_class``: count transitions by class of cycle instead of by recording.
     """
     assert len(words) <= LANES
-    packed = np.zeros(
-        (len(load), 192), dtype=np.uint8
-    )  # gates.cpp reads a row as three words of 64 bits
+    # gates.cpp reads a row as three words of 64 bits.
+    packed = np.zeros((len(load), 192), dtype=np.uint8)
     packed[:, : load.shape[1]] = load
     np.packbits(packed, axis=1, bitorder="little").tofile(folder / "load.bin")
     lane_words = [

@@ -173,9 +173,8 @@ def analyse(
     """Return loads and times of every net."""
     load, fanout = loads(found, cells, macros, wires)
     slew, arrival = np.full(found.nets, CLOCK_NS), np.zeros(found.nets)
-    net_before = np.full(
-        found.nets, -1
-    )  # the net before on the latest path; -1: a path begins here
+    # The net before on the latest path; -1: a path begins here.
+    net_before = np.full(found.nets, -1)
     # Paths begin at flip-flops and memories ...
     for flop in found.flops:
         for pin in cells[flop.type].outputs:

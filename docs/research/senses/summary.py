@@ -165,9 +165,8 @@ def draw_views(axes: Axes, rows: Sequence[Row]) -> None:
         walk: [*(mean_of(rows, "location", walk, width) for width in widths), whole]
         for walk in walks
     }
-    best = max(
-        walks, key=lambda walk: along[walk][-2]
-    )  # by the widest bins but those that hold everything
+    # By the widest bins but those that hold everything.
+    best = max(walks, key=lambda walk: along[walk][-2])
     for walk in walks:
         axes.plot(ticks, along[walk], color=GREEN, linewidth=0.7, alpha=0.5)
     axes.plot(ticks, time, color=ORANGE, label="every channel, coarse time")

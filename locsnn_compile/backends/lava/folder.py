@@ -66,9 +66,8 @@ def _network_arrays(played: Played, part: LavaPart) -> dict[str, AnyArray]:
         "steps": np.array(played.steps(part.phase)),
     }
     for number, source in enumerate(part.sources):
-        spikes_of_lines = played.lines[
-            part.phase
-        ]  # of all input lines of the phase, (steps, lines)
+        # Of all input lines of the phase, (steps, lines).
+        spikes_of_lines = played.lines[part.phase]
         source_arrays = _source_arrays(source, spikes_of_lines)
         arrays |= _in_folder(f"source{number}", source_arrays)
     for number, neurons in enumerate(part.neurons):

@@ -72,9 +72,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
         add_dial(parser, dial)
     add_format_options(parser)  # such as --config: options that only some formats of models take
     add_numbering(parser)  # --channel-order
-    add_times(
-        parser
-    )  # --step-seconds, --steps, --threshold, --start, --time-unit, --max-steps, --classes
+    # --step-seconds, --steps, --threshold, --start, --time-unit, --max-steps, --classes.
+    add_times(parser)
     add_division(parser)  # --split, --fold
     # --axes, --grid, --layout, --channels, --polarities, --columns, and what to merge or leave out: --merge-polarities,
     # --only-taxels, --only-polarity, --merge-channels

@@ -111,9 +111,8 @@ class _Search:
         flat_cost = cost.reshape(neurons, -1)
         best = np.argsort(flat_cost, axis=1, kind="stable")[:, :beam]
         neuron = self.neuron[:, None]
-        continued = (
-            best // 2
-        )  # the candidate whose two neighbours share this place of the flat array
+        # The candidate whose two neighbours share this place of the flat array.
+        continued = best // 2
         self.cost = flat_cost[neuron, best]
         self.came_from.append(continued)
         self.values.append(values.reshape(neurons, -1)[neuron, best])
